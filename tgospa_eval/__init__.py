@@ -1,0 +1,61 @@
+"""TGOSPA, the metric between two sets of trajectories, exact and with proof.
+
+The public names are imported when they are used, so that ``tgospa-eval --help`` stays quick.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from tgospa_eval.errors import ConfigError, InputError, SolverError, TgospaError
+    from tgospa_eval.evaluation import Result
+    from tgospa_eval.formats import read_trajectories
+    from tgospa_eval.pipeline import evaluate
+    from tgospa_eval.solvers.certified import Certified
+    from tgospa_eval.solvers.exact import Exact
+    from tgospa_eval.solvers.sinkhorn import Sinkhorn
+    from tgospa_eval.trajectories import Trajectories
+
+_HOME = {
+    "Certified": "solvers.certified",
+    "ConfigError": "errors",
+    "Exact": "solvers.exact",
+    "InputError": "errors",
+    "Result": "evaluation",
+    "Sinkhorn": "solvers.sinkhorn",
+    "SolverError": "errors",
+    "TgospaError": "errors",
+    "Trajectories": "trajectories",
+    "evaluate": "pipeline",
+    "read_trajectories": "formats",
+}
+
+__all__ = [
+    "Certified",
+    "ConfigError",
+    "Exact",
+    "InputError",
+    "Result",
+    "Sinkhorn",
+    "SolverError",
+    "TgospaError",
+    "Trajectories",
+    "__version__",
+    "evaluate",
+    "read_trajectories",
+]
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

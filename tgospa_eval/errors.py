@@ -1,0 +1,31 @@
+"""The exceptions that a user can meet, each with the exit status of the command line.
+
+TgospaError
+    ConfigError    options, configuration files, arguments of functions (exit 2)
+    InputError     the content of an input file or table (exit 3)
+    SolverError    a solver failed and left no usable answer (exit 4)
+"""
+
+
+class TgospaError(Exception):
+    """Base of everything that this package raises on purpose."""
+
+    exit_status = 1
+
+
+class ConfigError(TgospaError, ValueError):
+    """An option or argument has no meaning; the message names it and what would be right."""
+
+    exit_status = 2
+
+
+class InputError(TgospaError, ValueError):
+    """An input file or table is not what it has to be; the message says where, what and the remedy."""
+
+    exit_status = 3
+
+
+class SolverError(TgospaError, RuntimeError):
+    """A solver failed and left no usable answer."""
+
+    exit_status = 4

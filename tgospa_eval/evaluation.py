@@ -1,0 +1,374 @@
+"""The result that a user holds: names of the JSON, tables, text. Knows no solver and no file."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval.problem import Floats, Ints, Parameters
+from tgospa_eval.result import ONE, Bounds, Breakdown, changes
+from tgospa_eval.states import States
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA = "tgospa-eval/result/1"
+
+Table = dict[str, list[Any]]
+"""Columns by name, all of one length, of plain Python values."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """What the numbers of steps and tracks are called.
+
+    Parameters
+    ----------
+    times : list of int, float or str
+        Each step as it was read.
+    truths, estimates : list of str
+        Ids.
+    unit : str, optional
+        Unit of states and distances.
+    """
+
+    times: list[Any]
+    truths: list[str]
+    estimates: list[str]
+    unit: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proof:
+    """What `certify` returned, with what it was proven for.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Cutoff, order, switch penalty.
+    states : States
+        The reduced problem.
+    bounds : Bounds
+        The bracket.
+    weights : (S,) int array
+        The feasible assignment.
+    breakdown : Breakdown
+        Its cost by step.
+    """
+
+    parameters: Parameters
+    states: States
+    bounds: Bounds
+    weights: Ints
+    breakdown: Breakdown
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+
+    Parameters
+    ----------
+    proof : Proof
+        Bounds and assignment.
+    labels : Labels
+        Times and ids.
+    gap : float
+        Relative gap of the total that counts as exact.
+    settings : dict
+        Every option that changes the number.
+    solver : dict
+        Name, status, iterations, kernel, convergence history.
+    timings : dict
+        Seconds by stage.
+    input : dict
+        Rows and digest of either side.
+    version : str
+        Version of the package that made it.
+    """
+
+    proof: Proof
+    labels: Labels
+    gap: float
+    settings: dict[str, Any]
+    solver: dict[str, Any]
+    timings: dict[str, Any]
+    input: dict[str, Any]
+    version: str
+
+    @cached_property
+    def scale(self) -> float:
+        """c^p: costs of one unit of the dimensionless problem."""
+        return float(self.proof.parameters.cutoff**self.proof.parameters.order)
+
+    def _root(self, cost: float) -> float:
+        return float(self.proof.parameters.cutoff * cost ** (1 / self.proof.parameters.order))
+
+    @property
+    def tgospa(self) -> float:
+        """The metric, in state units: the value of a feasible assignment, an upper bound."""
+        return self.upper_bound
+
+    @property
+    def total(self) -> float:
+        """``tgospa ** order``, the cost."""
+        return self.scale * self.proof.bounds.upper
+
+    @property
+    def lower_bound(self) -> float:
+        """Proven lower bound of the metric."""
+        return self._root(self.proof.bounds.lower)
+
+    @property
+    def upper_bound(self) -> float:
+        """Proven upper bound of the metric."""
+        return self._root(self.proof.bounds.upper)
+
+    @property
+    def relative_gap(self) -> float:
+        """(upper - lower) / upper of the totals."""
+        return self.proof.bounds.relative_gap
+
+    @property
+    def certified(self) -> bool:
+        """Whether the value is exact: the bracket is met."""
+        return self.proof.bounds.met(self.gap)
+
+    @property
+    def localisation(self) -> float:
+        """Cost of localisation errors."""
+        return self.scale * float(self.proof.breakdown.localisation.sum())
+
+    @property
+    def missed(self) -> float:
+        """Cost of missed targets."""
+        return self.scale * float(self.proof.breakdown.missed.sum())
+
+    @property
+    def false(self) -> float:
+        """Cost of false targets."""
+        return self.scale * float(self.proof.breakdown.false.sum())
+
+    @property
+    def switch(self) -> float:
+        """Cost of track switches."""
+        return self.scale * float(self.proof.breakdown.switch.sum())
+
+    @property
+    def counts(self) -> dict[str, float]:
+        """Missed and false object-steps, and switches (halves and fractions are possible)."""
+        split = self.proof.breakdown
+        return {
+            "missed": float(split.missed_count.sum()),
+            "false": float(split.false_count.sum()),
+            "switch": float(split.switch_count.sum()),
+        }
+
+    @property
+    def normalised(self) -> dict[str, float]:
+        """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
+        problem = self.proof.states.problem
+        occupied = len(np.union1d(problem.truth_step, problem.estimate_step))
+        return {"tgospa": self._root(self.proof.bounds.upper / occupied) if occupied else 0.0}
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Every option that changes the number."""
+        return self.settings
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        states = self.proof.states
+        return {
+            "truth": states.problem.truths,
+            "estimates": states.problem.estimates,
+            "steps": states.problem.steps,
+            "candidate_pairs": len(states.pair_row),
+            "pair_steps": len(states.problem.gain),
+            "components": len(states.block_begin),
+        }
+
+    def per_step_table(self) -> Table:
+        """Cost of each step by kind."""
+        split = self.proof.breakdown
+        parts = {
+            name: self.scale * getattr(split, name)
+            for name in ("localisation", "missed", "false", "switch")
+        }
+        table: Table = {"t": list(self.labels.times)}
+        table.update({name: part.tolist() for name, part in parts.items()})
+        table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
+        return table
+
+    def assignments_table(self) -> Table:
+        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
+        states, problem = self.proof.states, self.proof.states.problem
+        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
+        used = used[np.lexsort((states.pair[used], states.begin[used]))]
+        entry, pair = states.entry[used], states.pair[used]
+        order = np.lexsort((states.pair_estimate[pair], states.pair_truth[pair], states.begin[used]))
+        used, entry, pair = used[order], entry[order], pair[order]
+        weight = self.proof.weights[used] / ONE
+        cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
+        return {
+            "t": [self.labels.times[k] for k in states.begin[used]],
+            "truth": [self.labels.truths[i] for i in states.pair_truth[pair]],
+            "estimate": [self.labels.estimates[j] for j in states.pair_estimate[pair]],
+            "weight": weight.tolist(),
+            "distance": (cutoff * problem.cost[entry] ** (1 / p)).tolist(),
+            "cost": (self.scale * problem.cost[entry] * weight).tolist(),
+        }
+
+    def switches_table(self) -> Table:
+        """Changes of each truth's assignment at a step, from its largest loss to its largest gain."""
+        states = self.proof.states
+        state, amount = changes(states, self.proof.weights)
+        rises = self.proof.weights[state] > self.proof.weights[state - 1]
+        pair = states.pair[state]
+        step, truth = states.begin[state], states.pair_truth[pair]
+        order = np.lexsort((-amount, truth, step))
+        opens = np.ones(len(order), bool)
+        opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
+        price = states.problem.crossing_price
+        table: Table = {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
+        for group in np.split(order, np.flatnonzero(opens)[1:]) if len(order) else ():
+            names = [self.labels.estimates[j] for j in states.pair_estimate[pair[group]]]
+            up = rises[group]
+            variation = float(amount[group].sum())
+            table["t"].append(self.labels.times[step[group[0]]])
+            table["truth"].append(self.labels.truths[truth[group[0]]])
+            table["from"].append(next((n for n, r in zip(names, up, strict=True) if not r), None))
+            table["to"].append(next((n for n, r in zip(names, up, strict=True) if r), None))
+            table["mass"].append(0.5 * variation)
+            table["cost"].append(self.scale * float(price[step[group[0]]]) * variation)
+        return table
+
+    def per_truth_table(self) -> Table:
+        """Steps, costs and counts of each truth."""
+        return self._per_track("truth")
+
+    def per_estimate_table(self) -> Table:
+        """Steps, costs and counts of each estimate."""
+        return self._per_track("estimate")
+
+    def _per_track(self, side: str) -> Table:
+        states, problem = self.proof.states, self.proof.states.problem
+        ids = self.labels.truths if side == "truth" else self.labels.estimates
+        track: Ints = getattr(problem, f"{side}_track")
+        price: Floats = getattr(problem, f"{side}_price")
+        pair_track: Ints = getattr(states, f"pair_{side}")
+        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
+        entry, weight = states.entry[used], self.proof.weights[used]
+        free = np.full(len(track), ONE)
+        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], weight)
+        changed, amount = changes(states, self.proof.weights)
+
+        def total(index: Ints, value: Floats | None = None) -> Floats:
+            return np.bincount(index, value, minlength=len(ids))
+
+        unassigned = total(track, free / ONE)
+        paid = amount * problem.crossing_price[states.begin[changed]]
+        at = pair_track[states.pair[changed]]
+        kind = "missed" if side == "truth" else "false"
+        columns = {
+            "steps": total(track),
+            "localisation": self.scale
+            * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
+            kind: self.scale * total(track, free / ONE * price),
+            "switch": self.scale * total(at, paid),
+            f"{kind}_count": unassigned,
+            "switch_count": 0.5 * total(at, amount),
+        }
+        return {"id": list(ids)} | {name: column.tolist() for name, column in columns.items()}
+
+    def worst(self, count: int = 5) -> dict[str, list[Any]]:
+        """The `count` dearest steps, truths and estimates, dearest first; those of no cost left out."""
+        per_step = self.per_step_table()
+        answer = {"steps": _dearest(per_step["t"], np.array(per_step["total"]), count)}
+        for name, kind, table in (
+            ("truth", "missed", self.per_truth_table()),
+            ("estimates", "false", self.per_estimate_table()),
+        ):
+            cost = sum((np.array(table[part]) for part in ("localisation", kind, "switch")))
+            answer[name] = _dearest(table["id"], np.asarray(cost), count)
+        return answer
+
+    @cached_property
+    def per_step(self) -> "pd.DataFrame":
+        """`per_step_table` as a DataFrame."""
+        return _frame(self.per_step_table())
+
+    @cached_property
+    def switches(self) -> "pd.DataFrame":
+        """`switches_table` as a DataFrame."""
+        return _frame(self.switches_table())
+
+    @cached_property
+    def assignments(self) -> "pd.DataFrame":
+        """`assignments_table` as a DataFrame."""
+        return _frame(self.assignments_table())
+
+    @cached_property
+    def per_truth(self) -> "pd.DataFrame":
+        """`per_truth_table` as a DataFrame."""
+        return _frame(self.per_truth_table())
+
+    @cached_property
+    def per_estimate(self) -> "pd.DataFrame":
+        """`per_estimate_table` as a DataFrame."""
+        return _frame(self.per_estimate_table())
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document as plain Python values."""
+        return {
+            "schema": SCHEMA,
+            "tgospa": self.tgospa,
+            "total": self.total,
+            "lower_bound": self.lower_bound,
+            "upper_bound": self.upper_bound,
+            "relative_gap": self.relative_gap,
+            "certified": self.certified,
+            "localisation": self.localisation,
+            "missed": self.missed,
+            "false": self.false,
+            "switch": self.switch,
+            "counts": self.counts,
+            "normalised": self.normalised,
+            "parameters": self.parameters,
+            "sizes": self.sizes,
+            "per_step": records(self.per_step_table()),
+            "switches": records(self.switches_table()),
+            "worst": self.worst(),
+            "solver": self.solver,
+            "timings": self.timings,
+            "input": self.input,
+            "version": self.version,
+        }
+
+    def to_json(self) -> str:
+        """The JSON document: sorted keys, no NaN, full doubles."""
+        return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
+
+    def _repr_html_(self) -> str:
+        parts = ("tgospa", "lower_bound", "upper_bound", "localisation", "missed", "false", "switch")
+        rows = "".join(f"<tr><th>{name}</th><td>{getattr(self, name):.6g}</td></tr>" for name in parts)
+        return f"<table>{rows}</table>"
+
+
+def records(table: Table) -> list[dict[str, Any]]:
+    """The rows of a table."""
+    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+
+
+def _dearest(names: list[Any], cost: Floats, count: int) -> list[Any]:
+    order = np.argsort(-cost, kind="stable")[:count]
+    return [names[k] for k in order if cost[k] > 0]
+
+
+def _frame(table: Table) -> "pd.DataFrame":
+    import pandas as pd  # here: importing it takes longer than most evaluations
+
+    return pd.DataFrame(table)

@@ -1,0 +1,119 @@
+"""Columns of numbers and ids to Trajectories: absent rows, duplicates, order."""
+
+import re
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.times import Times, quoted
+from tgospa_eval.trajectories import Floats, Ints, Trajectories
+
+
+def assemble(
+    *,
+    ids: Sequence[str],
+    times: Times,
+    state: Floats,
+    names: tuple[str, ...],
+    on_duplicate: str,
+    where: Callable[[int], str],
+) -> tuple[Trajectories, list[str]]:
+    """Trajectories of the rows of a table, and notices.
+
+    Parameters
+    ----------
+    ids : sequence of (R,) str
+        Id of each row.
+    times : Times
+        Time of each row.
+    state : (R, d) float array
+        NaN in a row means that the object is absent there.
+    names : tuple of str
+        Names of the state columns.
+    on_duplicate : {"error", "first", "last"}
+        What to do with a repeated (id, t).
+    where : callable
+        Says where a row of the table is, for messages.
+
+    Raises
+    ------
+    InputError
+        An (id, t) is repeated and `on_duplicate` is ``"error"``.
+    """
+    notices: list[str] = []
+    present = ~np.isnan(state).any(axis=1)
+    absent = len(present) - int(np.count_nonzero(present))
+    if absent:
+        plural = "rows" if absent > 1 else "row"
+        notices.append(f"{absent} {plural} with a blank or NaN position: absent at that step")
+
+    track_ids, track = number_ids(ids)
+    moments, step = np.unique(times.value, return_inverse=True)
+    key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    rows = np.flatnonzero(present)
+    rows = rows[np.argsort(key[rows], kind="stable")]
+    again = np.flatnonzero(np.diff(key[rows]) == 0)
+    if len(again):
+        if on_duplicate == "error":
+            raise InputError(_duplicate(rows, again, key, ids, times, where))
+        drop = again + 1 if on_duplicate == "first" else again
+        rows = np.delete(rows, drop)
+        notices.append(f"{len(again)} rows repeat an (id, t): the {on_duplicate} one was taken")
+
+    labels = None
+    if times.text is not None:
+        labels = np.empty(len(moments), dtype=object)
+        labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
+    used, track_used = np.unique(track[rows], return_inverse=True)
+    trajectories = Trajectories(
+        step=step[rows],
+        track=track_used,
+        state=state[rows],
+        ids=track_ids[used],
+        times=moments,
+        columns=names,
+        clock=times.clock,
+        labels=labels,
+    )
+    return trajectories, notices
+
+
+def number_ids(ids: Sequence[str]) -> tuple[NDArray[np.object_], Ints]:
+    """Distinct ids in natural order (2 before 10), and the number of each row's."""
+    seen: dict[str, int] = {}
+    number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
+    order = sorted(seen, key=natural)
+    rank = np.empty(len(order), np.int64)
+    rank[[seen[text] for text in order]] = np.arange(len(order))
+    table = np.empty(len(order), dtype=object)
+    table[:] = order
+    return table, rank[number] if len(number) else number
+
+
+def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
+    """Sort key: digits in a text compare as numbers."""
+    parts = re.findall(r"[0-9]+|[^0-9]+", text)
+    return [(0, int(p), "") if p[0] in "0123456789" else (1, 0, p) for p in parts], text
+
+
+def _duplicate(
+    rows: Ints,
+    again: Ints,
+    key: Ints,
+    ids: Sequence[str],
+    times: Times,
+    where: Callable[[int], str],
+) -> str:
+    """Message for the repeated row that comes first in the file."""
+    second = rows[again + 1]
+    k = int(np.argmin(second))
+    row = int(second[k])
+    first = int(rows[np.searchsorted(key[rows], key[row])])
+    moment = times.text[row].strip() if times.text is not None else times.value[row].item()
+    more = f" (and {len(again) - 1} more)" if len(again) > 1 else ""
+    return (
+        f"{where(row)}: id {quoted(ids[row])} at t {moment} was given before, {where(first)}{more}; "
+        "one row per object and step, or --on-duplicate first or last"
+    )

@@ -1,0 +1,223 @@
+"""CSV tables: ``id,t,x[,y[,z]]`` and other columns, one row per object and step.
+
+Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
+start without importing pandas. Files without quotes, the common case, are split in one call after
+the delimiters of every line were counted; others go through the csv module.
+"""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats import Reading, ReadOptions
+from tgospa_eval.formats.assemble import assemble
+from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats.times import TimeError, parse_times, quoted
+from tgospa_eval.trajectories import Floats
+
+DELIMITERS = ",;\t"
+
+
+def read_table(path: str, options: ReadOptions) -> Reading:
+    """Read a CSV file.
+
+    Raises
+    ------
+    InputError
+        See `tgospa_eval.formats.read`.
+    """
+    text = _load(path)
+    header, body_line, body = _header(text, path)
+    delimiter = _delimiter(header, options.decimal)
+    names = next(csv.reader([header], delimiter=delimiter))
+    roles = find_roles(names, options.columns, f"{path}, line {body_line - 1}")
+    columns, lines = _tokenise(body, delimiter, len(names), path, body_line)
+    rows = len(columns[roles.id])
+
+    def where(row: int) -> str:
+        return f"{path}, line {body_line + row if lines is None else lines[row]}"
+
+    def at(row: int, column: int) -> str:
+        return f'{where(row)}, column "{names[column].strip()}"'
+
+    problems: list[str] = []
+    ids = columns[roles.id]
+    if rows and (ids[0] != ids[0].strip() or any(c in "".join(ids) for c in " \t\xa0")):
+        ids = [text.strip() for text in ids]
+    if "" in ids:
+        problems.append(
+            f"{at(ids.index(''), roles.id)}: blank id{_more(ids.count(''))}; name the object"
+        )
+    state = np.empty((rows, len(roles.state)))
+    for k, column in enumerate(roles.state):
+        state[:, k], wrong = _numbers(columns[column], options.decimal)
+        problems += [f"{at(row, column)}: {message}" for row, message in wrong]
+    try:
+        times = parse_times(columns[roles.time], lambda texts: _floats(texts, options.decimal))
+    except TimeError as error:
+        problems.append(f"{at(error.row, roles.time)}: {error}")
+    if problems:
+        raise InputError("\n".join(problems))
+    trajectories, notices = assemble(
+        ids=ids,
+        times=times,
+        state=state,
+        names=roles.names,
+        on_duplicate=options.on_duplicate,
+        where=where,
+    )
+    if roles.unused:
+        notices.insert(0, f"columns not used: {', '.join(roles.unused)}")
+    return Reading(trajectories=trajectories, rows=rows, notices=tuple(notices))
+
+
+def _load(path: str) -> str:
+    """The text of a file, with one kind of line end."""
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder, not a file") from None
+    except OSError as error:
+        if Path(path).is_dir():  # Windows says "permission denied"
+            raise InputError(f"{path}: is a folder, not a file") from None
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    if not data:
+        raise InputError(f"{path}: the file is empty; a set without objects is a header alone")
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise InputError(f"{path}, line 1: UTF-16 text; save the file as UTF-8")
+    if 0 in data:
+        line = data.count(b"\n", 0, data.index(0)) + 1
+        raise InputError(f"{path}, line {line}: binary data, not text; a CSV file is needed")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}, line {line}: not UTF-8 (byte 0x{data[error.start]:02x}); save it as UTF-8"
+        ) from None
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text
+
+
+def _header(text: str, path: str) -> tuple[str, int, str]:
+    """First line with content, the number of the line after it, and the text from there on."""
+    line, start = 1, 0
+    while start < len(text):
+        stop = text.find("\n", start)
+        stop = len(text) if stop < 0 else stop
+        if text[start:stop].strip():
+            return text[start:stop], line + 1, text[stop + 1 :]
+        line, start = line + 1, stop + 1
+    raise InputError(f"{path}: blank lines only; a set without objects is a header alone")
+
+
+def _delimiter(header: str, decimal: str) -> str:
+    candidates = [d for d in DELIMITERS if d != decimal]
+    return max(candidates, key=header.count)
+
+
+def _tokenise(
+    body: str, delimiter: str, width: int, path: str, first_line: int
+) -> tuple[list[list[str]], list[int] | None]:
+    """The columns of the table; and the line of every row where that is not just counted on."""
+    body = body.rstrip("\n")
+    if not body:
+        return [[] for _ in range(width)], None
+    if '"' not in body:
+        data = np.frombuffer((body + "\n").encode(), np.uint8)
+        marks = data[(data == ord(delimiter)) | (data == ord("\n"))]
+        if len(marks) % width == 0:
+            ends = marks.reshape(-1, width) == ord("\n")
+            if ends[:, -1].all() and not ends[:, :-1].any() and (width > 1 or "\n\n" not in body):
+                fields = body.replace("\n", delimiter).split(delimiter)
+                return [fields[k::width] for k in range(width)], None
+    return _tokenise_slowly(body, delimiter, width, path, first_line)
+
+
+def _tokenise_slowly(
+    body: str, delimiter: str, width: int, path: str, first_line: int
+) -> tuple[list[list[str]], list[int]]:
+    """Quotes, blank lines and rows of the wrong length, through the csv module."""
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    wrong: list[tuple[int, int]] = []
+    begin = first_line
+    reader = csv.reader(io.StringIO(body, newline=""), delimiter=delimiter, strict=True)
+    try:
+        for row in reader:
+            if row and (len(row) > 1 or row[0].strip()):
+                if len(row) == width:
+                    rows.append(row)
+                    lines.append(begin)
+                else:
+                    wrong.append((begin, len(row)))
+            begin = first_line + reader.line_num
+    except csv.Error as error:
+        raise InputError(
+            f"{path}, line {begin}: {error}; close quotes, and double those inside a field"
+        ) from None
+    if wrong:
+        line, found = wrong[0]
+        raise InputError(
+            f"{path}, line {line}: {found} {'field' if found == 1 else 'fields'}, "
+            f"the header has {width}{_more(len(wrong))}; give every row one field per column"
+        )
+    return [[row[k] for row in rows] for k in range(width)], lines
+
+
+def _floats(texts: Sequence[str], decimal: str) -> Floats:
+    """The exact doubles of a whole column; ValueError unless every text is a number."""
+    joined = "".join(texts)
+    if "_" in joined or not joined.isascii():  # float() takes 1_000 and digits of any script
+        raise ValueError
+    if decimal == ",":
+        if "." in joined:
+            raise ValueError
+        texts = [text.replace(",", ".") for text in texts]
+    return np.array(list(map(float, texts)), dtype=np.float64)
+
+
+def _numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
+    """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
+    try:
+        values = _floats(texts, decimal)
+    except ValueError:
+        values = np.full(len(texts), np.nan)
+        wrong = []
+        for row, text in enumerate(texts):
+            try:
+                values[row] = _floats([text], decimal)[0]
+            except ValueError:
+                if text.strip():
+                    wrong.append(row)
+        if wrong:
+            row = wrong[0]
+            return values, [
+                (row, f"not a number: {quoted(texts[row])}{_more(len(wrong))}; {_remedy(texts[row])}")
+            ]
+    infinite = np.flatnonzero(np.isinf(values))
+    if len(infinite):
+        row = int(infinite[0])
+        message = f"infinite: {quoted(texts[row])}{_more(len(infinite))}; leave it blank if absent"
+        return values, [(row, message)]
+    return values, []
+
+
+def _remedy(text: str) -> str:
+    """What to do about a text that is no number."""
+    if "," in text:
+        return "use a decimal point, or --decimal ,"
+    if "." in text:
+        return "use one decimal mark (--decimal) and no thousands separator"
+    return "leave it blank where the object is absent"
+
+
+def _more(count: int) -> str:
+    return f" (and {count - 1} more)" if count > 1 else ""

@@ -1,0 +1,120 @@
+"""Texts of one time column to numbers: integers exactly, decimals, or ISO-8601 to nanoseconds."""
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+ISO = re.compile(r"(.*?[T ]\d\d:?\d\d:?\d\d)[.,](\d{1,9})(.*)")
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Times:
+    """Times of all rows.
+
+    Parameters
+    ----------
+    value : (R,) int64 or float64 array
+        Numbers as given, or nanoseconds since 1970.
+    clock : {"number", "local", "zoned"}
+        Kind of time.
+    text : list of str, optional
+        The texts, where they are no numbers.
+    """
+
+    value: NDArray[np.int64] | NDArray[np.float64]
+    clock: str
+    text: Sequence[str] | None
+
+
+class TimeError(ValueError):
+    """Row `row` is wrong; the message says what and what would be right."""
+
+    def __init__(self, row: int, message: str) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> Times:
+    """All texts of a column; they must be of one kind.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        The column.
+    to_floats : callable
+        Turns the whole column into floats or raises ValueError.
+
+    Raises
+    ------
+    TimeError
+        The first row that is blank, no time, infinite, or of another kind than the first row.
+    """
+    joined = "".join(texts)
+    if joined.isascii() and "_" not in joined:
+        try:
+            return Times(value=np.array(list(map(int, texts)), np.int64), clock="number", text=None)
+        except (ValueError, OverflowError):
+            pass
+    try:
+        value = to_floats(texts)
+    except ValueError:
+        return _iso(texts, to_floats)
+    odd = np.flatnonzero(~np.isfinite(value))
+    if len(odd):
+        raise TimeError(int(odd[0]), f"not a finite time: {quoted(texts[odd[0]])}; write a number")
+    return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
+
+
+def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> Times:
+    """ISO-8601 times, each distinct text parsed once."""
+    known: dict[str, tuple[int, str]] = {}
+    clock = ""
+    for row, text in enumerate(texts):
+        if text not in known:
+            known[text] = _parse(text, to_floats)
+        kind = known[text][1]
+        if kind == "none":
+            what = "blank" if not text.strip() else f"not a time: {quoted(text)}"
+            raise TimeError(row, f"{what}; write a number or an ISO-8601 time")
+        clock = clock or kind
+        if kind != clock:
+            raise TimeError(
+                row, f"mixed kinds of time: {quoted(texts[0])} and {quoted(text)}; write all alike"
+            )
+    value = np.array([known[text][0] for text in texts], np.int64)
+    return Times(value=value, clock=clock, text=texts)
+
+
+def _parse(text: str, to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> tuple[int, str]:
+    """Nanoseconds and kind of one text."""
+    try:
+        to_floats([text])
+    except ValueError:
+        pass
+    else:
+        return 0, "number" if text.strip() else "none"
+    # datetime keeps microseconds only; the digits of the fraction are taken by hand.
+    match = ISO.fullmatch(text.strip())
+    plain, fraction = (match[1] + match[3], match[2]) if match else (text.strip(), "")
+    try:
+        moment = datetime.fromisoformat(plain)
+    except ValueError:
+        return 0, "none"
+    clock = "local" if moment.tzinfo is None else "zoned"
+    since = (moment.replace(tzinfo=UTC) if clock == "local" else moment) - EPOCH
+    seconds = since.days * 86_400 + since.seconds
+    nanoseconds = seconds * 1_000_000_000 + int(fraction.ljust(9, "0") or 0)
+    if not -(2**63) <= nanoseconds < 2**63:
+        return 0, "none"
+    return nanoseconds, clock
+
+
+def quoted(text: str) -> str:
+    """The text in quotes, on one line, cut to 40 characters."""
+    shown = text if len(text) <= 40 else text[:39] + "…"
+    return '"' + "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown) + '"'

@@ -1,0 +1,268 @@
+"""The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval import __version__
+from tgospa_eval.distances import DISTANCES, Norm, near_pairs
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation import Labels, Proof, Result
+from tgospa_eval.problem import Floats, Parameters, tgospa_problem
+from tgospa_eval.result import certify
+from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.states import merge_runs
+from tgospa_eval.timing import Stopwatch
+from tgospa_eval.trajectories import Trajectories, align
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GAP = 1e-9
+"""Relative gap that counts as exact, for solvers that have no setting for it."""
+
+
+def evaluate(
+    truth: "Trajectories | pd.DataFrame | Floats",
+    estimate: "Trajectories | pd.DataFrame | Floats",
+    cutoff: float = 10.0,
+    order: float = 2,
+    switch_penalty: float = 2.0,
+    *,
+    distance: str | Norm = "euclidean",
+    solver: str | Solver = "certified",
+    unit: str | None = None,
+) -> Result:
+    """TGOSPA between two sets of trajectories, with proven bounds.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories, DataFrame or array
+        As read by `read_trajectories`; in the long form ``id, t, x[, y[, z]]``; or (T, k, d) with
+        NaN for absent.
+    cutoff : float
+        c > 0, in the unit of the states.
+    order : float
+        p >= 1.
+    switch_penalty : float
+        gamma >= 0, in the unit of the states.
+    distance : str or Norm
+        Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``.
+    solver : str or solver record
+        ``"certified"``, ``"exact"``, ``"sinkhorn"``, or `Certified`, `Exact`, `Sinkhorn` with
+        settings.
+    unit : str, optional
+        Unit of the states, for printing.
+
+    Returns
+    -------
+    Result
+        Value, bracket, decomposition, tables.
+
+    Raises
+    ------
+    ConfigError
+        A parameter is out of range or a name is unknown.
+    InputError
+        The two sides do not fit: other columns, other kinds of time.
+    """
+    stopwatch = Stopwatch()
+    with stopwatch.span("read"):
+        sides = as_trajectories(truth, "truth"), as_trajectories(estimate, "estimate")
+    return evaluate_trajectories(
+        *sides,
+        parameters=Parameters(cutoff=cutoff, order=order, switch_penalty=switch_penalty),
+        distance=distance,
+        solver=solver_class(solver)() if isinstance(solver, str) else solver,
+        unit=unit,
+        stopwatch=stopwatch,
+    )
+
+
+def evaluate_trajectories(
+    truth: Trajectories,
+    estimate: Trajectories,
+    *,
+    parameters: Parameters,
+    distance: str | Norm,
+    solver: Solver,
+    unit: str | None = None,
+    settings: dict[str, Any] | None = None,
+    rows: tuple[int, int] | None = None,
+    stopwatch: Stopwatch | None = None,
+) -> Result:
+    """`evaluate` with everything resolved.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        The two sides, each on its own times.
+    parameters : Parameters
+        Cutoff, order and switch penalty.
+    distance : str or Norm
+        Base distance.
+    solver : Solver
+        Record of settings.
+    unit : str, optional
+        For printing.
+    settings : dict, optional
+        Further options that change the number, recorded in ``parameters``.
+    rows : pair of int, optional
+        Rows of the two files, if they differ from what takes part.
+    stopwatch : Stopwatch, optional
+        Running clock with the time of reading.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `evaluate`.
+    """
+    stopwatch = stopwatch or Stopwatch()
+    norm = _distance(distance)
+    check_columns(truth, estimate)
+    with stopwatch.span("distances"):
+        truth, estimate = align(truth, estimate)
+        pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
+    with stopwatch.span("solve/preparation"):
+        problem = tgospa_problem(
+            parameters=parameters,
+            steps=len(truth.times),
+            truths=len(truth.ids),
+            estimates=len(estimate.ids),
+            truth_step=truth.step,
+            truth_track=truth.track,
+            estimate_step=estimate.step,
+            estimate_track=estimate.track,
+            truth_row=pairs.truth_row,
+            estimate_row=pairs.estimate_row,
+            distance=pairs.distance,
+        )
+        states = merge_runs(problem)
+    solution = solver(states, stopwatch)
+    with stopwatch.span("certify"):
+        bounds, weights, breakdown = certify(states, solution)
+    labels = Labels(
+        times=(truth.times if truth.labels is None else truth.labels).tolist(),
+        truths=truth.ids.tolist(),
+        estimates=estimate.ids.tolist(),
+        unit=unit,
+    )
+    with stopwatch.span("report"):
+        inputs = {
+            name: {"rows": count, "sha256": digest(side)}
+            for name, side, count in zip(
+                ("truth", "estimate"),
+                (truth, estimate),
+                rows or (len(truth.step), len(estimate.step)),
+                strict=True,
+            )
+        }
+    return Result(
+        proof=Proof(
+            parameters=parameters,
+            states=states,
+            bounds=bounds,
+            weights=weights,
+            breakdown=breakdown,
+        ),
+        labels=labels,
+        gap=getattr(solver, "gap", GAP),
+        settings={
+            "cutoff": parameters.cutoff,
+            "order": parameters.order,
+            "switch_penalty": parameters.switch_penalty,
+            "distance": norm.name,
+            "columns": list(truth.columns),
+            "unit": unit,
+            **solver_settings(solver),
+            **(settings or {}),
+        },
+        solver={
+            "name": solver.name,
+            "status": solution.status,
+            "finished": solution.finished,
+            "iterations": solution.iterations,
+            "kernel": "numpy",
+            "history": list(solution.history),
+        },
+        timings=_nested(stopwatch),
+        input=inputs,
+        version=__version__,
+    )
+
+
+def as_trajectories(side: "Trajectories | pd.DataFrame | Floats", name: str) -> Trajectories:
+    """Any accepted form of one side as Trajectories; `name` begins the messages."""
+    if isinstance(side, Trajectories):
+        return side
+    if isinstance(side, np.ndarray):
+        return Trajectories.from_array(side)
+    if hasattr(side, "columns") and hasattr(side, "iloc"):
+        from tgospa_eval.formats.frames import from_frame
+
+        return from_frame(side, name=name).trajectories
+    raise ConfigError(
+        f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
+    )
+
+
+def check_columns(
+    truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
+) -> None:
+    """Both sides must have the same state columns.
+
+    Raises
+    ------
+    InputError
+        A column is on one side only.
+    """
+    for own, other, name, missing in (
+        (truth, estimate, *names),
+        (estimate, truth, *names[::-1]),
+    ):
+        extra = [column for column in own.columns if column not in other.columns]
+        if extra:
+            common = [column for column in own.columns if column in other.columns]
+            raise InputError(
+                f'{name} has a column "{extra[0]}" that {missing} lacks; '
+                f"choose what to compare with --columns {','.join(common) or 'x,y'}"
+            )
+
+
+def digest(side: Trajectories) -> str:
+    """SHA-256 of what takes part: columns, ids, times, rows and states."""
+    sha = hashlib.sha256()
+    for texts in (side.columns, side.ids.tolist()):
+        sha.update(repr(list(texts)).encode())
+    for array in (side.times[side.step], side.track, side.state):
+        kind = "<i8" if array.dtype.kind == "i" else "<f8"
+        sha.update(kind.encode() + np.ascontiguousarray(array, dtype=kind).tobytes())
+    return sha.hexdigest()
+
+
+def solver_settings(solver: Solver) -> dict[str, Any]:
+    """The settings of a solver that change the number."""
+    changing = {name: value for name, value in vars(solver).items() if value is not None}
+    return {"solver": solver.name, **changing}
+
+
+def _distance(distance: str | Norm) -> Norm:
+    if isinstance(distance, Norm):
+        return distance
+    if distance not in DISTANCES:
+        raise ConfigError(f'no distance "{distance}"; there are {", ".join(DISTANCES)}')
+    return DISTANCES[distance]
+
+
+def _nested(stopwatch: Stopwatch) -> dict[str, Any]:
+    """Spans as a tree, with the names that are always there."""
+    timings: dict[str, Any] = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
+    solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
+    for name, seconds in stopwatch.spans.items():
+        stage, _, part = name.partition("/")
+        if part:
+            solve[part] = seconds
+        else:
+            timings[stage] = seconds
+    return {**timings, "solve": solve, "total": stopwatch.elapsed()}

@@ -1,0 +1,184 @@
+"""The optimisation problem: sparse, dimensionless, the same for the whole metric family.
+
+Knows nothing of files, states or distances: those arrive as numbers. Everything is divided by
+c^p, because the tolerances of LP solvers are absolute: unscaled small units give silently wrong
+values. A member of the family is one choice of the arrays below (unassigned prices, gains, switch
+prices); no solver knows which.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import ConfigError
+
+Ints = NDArray[np.integer]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """The three numbers of the metric.
+
+    Parameters
+    ----------
+    cutoff : float
+        c > 0: an error counts at most c; in units of the base distance.
+    order : float
+        p >= 1: the exponent of the sum, never the norm of the base distance.
+    switch_penalty : float
+        gamma >= 0: a full track switch costs gamma^p; 0 gives per-step GOSPA, summed.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of its range or not finite.
+    """
+
+    cutoff: float = 10.0
+    order: float = 2.0
+    switch_penalty: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name, low, inclusive in (
+            ("cutoff", 0.0, False),
+            ("order", 1.0, True),
+            ("switch_penalty", 0.0, True),
+        ):
+            value = getattr(self, name)
+            fine = math.isfinite(value) and (value >= low if inclusive else value > low)
+            if not fine:
+                word = name.replace("_", " ")
+                rule = ">=" if inclusive else ">"
+                raise ConfigError(f"{word} is {value:g}: must be finite and {rule} {low:g}")
+        if not -300 < self.order * math.log10(self.cutoff) < 300:
+            raise ConfigError(
+                f"cutoff {self.cutoff:g} to the order {self.order:g} is out of the range of "
+                "doubles; choose another unit"
+            )
+
+    @property
+    def switch_price(self) -> float:
+        """Dimensionless price of half a switch, gamma^p / (2 c^p).
+
+        At most 1e100: the value is constant long before, and infinity times zero is no number.
+        """
+        try:
+            return min(0.5 * math.pow(self.switch_penalty / self.cutoff, self.order), 1e100)
+        except OverflowError:
+            return 1e100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """Which pairs gain what at which step, in units of c^p.
+
+    Objects are numbered by their row in two flat tables, one row per existing object and step,
+    sorted by (step, track). An entry is a pair of rows of one step that gains by being assigned;
+    all other pairs are neutral.
+
+    Parameters
+    ----------
+    steps, truths, estimates : int
+        Sizes T, m, n.
+    truth_step, truth_track, truth_price : (R_truth,) arrays
+        Step and track of each existing truth, and the price A of leaving it unassigned.
+    estimate_step, estimate_track, estimate_price : (R_estimate,) arrays
+        The same for estimates, price B.
+    truth_row, estimate_row : (N,) int arrays
+        The rows of each entry, sorted by (step, truth, estimate).
+    gain : (N,) float array
+        What assigning the pair saves, A + B - cost > 0.
+    cost : (N,) float array
+        What the assigned pair costs. Kept beside the gain, which loses the digits of a small cost.
+    switch_price : float or (T - 1,) float array
+        Price of half a switch, for all transitions or for each.
+    """
+
+    steps: int
+    truths: int
+    estimates: int
+    truth_step: Ints
+    truth_track: Ints
+    truth_price: Floats
+    estimate_step: Ints
+    estimate_track: Ints
+    estimate_price: Floats
+    truth_row: Ints
+    estimate_row: Ints
+    gain: Floats
+    cost: Floats
+    switch_price: float | Floats
+
+    def __post_init__(self) -> None:
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                frozen = value.view()
+                frozen.setflags(write=False)
+                object.__setattr__(self, name, frozen)
+        if np.any(self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]):
+            raise ConfigError("an entry pairs a truth and an estimate of different steps")
+        if np.any(~(self.gain > 0)) or np.any(~np.isfinite(self.gain)):
+            raise ConfigError("gains must be positive and finite")
+        if not isinstance(self.switch_price, float) and self.switch_price.shape != (
+            max(self.steps - 1, 0),
+        ):
+            raise ConfigError("switch prices must be one number or one for each transition")
+
+    @property
+    def entry_step(self) -> Ints:
+        """Step of each entry, (N,)."""
+        return self.truth_step[self.truth_row]
+
+    @property
+    def crossing_price(self) -> Floats:
+        """Price of half a switch into each step, (T + 1,); 0 at the first step and after the last."""
+        price = np.zeros(self.steps + 1)
+        price[1 : self.steps] = self.switch_price
+        return price
+
+
+def tgospa_problem(
+    *,
+    parameters: Parameters,
+    steps: int,
+    truths: int,
+    estimates: int,
+    truth_step: Ints,
+    truth_track: Ints,
+    estimate_step: Ints,
+    estimate_track: Ints,
+    truth_row: Ints,
+    estimate_row: Ints,
+    distance: Floats,
+) -> Problem:
+    """The TGOSPA problem of the pairs of rows that are nearer than the cutoff.
+
+    Cost (d/c)^p, gain 1 - (d/c)^p, half the cutoff price per unassigned object: the LP of
+    García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in the gain form of docs/theory.
+    `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
+    """
+    cost = (distance / parameters.cutoff) ** parameters.order
+    gain = 1.0 - cost
+    keep = (distance < parameters.cutoff) & (gain > 0)
+    if not keep.all():
+        truth_row, estimate_row = truth_row[keep], estimate_row[keep]
+        gain, cost = gain[keep], cost[keep]
+    return Problem(
+        steps=steps,
+        truths=truths,
+        estimates=estimates,
+        truth_step=truth_step,
+        truth_track=truth_track,
+        truth_price=np.full(len(truth_step), 0.5),
+        estimate_step=estimate_step,
+        estimate_track=estimate_track,
+        estimate_price=np.full(len(estimate_step), 0.5),
+        truth_row=truth_row,
+        estimate_row=estimate_row,
+        gain=gain,
+        cost=cost,
+        switch_price=parameters.switch_price,
+    )

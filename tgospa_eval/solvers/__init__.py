@@ -1,0 +1,44 @@
+"""PROBLEM -> Solution. A member is one file here, one branch in `make_solver` and a docs line."""
+
+from typing import Protocol
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.result import Solution
+from tgospa_eval.states import States
+from tgospa_eval.timing import Stopwatch
+
+
+class Solver(Protocol):
+    """A frozen record of settings that can be called."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+
+    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+        """Propose an assignment and prices."""
+
+
+SOLVERS = {
+    "certified": "tgospa_eval.solvers.certified:Certified",
+    "exact": "tgospa_eval.solvers.exact:Exact",
+    "sinkhorn": "tgospa_eval.solvers.sinkhorn:Sinkhorn",
+}
+"""Where each solver is; imported when it is asked for."""
+
+
+def solver_class(name: str) -> type[Solver]:
+    """The class of a solver.
+
+    Raises
+    ------
+    ConfigError
+        No solver has that name.
+    """
+    from importlib import import_module
+
+    if name not in SOLVERS:
+        raise ConfigError(f'no solver "{name}"; there are {", ".join(SOLVERS)}')
+    module, _, attribute = SOLVERS[name].partition(":")
+    found: type[Solver] = getattr(import_module(module), attribute)
+    return found

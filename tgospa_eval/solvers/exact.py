@@ -1,0 +1,138 @@
+"""The referee: the linear programme in CVXPY, solved by the interior point method Clarabel.
+
+Shares with the other solvers only the reduced problem and the trivial blocks; slower, but another
+formulation, another modelling tool and another algorithm. The only file that knows cvxpy.
+"""
+
+import warnings
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy import sparse
+
+from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.result import Solution
+from tgospa_eval.solvers.kernels import best_paths, better, capped_price, incidence, settled
+from tgospa_eval.solvers.trivial import solve_trivial
+from tgospa_eval.states import Block, Slots, States
+from tgospa_eval.timing import Stopwatch
+
+SETTINGS = {
+    "tol_gap_abs": 1e-10,
+    "tol_gap_rel": 1e-10,
+    "tol_feas": 1e-10,
+    "max_threads": 1,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exact:
+    """The linear programme by CVXPY and Clarabel, to a tolerance of 1e-10.
+
+    Parameters
+    ----------
+    time_limit : float, optional
+        Seconds for each block; what is reached by then is bracketed and returned.
+
+    Raises
+    ------
+    ConfigError
+        A setting is out of its range.
+    """
+
+    name: ClassVar[str] = "exact"
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise ConfigError(f"time limit is {self.time_limit:g} s: must be more than 0")
+
+    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+        """Solve every block that is not trivial, each as a fresh problem."""
+        with stopwatch.span("solve/preparation"):
+            weights, prices, left = solve_trivial(states)
+        statuses: list[str] = []
+        iterations = 0
+        for block in states.blocks(left):
+            with stopwatch.span("solve/build"):
+                programme = _build(states, block)
+            with stopwatch.span("solve/lp"):
+                status, steps = _solve(programme, self.time_limit)
+            statuses.append(status)
+            iterations += steps
+            if programme.weights.value is not None:
+                price = capped_price(states, block.window, float(states.gain[block.states].max()))
+                weights[block.states] = settled(states, block, price, programme.weights.value)
+            if programme.columns is not None and programme.columns.dual_value is not None:
+                prices[block.column_slots] = programme.columns.dual_value
+        open_ones = [status for status in statuses if status != "optimal"]
+        if open_ones:
+            weights = better(states, weights, best_paths(states, prices))
+        return Solution(
+            weights=weights,
+            prices=prices,
+            status=f"{len(open_ones)} blocks ended as {open_ones[0]}" if open_ones else "solved",
+            iterations=iterations,
+            finished=not open_ones,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Programme:
+    problem: Any  # cvxpy is untyped
+    weights: Any
+    columns: Any
+
+
+def _build(states: States, block: Block) -> _Programme:
+    """maximise gain w - price |D w| over w >= 0 with every slot at most full."""
+    import cvxpy as cp  # here: importing it takes longer than most evaluations
+
+    gain = states.gain[block.states]
+    pair = states.pair[block.states]
+    arc = np.flatnonzero(pair[1:] == pair[:-1])
+    price = capped_price(states, block.window, float(gain.max()))
+    paid = price[states.begin[block.states][arc + 1] - block.window[0]]
+    count = np.arange(len(arc))
+    difference = sparse.csr_array(
+        (np.repeat((1.0, -1.0), len(arc)), (np.tile(count, 2), np.concatenate((arc + 1, arc)))),
+        shape=(len(arc), len(gain)),
+    )
+    weights = cp.Variable(len(gain), nonneg=True)
+    objective = gain @ weights
+    if len(arc):
+        objective = objective - paid @ cp.abs(difference @ weights)
+    rows = _matrix(states.rows, block.states, block.row_slots)
+    columns = _matrix(states.columns, block.states, block.column_slots)
+    limits = [matrix @ weights <= 1 for matrix in (rows, columns) if matrix.shape[0]]
+    return _Programme(
+        problem=cp.Problem(cp.Maximize(objective), limits),
+        weights=weights,
+        columns=limits[-1] if columns.shape[0] else None,
+    )
+
+
+def _solve(programme: _Programme, time_limit: float | None) -> tuple[str, int]:
+    """Run Clarabel; its status, and its iterations."""
+    import cvxpy as cp
+
+    settings: dict[str, float] = dict(SETTINGS)
+    if time_limit is not None:
+        settings["time_limit"] = time_limit
+    problem = programme.problem
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # cvxpy repeats the status as a warning
+            problem.solve(solver=cp.CLARABEL, warm_start=False, **settings)
+    except cp.error.SolverError as error:
+        return f"failed ({' '.join(str(error).split())[:80]})", 0
+    if problem.status in ("infeasible", "unbounded", "infeasible_inaccurate"):
+        raise SolverError(f"Clarabel calls a programme {problem.status} that is neither")
+    return str(problem.status), int(problem.solver_stats.num_iters or 0)
+
+
+def _matrix(slots: Slots, states: slice, own: slice) -> "sparse.csr_array[np.float64]":
+    row, column = incidence(slots, states, own)
+    shape = (own.stop - own.start, states.stop - states.start)
+    return sparse.csr_array((np.ones(len(row)), (row, column)), shape=shape)

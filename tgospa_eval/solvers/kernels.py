@@ -1,0 +1,107 @@
+"""What solvers share: best paths at given prices, capacities as a matrix, prices cut to size."""
+
+import numpy as np
+
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.result import ONE, changes, events, repair
+from tgospa_eval.states import Block, Slots, States
+
+
+def best_paths(states: States, prices: Floats) -> Floats:
+    """An optimal path of each row at the given column prices, as weights 0 and 1, (S,).
+
+    The Viterbi recursion of `tgospa_eval.result.best_values` with back pointers: the state from
+    which each state is reached, and the state from which the hub of each row got its value.
+    """
+    value = states.gain - states.columns.totals(prices)
+    price = states.problem.crossing_price
+    row = states.pair_row
+    hub = np.zeros(states.nodes)
+    hub_from = np.full(states.nodes, -1)
+    current = np.zeros(len(row))
+    came_from = np.full(len(value), -1)
+    for step, opening, closing, groups in events(states):
+        pair = states.pair[opening]
+        at = row[pair]
+        enter = hub[at] - price[step]
+        stays = (current[pair] >= enter) & (opening > states.pair_first[pair])
+        came_from[opening] = np.where(stays, opening - 1, hub_from[at])
+        current[pair] = np.maximum(current[pair], enter) + value[opening]
+        if len(closing):
+            reached = current[states.pair[closing]]
+            top = np.maximum.reduceat(reached, groups)
+            is_top = np.flatnonzero(reached == np.repeat(top, np.diff(groups, append=len(reached))))
+            first = is_top[np.searchsorted(is_top, groups)]
+            at = row[states.pair[closing[groups]]]
+            better = top - price[step + 1] > hub[at]
+            hub[at[better]] = top[better] - price[step + 1]
+            hub_from[at[better]] = closing[first[better]]
+
+    final = np.full(states.nodes, -1)
+    final_value = hub
+    for_pairs = np.lexsort((current, row))  # the last of each row is its best
+    last = for_pairs[np.flatnonzero(np.diff(row[for_pairs], append=-1))]
+    at = row[last]
+    ends_on_pair = current[last] > final_value[at]
+    final[:] = hub_from
+    final[at[ends_on_pair]] = states.pair_first[last[ends_on_pair] + 1] - 1
+
+    weights = np.zeros(len(value))
+    on_path = final[final >= 0]
+    while len(on_path):
+        weights[on_path] = 1.0
+        on_path = came_from[on_path]
+        on_path = on_path[on_path >= 0]
+    return weights
+
+
+def capped_price(states: States, window: tuple[int, int], most: float) -> Floats:
+    """Switch prices into each step of a window, cut where a higher one cannot matter.
+
+    An assignment that is held for n steps gains at most n times the largest gain `most`: at any
+    higher price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
+    """
+    begin, end = window
+    prices = states.problem.crossing_price[begin : end + 1]
+    return np.minimum(prices, 2.0 * (end - begin + 1) * most)
+
+
+def settled(states: States, block: Block, price: Floats, weights: Floats) -> Floats:
+    """The weights of a block, averaged over time for each pair where every price was cut.
+
+    There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
+    at the true price. The average over time is as feasible as what it averages.
+    """
+    begin, end = block.window
+    if not np.all(states.problem.crossing_price[begin + 1 : end + 1] > price[1:]):
+        return weights
+    pair = states.pair[block.states] - block.pairs.start
+    length = states.end[block.states] - states.begin[block.states] + 1
+    return (np.bincount(pair, weights * length) / np.bincount(pair, length))[pair]
+
+
+def block_values(states: States, weights: Floats) -> Floats:
+    """What a proposed assignment gains in each block once it is made feasible, (B,)."""
+    whole = repair(states, weights)
+    of_state = states.pair_block[states.pair]
+    blocks = len(states.block_begin)
+    changed, amount = changes(states, whole)
+    paid = states.problem.crossing_price[states.begin[changed]] * amount
+    return np.bincount(of_state, whole / ONE * states.gain, minlength=blocks) - np.bincount(
+        of_state[changed], paid, minlength=blocks
+    )
+
+
+def better(states: States, first: Floats, second: Floats) -> Floats:
+    """Block by block the better of two proposed assignments."""
+    wins = block_values(states, second) > block_values(states, first)
+    return np.where(wins[states.pair_block[states.pair]], second, first)
+
+
+def incidence(slots: Slots, states: slice, own: slice) -> tuple[Ints, Ints]:
+    """(slot, state) of every state in every slot it covers, numbered within the block."""
+    begin, end = slots.begin[states], slots.end[states]
+    length = end - begin
+    state = np.repeat(np.arange(len(length)), length)
+    offset = np.arange(len(state)) - np.repeat(np.cumsum(length) - length, length)
+    return np.repeat(begin - own.start, length) + offset, state

@@ -1,0 +1,130 @@
+"""Blocks that are answered once, before any solver: one row, or one step at a time."""
+
+import numpy as np
+
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.result import ONE
+from tgospa_eval.solvers.kernels import best_paths
+from tgospa_eval.states import States, connected_components
+
+
+def solve_trivial(
+    states: States, *, conflict_free: bool = False
+) -> tuple[Floats, Floats, Ints]:
+    """Weights and prices of the trivial blocks, and the numbers of the blocks that are left.
+
+    A block with one row (one pair included) is a shortest path. Blocks of one step, and all steps
+    apart if switches are free, are linear assignments. With `conflict_free` a block whose rows do
+    not claim a column twice, each on its best path, is done as well: prices 0 prove it.
+    """
+    weights = np.zeros(len(states.pair))
+    prices = np.zeros(len(states.columns.node))
+    single = np.flatnonzero(states.entry >= 0)
+    if states.problem.switch_price == 0.0:
+        _assign_steps(states, single, weights, prices)
+        _hold(states, weights)
+        return weights, prices, np.zeros(0, np.int64)
+
+    one_step = states.block_begin == states.block_end
+    is_row = np.zeros(len(states.node_block), bool)
+    is_row[states.pair_row] = True
+    done = np.bincount(states.node_block[is_row], minlength=len(one_step)) == 1
+    of_state = states.pair_block[states.pair]
+    if conflict_free or done.any():
+        weights = best_paths(states, prices)
+        if conflict_free:
+            claims = states.columns.sums(weights.astype(np.int64))
+            clash = states.node_block[states.columns.node[claims > 1]]
+            done |= np.bincount(clash, minlength=len(done)) == 0
+        weights = np.where(done[of_state], weights, 0.0)
+    todo = one_step & ~done
+    if todo.any():
+        _assign_steps(states, np.flatnonzero(todo[of_state]), weights, prices)
+    return weights, prices, np.flatnonzero(~done & ~one_step)
+
+
+def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:
+    """Solve the chosen gain states step by step, writing weights and column prices."""
+    problem = states.problem
+    entry = states.entry[chosen]
+    pair = states.pair[chosen]
+    flip = states.transposed[states.pair_block[pair]]
+    truth = problem.truth_row[entry].astype(np.int64)
+    estimate = problem.estimate_row[entry] + len(problem.truth_step)
+    objects = len(problem.truth_step) + len(problem.estimate_step)
+    component = connected_components(truth, estimate, objects)[truth]
+    order = np.argsort(component, kind="stable")
+    starts = np.flatnonzero(np.diff(component[order], prepend=-1))
+    sizes = np.diff(starts, append=len(order))
+    weights[chosen[order[starts[sizes == 1]]]] = 1.0
+    for start, size in zip(starts[sizes > 1], sizes[sizes > 1], strict=True):
+        part = order[start : start + size]
+        state = chosen[part]
+        row = np.where(flip[part], estimate[part], truth[part])
+        column = np.where(flip[part], truth[part], estimate[part])
+        _, i = np.unique(row, return_inverse=True)
+        _, j = np.unique(column, return_inverse=True)
+        gain = np.zeros((i.max() + 1, j.max() + 1))
+        gain[i, j] = states.gain[state]
+        assigned, price = assign(gain)
+        weights[state] = assigned[i] == j
+        priced = states.columns.end[state] > states.columns.begin[state]
+        prices[states.columns.begin[state[priced]]] = price[j[priced]]
+
+
+def assign(gain: Floats) -> tuple[Ints, Floats]:
+    """Assignment of largest total gain, and the least column prices that prove it.
+
+    Returns the column of each row (-1 for none) and v >= 0 with gain[i, j] - v[j] at most what
+    row i has. The prices are the fixed point of v[j] = max over i of gain[i, j] - own gain of i +
+    own price of i (Bellman-Ford on the residual graph; no positive cycle at an optimum).
+    """
+    from scipy.optimize import linear_sum_assignment  # here: slow to import and rarely needed
+
+    rows, columns = gain.shape
+    i, j = linear_sum_assignment(gain, maximize=True)
+    took = gain[i, j] > 0
+    i, j = i[took], j[took]
+    assigned = np.full(rows, -1)
+    assigned[i] = j
+    price = np.zeros(columns)
+    owned = np.zeros(columns, bool)
+    owned[j] = True
+    for _ in range(rows + 1):
+        have = np.zeros(rows)
+        have[i] = gain[i, j] - price[j]
+        rival = gain - have[:, None]
+        rival[i, j] = 0.0
+        wanted = np.where(owned, np.maximum(rival.max(axis=0), 0.0), 0.0)
+        if np.all(wanted <= price + 1e-15):
+            break
+        price = np.maximum(price, wanted)
+    return assigned, price
+
+
+def _hold(states: States, weights: Floats) -> None:
+    """Keep pairs through their runs without gain wherever nothing else claims the place.
+
+    Free switches leave that open; held pairs make the reported count of switches the smallest
+    that this assignment needs, run by run, shortest first.
+    """
+    run = states.entry < 0
+    size = len(weights)
+    before = np.zeros(size)
+    after = np.zeros(size)
+    before[1:] = np.where(states.pair[1:] == states.pair[:-1], weights[:-1], 1.0)
+    after[:-1] = np.where(states.pair[1:] == states.pair[:-1], weights[1:], 1.0)
+    if size:
+        before[0] = after[-1] = 1.0
+    held = np.flatnonzero(run & (before > 0) & (after > 0))
+    whole = (weights * ONE).astype(np.int64)
+    room = [ONE - slots.sums(whole) for slots in (states.rows, states.columns)]
+    for s in held[np.argsort(states.end[held] - states.begin[held], kind="stable")].tolist():
+        spans = [
+            r[slots.begin[s] : slots.end[s]]
+            for r, slots in zip(room, (states.rows, states.columns), strict=True)
+        ]
+        if all((span >= ONE).all() for span in spans):
+            for span in spans:
+                span -= ONE
+            weights[s] = 1.0

@@ -1,0 +1,33 @@
+"""Where the time went: a stopwatch that adds up named, nestable spans."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+class Stopwatch:
+    """Adds up the seconds spent under each name; a name may be a path, ``"solve/lp"``.
+
+    Parameters
+    ----------
+    clock : callable, optional
+        Returns seconds; replaced in tests.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock = clock
+        self._start = clock()
+        self.spans: dict[str, float] = {}
+
+    @contextmanager
+    def span(self, name: str) -> Iterator[None]:
+        """Add the time until the end of the block to `name`, also when the block raises."""
+        begin = self._clock()
+        try:
+            yield
+        finally:
+            self.spans[name] = self.spans.get(name, 0.0) + self._clock() - begin
+
+    def elapsed(self) -> float:
+        """Seconds since this stopwatch was made."""
+        return self._clock() - self._start

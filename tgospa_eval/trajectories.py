@@ -1,0 +1,167 @@
+"""Trajectories: one flat table, a row per object and step. Knows no file and no metric."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+
+Ints = NDArray[np.integer]
+Floats = NDArray[np.float64]
+
+CLOCKS = {
+    "number": "numbers",
+    "local": "ISO times without zone",
+    "zoned": "ISO times with zone",
+}
+"""Kinds of time, and what they are called in messages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectories:
+    """A set of trajectories.
+
+    A row means that the object exists at that step; there is no other encoding of absence, and
+    nothing has the size of all steps times all objects.
+
+    Parameters
+    ----------
+    step, track : (R,) int arrays
+        Position in `times` and in `ids`; rows are sorted by (step, track), which are unique.
+    state : (R, d) float array
+        Finite states, in the user's unit.
+    ids : (k,) array of str
+        Opaque names of the tracks.
+    times : (T,) int64 or float64 array
+        Strictly increasing; nanoseconds since 1970 unless `clock` is ``"number"``.
+    columns : tuple of str
+        Names of the d state columns.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    labels : (T,) array of str, optional
+        Times as they were read, where they are no numbers.
+
+    Raises
+    ------
+    InputError
+        Shapes, order, uniqueness or finiteness are violated.
+    """
+
+    step: Ints
+    track: Ints
+    state: Floats
+    ids: NDArray[np.object_]
+    times: NDArray[np.int64] | Floats
+    columns: tuple[str, ...]
+    clock: str = "number"
+    labels: NDArray[np.object_] | None = None
+
+    def __post_init__(self) -> None:
+        rows = len(self.step)
+        if self.track.shape != (rows,) or self.state.shape != (rows, len(self.columns)):
+            raise InputError(
+                f"step {self.step.shape}, track {self.track.shape} and state {self.state.shape} "
+                f"do not fit {len(self.columns)} columns; (R,), (R,) and (R, d) would"
+            )
+        if not np.isfinite(self.state).all():
+            raise InputError("states must be finite; leave the row out where an object is absent")
+        if np.any(np.diff(self.times) <= 0):
+            raise InputError("times must increase strictly")
+        if rows:
+            if self.step.min() < 0 or self.step.max() >= len(self.times):
+                raise InputError("a step lies outside the times")
+            if self.track.min() < 0 or self.track.max() >= len(self.ids):
+                raise InputError("a track lies outside the ids")
+            key = self.step.astype(np.int64) * len(self.ids) + self.track
+            if np.any(np.diff(key) <= 0):
+                raise InputError("rows must be sorted by (step, track), each at most once")
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                frozen = value.view()
+                frozen.setflags(write=False)
+                object.__setattr__(self, name, frozen)
+
+    def dense(self) -> Floats:
+        """States as (T, k, d), NaN where an object is absent."""
+        table = np.full((len(self.times), len(self.ids), len(self.columns)), np.nan)
+        table[self.step, self.track] = self.state
+        return table
+
+    @classmethod
+    def from_array(cls, states: Floats, columns: tuple[str, ...] | None = None) -> "Trajectories":
+        """From an array (T, k, d) with NaN for absent; ids and times count from 0.
+
+        Raises
+        ------
+        InputError
+            Not three axes, or a value is infinite.
+        """
+        states = np.asarray(states, dtype=np.float64)
+        if states.ndim != 3:
+            raise InputError(f"an array of states has the axes (T, k, d), not shape {states.shape}")
+        if np.isinf(states).any():
+            step, track, _ = (int(axis[0]) for axis in np.nonzero(np.isinf(states)))
+            raise InputError(f"infinite state at step {step}, track {track}; NaN means absent")
+        step, track = np.nonzero(~np.isnan(states).any(axis=2))
+        size = states.shape[2]
+        if columns is None:
+            columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
+        return cls(
+            step=step,
+            track=track,
+            state=states[step, track],
+            ids=np.array([str(k) for k in range(states.shape[1])], dtype=object),
+            times=np.arange(states.shape[0]),
+            columns=columns,
+        )
+
+
+def align(truth: Trajectories, estimate: Trajectories) -> tuple[Trajectories, Trajectories]:
+    """Both on the union of their times.
+
+    Raises
+    ------
+    InputError
+        The kinds of time differ, or integer stamps cannot be compared with decimal ones exactly.
+    """
+    if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
+        raise InputError(
+            f"truth has {CLOCKS[truth.clock]}, the estimate has {CLOCKS[estimate.clock]}; "
+            "times of one run must be of one kind"
+        )
+    first, second = truth.times, estimate.times
+    if not len(first):
+        first = second[:0]
+    if not len(second):
+        second = first[:0]
+    if first.dtype != second.dtype:
+        for times in (first, second):
+            if times.dtype.kind == "i" and np.any(np.abs(times) > 2**53):
+                raise InputError(
+                    "one file has decimal times and the other integers above 2^53, "
+                    "which cannot be compared exactly; write both as integers"
+                )
+    times = np.union1d(first, second)
+    labels = None
+    clock = truth.clock if len(truth.times) else estimate.clock
+    if clock != "number":
+        labels = np.empty(len(times), dtype=object)
+        for side in (estimate, truth):
+            if side.labels is not None:
+                labels[np.searchsorted(times, side.times)] = side.labels
+    return (
+        _on(truth, first, times, clock, labels),
+        _on(estimate, second, times, clock, labels),
+    )
+
+
+def _on(
+    side: Trajectories,
+    own: NDArray[np.int64] | Floats,
+    times: NDArray[np.int64] | Floats,
+    clock: str,
+    labels: NDArray[np.object_] | None,
+) -> Trajectories:
+    step = np.searchsorted(times, own)[side.step] if len(own) else side.step
+    return replace(side, step=step, times=times, clock=clock, labels=labels)
