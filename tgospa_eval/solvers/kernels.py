@@ -3,17 +3,21 @@
 import numpy as np
 
 from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.result import ONE, changes, events, repair
+from tgospa_eval.result import ONE, best_values, changes, events, repair
 from tgospa_eval.states import Block, Slots, States
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
-    """An optimal path of each row at the given column prices, as weights 0 and 1, (S,).
+    """An optimal path of each row at the given column prices, as weights 0 and 1, (S,)."""
+    return paths(states, states.gain - states.columns.totals(prices))
+
+
+def paths(states: States, value: Floats) -> Floats:
+    """A path of largest value of each row, as weights 0 and 1, (S,).
 
     The Viterbi recursion of `tgospa_eval.result.best_values` with back pointers: the state from
     which each state is reached, and the state from which the hub of each row got its value.
     """
-    value = states.gain - states.columns.totals(prices)
     price = states.problem.crossing_price
     row = states.pair_row
     hub = np.zeros(states.nodes)
@@ -78,6 +82,15 @@ def settled(states: States, block: Block, price: Floats, weights: Floats) -> Flo
     pair = states.pair[block.states] - block.pairs.start
     length = states.end[block.states] - states.begin[block.states] + 1
     return (np.bincount(pair, weights * length) / np.bincount(pair, length))[pair]
+
+
+def dual_values(states: States, prices: Floats) -> Floats:
+    """Upper bound of what can be gained in each block, from prices >= 0, (B,)."""
+    blocks = len(states.block_begin)
+    best = best_values(states, states.gain - states.columns.totals(prices))
+    return np.bincount(states.node_block, best, minlength=blocks) + np.bincount(
+        states.node_block[states.columns.node], prices, minlength=blocks
+    )
 
 
 def block_values(states: States, weights: Floats) -> Floats:
