@@ -12,20 +12,30 @@ class Stopwatch:
     ----------
     clock : callable, optional
         Returns seconds; replaced in tests.
+
+    Attributes
+    ----------
+    spans : dict
+        Seconds by name.
+    stage : str
+        Name of the innermost span that is open, for progress.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self._clock = clock
         self._start = clock()
         self.spans: dict[str, float] = {}
+        self.stage = ""
 
     @contextmanager
     def span(self, name: str) -> Iterator[None]:
         """Add the time until the end of the block to `name`, also when the block raises."""
         begin = self._clock()
+        outer, self.stage = self.stage, name
         try:
             yield
         finally:
+            self.stage = outer
             self.spans[name] = self.spans.get(name, 0.0) + self._clock() - begin
 
     def elapsed(self) -> float:

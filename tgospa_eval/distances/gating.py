@@ -17,6 +17,9 @@ from tgospa_eval.trajectories import Ints, Trajectories
 TABLE = 40_000
 """Pairs of one step that are compared in a table."""
 
+SAMPLE = 100
+"""Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
+
 PIECE = 1 << 20
 """Pairs compared at a time."""
 
@@ -103,3 +106,22 @@ def _tree(a: Floats, b: Floats, cutoff: float, norm: Norm) -> tuple[Ints, Ints]:
     )
     order = np.lexsort((near["j"], near["i"]))
     return near["i"][order], near["j"][order]
+
+
+def median_nearest(truth: Trajectories, estimate: Trajectories, norm: Norm) -> float | None:
+    """Median distance from a truth to the nearest estimate of its step, over up to 100 steps.
+
+    None if no step has both. Both sides must be on the same times.
+    """
+    both = np.intersect1d(truth.step, estimate.step)
+    if not len(both):
+        return None
+    nearest = []
+    for step in both[:: -(-len(both) // SAMPLE)]:
+        a, b = (
+            side.state[slice(*np.searchsorted(side.step, (step, step + 1)))]
+            for side in (truth, estimate)
+        )
+        a = a[:: -(-len(a) // SAMPLE)]
+        nearest.append(norm(a[:, None], b[None, :]).min(axis=1))
+    return float(np.median(np.concatenate(nearest)))

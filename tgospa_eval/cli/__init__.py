@@ -1,0 +1,117 @@
+"""The command line: a group of verbs, each imported when it is asked for."""
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+import click
+
+from tgospa_eval import __version__
+from tgospa_eval.errors import TgospaError
+
+VERBS = {
+    "evaluate": ("tgospa_eval.cli.evaluate", "One evaluation: value, bracket, decomposition."),
+}
+"""Module and summary of each verb; the module's command is called `command`."""
+
+INTERRUPTED = 130
+
+
+class Verbs(click.Group):
+    """Finds the verb wherever it stands among the options; without one it is ``evaluate``."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Names of the verbs."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import a verb."""
+        if cmd_name not in VERBS:
+            return None
+        command: click.Command = import_module(VERBS[cmd_name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the summaries, without importing the verbs."""
+        with formatter.section("Verbs"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in VERBS.items()])
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put the verb first."""
+        if args and args[0] not in ("--help", "-h", "--version"):
+            at = self._first_argument(ctx, args)
+            if at is not None and args[at] in VERBS:
+                args = [args[at], *args[:at], *args[at + 1 :]]
+            else:
+                args = ["evaluate", *args]
+        return super().parse_args(ctx, args)
+
+    def _first_argument(self, ctx: click.Context, args: list[str]) -> int | None:
+        """Position of the first argument that is neither an option nor the value of one."""
+        if not args[0].startswith("-"):
+            return 0
+        command = self.get_command(ctx, "evaluate")
+        taking = {
+            name
+            for option in (command.params if command else ())
+            if isinstance(option, click.Option) and not (option.is_flag or option.count)
+            for name in option.opts
+        }
+        skip = False
+        for at, text in enumerate(args):
+            if skip:
+                skip = False
+            elif text == "--":
+                return None
+            elif text.startswith("-") and len(text) > 1:
+                skip = text in taking
+            else:
+                return at
+        return None
+
+
+@click.group(
+    cls=Verbs,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80},
+    subcommand_metavar="[VERB] TRUTH ESTIMATE [OPTIONS]",
+    no_args_is_help=True,
+)
+@click.version_option(__version__, prog_name="tgospa-eval", message="%(prog)s %(version)s")
+def cli() -> None:
+    """Evaluate a multi-target tracker with the TGOSPA metric, exactly and with proof.
+
+    \b
+    tgospa-eval truth.csv estimate.csv          evaluate (the default verb)
+    tgospa-eval evaluate --help                 all options
+
+    The files are CSV tables id,t,x[,y[,z]] with one row per object and step.
+    """
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with the status of docs/reference/cli.md."""
+    try:
+        status = cli.main(
+            args=None if arguments is None else list(arguments),
+            prog_name="tgospa-eval",
+            standalone_mode=False,
+        )
+        sys.stdout.flush()
+    except TgospaError as error:
+        click.echo(str(error), err=True)
+        status = error.exit_status
+    except click.ClickException as error:
+        error.show()
+        status = error.exit_code
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted", err=True)
+        sys.stderr.flush()
+        os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
+    except BrokenPipeError:  # the reader of a pipe went away, as head does: not our failure
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    except MemoryError:
+        click.echo("out of memory; a smaller cutoff leaves fewer pairs", err=True)
+        status = 4
+    sys.exit(status or 0)

@@ -1,0 +1,34 @@
+"""``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
+
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tgospa_eval.cli.options import evaluation_options
+
+ACCURACY_MISSED = 4
+
+
+@click.command("evaluate", context_settings={"max_content_width": 80})
+@click.argument("truth", type=click.Path())
+@click.argument("estimate", type=click.Path())
+@evaluation_options
+@click.pass_context
+def command(ctx: click.Context, truth: str, estimate: str, **options: Any) -> None:
+    """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
+
+    Both are CSV tables id,t,x[,y[,z]], one row per object and step; a row that is
+    not there means that the object does not exist at that step.
+
+    Exit status: 0 done, 2 wrong option, 3 bad input file, 4 accuracy not reached.
+    """
+    from tgospa_eval.cli.work import evaluate_files, show
+
+    given = {
+        name: ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
+        for name in ("cutoff", "switch_penalty")
+    }
+    result, finished = evaluate_files(truth, estimate, options, given)
+    show(result, options)
+    ctx.exit(0 if finished else ACCURACY_MISSED)

@@ -1,0 +1,112 @@
+"""The options of everything that evaluates, and where their values come from."""
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from tgospa_eval import config
+
+CUTOFF = 10.0
+SWITCH_PENALTY = 2.0
+# Spelled out here, because importing the members costs numpy; a test holds them together.
+DISTANCES = ("euclidean", "manhattan", "chebyshev")
+SOLVERS = ("certified", "exact", "sinkhorn")
+FORMATS = ("table", "json", "csv", "markdown", "latex")
+
+
+def option(*names: str, **settings: Any) -> Callable[[Any], Any]:
+    """Make a click option that also reads the environment variable TGOSPA_EVAL_<OPTION>."""
+    long = next(name for name in names if name.startswith("--")).split("/")[0]
+    variable = "TGOSPA_EVAL_" + long.lstrip("-").replace("-", "_").upper()
+    return click.option(*names, envvar=variable, show_default=True, **settings)
+
+
+def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | None) -> str | None:
+    known = {
+        item.opts[-1].lstrip("-"): item.name
+        for item in ctx.command.params
+        if isinstance(item, click.Option) and item is not parameter
+    }
+    used, settings = config.load(path, known)
+    named = {known[key]: value for key, value in settings.items()}
+    ctx.default_map = {**(ctx.default_map or {}), **named}
+    return used
+
+
+EVALUATION = (
+    option(
+        "-c", "--cutoff", type=float, default=CUTOFF,
+        help="Cutoff c > 0: an error counts at most c; in state units.",
+    ),
+    option(
+        "-p", "--order", type=float, default=2,
+        help="Order p >= 1 of the sum (never the norm of the distance).",
+    ),
+    option(
+        "-g", "--switch-penalty", type=float, default=SWITCH_PENALTY,
+        help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
+    ),
+    option(
+        "--distance", type=click.Choice(DISTANCES), default="euclidean",
+        help="Base distance between two states.",
+    ),
+    option(
+        "--columns", metavar="NAMES",
+        help="State columns in order, x,y; id=HEADER and x=HEADER map headers.  "
+        "[default: x[,y[,z]], else lat,lon]",
+    ),
+    option(
+        "--solver", type=click.Choice(SOLVERS), default="certified",
+        help="certified: exact with proof; exact: CVXPY + Clarabel, the slow referee; "
+        "sinkhorn: approximation with a proven bracket.",
+    ),
+    option(
+        "--gap", type=float, default=1e-9,
+        help="Relative gap of the total that counts as exact (certified).",
+    ),
+    option(
+        "--epsilon", type=float, default=0.03,
+        help="Temperature of sinkhorn, as a fraction of c^p.",
+    ),
+    option(
+        "--time-limit", type=float, metavar="SECONDS",
+        help="Stop solving after so long; the bracket reached is printed, exit 4.",
+    ),
+    option(
+        "--on-duplicate", type=click.Choice(("error", "first", "last")), default="error",
+        help="What to do with a repeated (id, t).",
+    ),
+    option(
+        "--decimal", type=click.Choice((".", ",")), default=".",
+        help="Decimal mark in the files.",
+    ),
+    option("--unit", help="Unit of the states, for printing: m."),
+)  # fmt: skip
+
+OUTPUT = (
+    option(
+        "--format", "format_", type=click.Choice(FORMATS), default="table",
+        help="What to print: csv is per step.",
+    ),
+    option(
+        "-o", "--output", metavar="DIR", type=click.Path(),
+        help="Write result.json and CSV tables to this folder.",
+    ),
+    option("--force", is_flag=True, help="Write into a folder that is not empty."),
+    click.option(
+        "--config", is_eager=True, callback=_load_config, metavar="FILE",
+        type=click.Path(), envvar="TGOSPA_EVAL_CONFIG",
+        help="Settings, keys as these options.  "
+        "[default: tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml]",
+    ),
+    option("-q", "--quiet", is_flag=True, help="No notices."),
+    option("-v", "--verbose", is_flag=True, help="Stages and timings on stderr."),
+)  # fmt: skip
+
+
+def evaluation_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of everything that evaluates."""
+    for add in reversed((*EVALUATION, *OUTPUT)):
+        command = add(command)
+    return command

@@ -1,0 +1,171 @@
+"""From the values of the options to a result, and the result to stdout and files."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import click
+import numpy as np
+
+from tgospa_eval.cli.progress import run
+from tgospa_eval.distances import DISTANCES
+from tgospa_eval.distances.gating import median_nearest
+from tgospa_eval.evaluation import Result
+from tgospa_eval.formats import Reading, ReadOptions, read
+from tgospa_eval.pipeline import check_columns, evaluate_trajectories
+from tgospa_eval.problem import Parameters
+from tgospa_eval.reports import REPORTS
+from tgospa_eval.reports.files import check_folder, write_folder
+from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.timing import Stopwatch
+from tgospa_eval.trajectories import align
+
+FEW = 0.9
+"""Share of common steps below which something is probably wrong with the clocks."""
+
+
+def evaluate_files(
+    truth: str, estimate: str, options: dict[str, Any], given: dict[str, bool]
+) -> tuple[Result, bool]:
+    """Read, evaluate, and say whether the asked accuracy was reached.
+
+    Parameters
+    ----------
+    truth, estimate : str
+        Paths.
+    options : dict
+        Values of the options.
+    given : dict
+        Whether cutoff and switch penalty were given, or are defaults.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    parameters = Parameters(
+        cutoff=options["cutoff"],
+        order=options["order"],
+        switch_penalty=options["switch_penalty"],
+    )
+    solver = make_solver(options)
+    reading = read_options(options)
+    if options["output"] is not None:
+        check_folder(options["output"], force=options["force"])
+    stopwatch = Stopwatch()
+    quiet, verbose = options["quiet"], options["verbose"]
+
+    def say(message: str) -> None:
+        if not quiet:
+            click.echo(message, err=True)
+
+    if options["config"]:
+        say(f"settings from {options['config']}")
+
+    def work() -> Result:
+        with stopwatch.span("read"):
+            sides = read(truth, reading), read(estimate, reading)
+        return _evaluate(sides, (truth, estimate), parameters, solver, options, given, say, stopwatch)
+
+    result = run(work, stopwatch, show=not quiet)
+    if verbose:
+        for name, seconds in stopwatch.spans.items():
+            click.echo(f"{name:<20} {seconds:9.3f} s", err=True)
+        for check in result.solver["history"]:
+            click.echo(
+                f"sweep {check['sweep']:5d}  epsilon {check['epsilon']:<7g} "
+                f"violation {check['violation']:.1e}  total {check['lower']:.9g} to "
+                f"{check['upper']:.9g}",
+                err=True,
+            )
+    finished = bool(result.solver["finished"])
+    if solver.name == "certified" and not result.certified:
+        finished = False
+    if not finished:
+        say(f"accuracy not reached: {result.solver['status']}")
+    return result, finished
+
+
+def _evaluate(
+    sides: tuple[Reading, Reading],
+    paths: tuple[str, str],
+    parameters: Parameters,
+    solver: Solver,
+    options: dict[str, Any],
+    given: dict[str, bool],
+    say: Callable[[str], None],
+    stopwatch: Stopwatch,
+) -> Result:
+    truth, estimate = (side.trajectories for side in sides)
+    check_columns(truth, estimate, paths)
+    for path, side in zip(paths, sides, strict=True):
+        for notice in side.notices:
+            say(f"{path}: {notice}")
+    common, steps = common_steps(truth.times, estimate.times)
+    say(f"{common} of {steps} steps are in both files")
+    if steps and common < FEW * steps:
+        say(f"warning: only {100 * common / steps:.0f} % of the steps are in both files")
+    if not all(given.values()) and not options["quiet"]:
+        say(_default_notice(sides, options, given))
+    return evaluate_trajectories(
+        truth,
+        estimate,
+        parameters=parameters,
+        distance=options["distance"],
+        solver=solver,
+        unit=options["unit"],
+        settings={"decimal": options["decimal"], "on_duplicate": options["on_duplicate"]},
+        rows=(sides[0].rows, sides[1].rows),
+        stopwatch=stopwatch,
+    )
+
+
+def _default_notice(
+    sides: tuple[Reading, Reading], options: dict[str, Any], given: dict[str, bool]
+) -> str:
+    """One line about the defaults in use, with the scale of the data beside it."""
+    names = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
+    used = [f"{names[name]} = {options[name]:g}" for name, is_given in given.items() if not is_given]
+    flags = {"cutoff": "-c", "switch_penalty": "-g"}
+    asked = " and ".join(flags[name] for name, is_given in given.items() if not is_given)
+    nearest = median_nearest(
+        *align(sides[0].trajectories, sides[1].trajectories), DISTANCES[options["distance"]]
+    )
+    scale = "" if nearest is None else f"; the median nearest estimate is {nearest:.3g} away"
+    return f"default {' and '.join(used)}{scale}; choose with {asked}"
+
+
+def common_steps(first: Any, second: Any) -> tuple[int, int]:
+    """How many of all steps are on both sides, and how many there are."""
+    return len(np.intersect1d(first, second)), len(np.union1d(first, second))
+
+
+def make_solver(options: dict[str, Any]) -> Solver:
+    """The solver that the options ask for."""
+    name = options["solver"]
+    settings: dict[str, Any] = {"time_limit": options["time_limit"]}
+    if name == "certified":
+        settings["gap"] = options["gap"]
+    elif name == "sinkhorn":
+        settings["epsilon"] = options["epsilon"]
+    return solver_class(name)(**settings)
+
+
+def read_options(options: dict[str, Any]) -> ReadOptions:
+    """How to read the files."""
+    columns = options["columns"]
+    return ReadOptions(
+        columns=None if columns is None else tuple(columns.split(",")),
+        decimal=options["decimal"],
+        on_duplicate=options["on_duplicate"],
+    )
+
+
+def show(result: Result, options: dict[str, Any]) -> None:
+    """Print the result, and write the folder if one was asked for."""
+    if options["output"] is not None:
+        write_folder(result, options["output"], force=options["force"])
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    click.echo(REPORTS[options["format_"]](result), nl=False)
+

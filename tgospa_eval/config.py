@@ -1,0 +1,75 @@
+"""Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
+
+import tomllib
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+from tgospa_eval.errors import ConfigError
+
+FILE = "tgospa-eval.toml"
+TABLE = "tgospa-eval"
+
+
+def load(path: str | None, known: Collection[str]) -> tuple[str | None, dict[str, Any]]:
+    """Read the settings.
+
+    Parameters
+    ----------
+    path : str, optional
+        The file; without it the current folder is searched.
+    known : collection of str
+        Names of the options, as on the command line, without dashes in front.
+
+    Returns
+    -------
+    path : str or None
+        The file in use.
+    settings : dict
+        Values by option name, with dashes.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, is no TOML, or has an unknown key.
+    """
+    if path is None:
+        path, table = _search()
+    else:
+        table = _read(path)
+        if Path(path).name == "pyproject.toml":
+            table = table.get("tool", {}).get(TABLE, {})
+    settings: dict[str, Any] = {}
+    for key, value in table.items():
+        name = key.replace("_", "-")
+        if name not in known:
+            raise ConfigError(f'{path}: unknown key "{key}"; known are {", ".join(sorted(known))}')
+        if isinstance(value, list):
+            value = ",".join(map(str, value))
+        if isinstance(value, dict):
+            raise ConfigError(f'{path}: "{key}" is a table; a single value is needed')
+        settings[name] = value
+    return path, settings
+
+
+def _search() -> tuple[str | None, dict[str, Any]]:
+    if Path(FILE).is_file():
+        return FILE, _read(FILE)
+    if Path("pyproject.toml").is_file():
+        try:
+            table = _read("pyproject.toml").get("tool", {}).get(TABLE)
+        except ConfigError:
+            return None, {}  # somebody else's broken file is not ours to report
+        if table is not None:
+            return "pyproject.toml", table
+    return None, {}
+
+
+def _read(path: str) -> dict[str, Any]:
+    try:
+        with Path(path).open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None

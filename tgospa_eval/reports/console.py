@@ -1,0 +1,146 @@
+"""The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from tgospa_eval.evaluation import Result
+
+WIDTH = 80
+SHOWN = 5
+PARTS = ("localisation", "missed", "false", "switch")
+
+
+def table(result: Result) -> str:
+    """The result in words, for someone who sees it for the first time."""
+    blocks = (
+        _headline(result),
+        _meaning(result),
+        _parts(result),
+        _scale(result),
+        _worst(result),
+        _switches(result),
+        _footer(result),
+    )
+    return "\n\n".join("\n".join(block) for block in map(list, blocks) if block) + "\n"
+
+
+def headline(result: Result) -> str:
+    """The value and what is known about it, in one sentence."""
+    value = quantity(result, result.tgospa)
+    if result.certified:
+        agree = f"to {result.relative_gap:.0e}" if result.relative_gap > 0 else "fully"
+        return f"TGOSPA = {value}, exact: proven lower and upper bound agree {agree}"
+    low = quantity(result, result.lower_bound)
+    return (
+        f"TGOSPA is between {low} and {value}, proven "
+        f"(the totals differ by {100 * result.relative_gap:.2g} %)"
+    )
+
+
+def quantity(result: Result, value: float) -> str:
+    """A value with the unit of the states."""
+    return f"{value:.6g}" + (f" {result.labels.unit}" if result.labels.unit else "")
+
+
+def _headline(result: Result) -> Iterator[str]:
+    yield headline(result)
+    sizes = result.sizes
+    yield (
+        f"{_count(sizes['truth'], 'truth')}, {_count(sizes['estimates'], 'estimate')}, "
+        f"{_count(sizes['steps'], 'step')}"
+    )
+
+
+def _meaning(result: Result) -> Iterator[str]:
+    parameters = result.proof.parameters
+    cutoff = quantity(result, parameters.cutoff)
+    gamma = quantity(result, parameters.switch_penalty)
+    p = f"{parameters.order:g}"
+    miss = result.scale / 2
+    yield f"  c     = {cutoff:<12} cutoff: no error counts more; a miss or a false target"
+    yield f"  {'':<20} costs c^p/2 = {miss:.6g}"
+    yield f"  p     = {p:<12} order: costs are errors to the power p, TGOSPA is the"
+    yield f"  {'':<20} p-th root of their total"
+    price = parameters.switch_penalty**parameters.order
+    yield f"  gamma = {gamma:<12} switch penalty: changing to another track costs"
+    yield f"  {'':<20} gamma^p = {price:.6g}, to or from none half of it"
+
+
+def _parts(result: Result) -> Iterator[str]:
+    notes = {
+        "localisation": "",
+        "missed": "object-steps without estimate",
+        "false": "estimate-steps without object",
+        "switch": "track switches",
+    }
+    total = result.total
+    yield f"  {'cost':<14}{'':>12}{'share':>9}{'count':>10}"
+    for name in PARTS:
+        cost = getattr(result, name)
+        count = f"{result.counts[name]:.6g}" if name in result.counts else ""
+        yield f"  {name:<14}{cost:>12.6g}{_share(cost, total):>9}{count:>10}  {notes[name]}".rstrip()
+    yield f"  {'total':<14}{total:>12.6g}{_share(total, total):>9}{'':>10}  = TGOSPA^p".rstrip()
+
+
+def _scale(result: Result) -> Iterator[str]:
+    problem = result.proof.states.problem
+    objects = max(len(problem.truth_step), len(problem.estimate_step))
+    if not objects:
+        return
+    order = result.proof.parameters.order
+    typical = (result.total / objects) ** (1 / order)
+    yield f"  per step             {quantity(result, result.normalised['tgospa'])}  (total / steps)^(1/p)"
+    yield f"  per object and step  {quantity(result, typical)}  a typical error, misses included"
+
+
+def _worst(result: Result) -> Iterator[str]:
+    worst = result.worst(SHOWN)
+    names = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
+    for key, name in names.items():
+        if worst[key]:
+            yield clip(f"  {name:<17}{'  '.join(map(str, worst[key]))}")
+
+
+def _switches(result: Result) -> Iterator[str]:
+    switches = result.switches_table()
+    count = len(switches["t"])
+    if not count:
+        return
+    yield f"  switches{'':<9}{'t':>10}  truth: from -> to"
+    for k in range(min(count, SHOWN)):
+        before, after = (_name(switches[key][k]) for key in ("from", "to"))
+        half = "" if switches["mass"][k] == 1 else f"  ({switches['mass'][k]:.3g} of a switch)"
+        moment, truth = switches["t"][k], switches["truth"][k]
+        yield clip(f"  {'':<17}{moment!s:>10}  {truth}: {before} -> {after}{half}")
+    if count > SHOWN:
+        yield f"  {'':<17}{'':>10}  and {count - SHOWN} more (--format json, or -o DIR)"
+
+
+def _footer(result: Result) -> Iterator[str]:
+    solve = result.timings["solve"]
+    spent = {
+        "read": result.timings["read"],
+        "distances": result.timings["distances"],
+        "solve": sum(solve.values()),
+        "certify": result.timings["certify"],
+    }
+    parts = "  ".join(f"{name} {seconds:.3f} s" for name, seconds in spent.items())
+    yield clip(f"  solver           {result.solver['name']}: {result.solver['status']}")
+    yield f"  time             {parts}"
+
+
+def clip(line: str) -> str:
+    """The line, cut to the width of the table."""
+    return line if len(line) <= WIDTH else line[: WIDTH - 3] + "..."
+
+
+def _name(value: Any) -> str:
+    return "none" if value is None else str(value)
+
+
+def _share(part: float, total: float) -> str:
+    return f"{100 * part / total:.1f} %" if total > 0 else "-"
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" + ("" if number == 1 else "s")

@@ -1,0 +1,86 @@
+"""The result as files: JSON and CSV tables, whole or absent."""
+
+import csv
+import io
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation import Result, Table
+
+
+def json_text(result: Result) -> str:
+    """The JSON document."""
+    return result.to_json()
+
+
+def per_step_csv(result: Result) -> str:
+    """The table of costs by step."""
+    return csv_text(result.per_step_table())
+
+
+def csv_text(table: Table) -> str:
+    """A table as CSV; None is an empty field, numbers are full doubles."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table)
+    writer.writerows(zip(*table.values(), strict=True))
+    return text.getvalue()
+
+
+def check_folder(folder: str, *, force: bool) -> None:
+    """See that a result folder can be written, before any work is done.
+
+    Raises
+    ------
+    ConfigError
+        It is a file, or not empty and `force` is not set.
+    """
+    path = Path(folder)
+    if path.exists() and not path.is_dir():
+        raise ConfigError(f"--output {folder}: is a file; name a folder")
+    if path.is_dir() and not force and any(path.iterdir()):
+        raise ConfigError(f"--output {folder}: is not empty; name another folder, or --force")
+
+
+def write_folder(result: Result, folder: str, *, force: bool) -> None:
+    """Write the result folder: every file beside first, then renamed.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written.
+    """
+    check_folder(folder, force=force)
+    texts = {
+        "result.json": result.to_json(),
+        "per_step.csv": per_step_csv(result),
+        "assignments.csv": csv_text(result.assignments_table()),
+        "switches.csv": csv_text(result.switches_table()),
+        "per_truth.csv": csv_text(result.per_truth_table()),
+        "per_estimate.csv": csv_text(result.per_estimate_table()),
+        "timings.csv": csv_text(_timings(result)),
+    }
+    path = Path(folder).absolute()
+    beside: str | None = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent)
+        for name, text in texts.items():
+            (Path(beside) / name).write_text(text, encoding="utf-8", newline="")
+        path.mkdir(exist_ok=True)
+        for name in texts:
+            os.replace(Path(beside) / name, path / name)
+    except OSError as error:
+        raise ConfigError(f"--output {folder}: cannot be written: {error.strerror}") from None
+    finally:
+        if beside is not None:
+            shutil.rmtree(beside, ignore_errors=True)
+
+
+def _timings(result: Result) -> Table:
+    flat = {k: v for k, v in result.timings.items() if k != "solve"}
+    flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
+    return {"stage": list(flat), "seconds": list(flat.values())}

@@ -1,0 +1,46 @@
+"""Small tables for papers and pull requests: Markdown and LaTeX."""
+
+from tgospa_eval.evaluation import Result
+from tgospa_eval.reports.console import PARTS, headline
+
+
+def _rows(result: Result) -> list[tuple[str, str, str, str]]:
+    rows = []
+    for name in PARTS:
+        cost = getattr(result, name)
+        count = f"{result.counts[name]:.6g}" if name in result.counts else ""
+        share = f"{100 * cost / result.total:.1f}" if result.total > 0 else ""
+        rows.append((name, f"{cost:.6g}", share, count))
+    rows.append(("total", f"{result.total:.6g}", "100" if result.total > 0 else "", ""))
+    return rows
+
+
+def _parameters(result: Result) -> str:
+    p = result.proof.parameters
+    return f"c = {p.cutoff:g}, p = {p.order:g}, gamma = {p.switch_penalty:g}"
+
+
+def markdown(result: Result) -> str:
+    """A Markdown table with the headline above it."""
+    # ">" and "<" of an unusual unit must not become markup
+    title = headline(result).replace("<", "&lt;").replace("|", "\\|")
+    lines = [f"**{title}** ({_parameters(result)})", "", "| cost | | share % | count |"]
+    lines.append("|---|---:|---:|---:|")
+    lines += [f"| {' | '.join(row)} |" for row in _rows(result)]
+    return "\n".join(lines) + "\n"
+
+
+def latex(result: Result) -> str:
+    """A booktabs table with a comment that says how the number was proven."""
+    lines = [
+        f"% {headline(result)} ({_parameters(result)})",
+        r"\begin{tabular}{lrrr}",
+        r"\toprule",
+        r"cost & & share (\%) & count \\",
+        r"\midrule",
+    ]
+    lines += [f"{' & '.join(row)} \\\\" for row in _rows(result)[:-1]]
+    lines += [r"\midrule", f"{' & '.join(_rows(result)[-1])} \\\\"]
+    lines += [r"\midrule", f"TGOSPA & {result.tgospa:.6g} & & \\\\", r"\bottomrule"]
+    lines.append(r"\end{tabular}")
+    return "\n".join(lines) + "\n"
