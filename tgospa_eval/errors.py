@@ -20,7 +20,7 @@ class ConfigError(TgospaError, ValueError):
 
 
 class InputError(TgospaError, ValueError):
-    """An input file or table is not what it has to be; the message says where, what and the remedy."""
+    """An input file or table is wrong; the message says where, what and the remedy."""
 
     exit_status = 3
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints, Parameters
+from tgospa_eval.problem import Floats, Ints, Parameters, sum_by
 from tgospa_eval.result import ONE, Bounds, Breakdown, changes
 from tgospa_eval.states import States
 
@@ -209,7 +209,9 @@ class Result:
         used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
         used = used[np.lexsort((states.pair[used], states.begin[used]))]
         entry, pair = states.entry[used], states.pair[used]
-        order = np.lexsort((states.pair_estimate[pair], states.pair_truth[pair], states.begin[used]))
+        order = np.lexsort(
+            (states.pair_estimate[pair], states.pair_truth[pair], states.begin[used])
+        )
         used, entry, pair = used[order], entry[order], pair[order]
         weight = self.proof.weights[used] / ONE
         cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
@@ -223,7 +225,7 @@ class Result:
         }
 
     def switches_table(self) -> Table:
-        """Changes of each truth's assignment at a step, from its largest loss to its largest gain."""
+        """Changes of each truth's assignment, from its largest loss to its largest gain."""
         states = self.proof.states
         state, amount = changes(states, self.proof.weights)
         rises = self.proof.weights[state] > self.proof.weights[state - 1]
@@ -267,7 +269,7 @@ class Result:
         changed, amount = changes(states, self.proof.weights)
 
         def total(index: Ints, value: Floats | None = None) -> Floats:
-            return np.bincount(index, value, minlength=len(ids))
+            return sum_by(index, np.ones(len(index)) if value is None else value, len(ids))
 
         unassigned = total(track, free / ONE)
         paid = amount * problem.crossing_price[states.begin[changed]]
@@ -285,14 +287,14 @@ class Result:
         return {"id": list(ids)} | {name: column.tolist() for name, column in columns.items()}
 
     def worst(self, count: int = 5) -> dict[str, list[Any]]:
-        """The `count` dearest steps, truths and estimates, dearest first; those of no cost left out."""
+        """The `count` dearest steps, truths and estimates, dearest first, free ones left out."""
         per_step = self.per_step_table()
         answer = {"steps": _dearest(per_step["t"], np.array(per_step["total"]), count)}
         for name, kind, table in (
             ("truth", "missed", self.per_truth_table()),
             ("estimates", "false", self.per_estimate_table()),
         ):
-            cost = sum((np.array(table[part]) for part in ("localisation", kind, "switch")))
+            cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
             answer[name] = _dearest(table["id"], np.asarray(cost), count)
         return answer
 
@@ -353,8 +355,18 @@ class Result:
         return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
 
     def _repr_html_(self) -> str:
-        parts = ("tgospa", "lower_bound", "upper_bound", "localisation", "missed", "false", "switch")
-        rows = "".join(f"<tr><th>{name}</th><td>{getattr(self, name):.6g}</td></tr>" for name in parts)
+        parts = (
+            "tgospa",
+            "lower_bound",
+            "upper_bound",
+            "localisation",
+            "missed",
+            "false",
+            "switch",
+        )
+        rows = "".join(
+            f"<tr><th>{name}</th><td>{getattr(self, name):.6g}</td></tr>" for name in parts
+        )
         return f"<table>{rows}</table>"
 
 

@@ -18,6 +18,11 @@ Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
 
 
+def sum_by(index: Ints, value: Floats, size: int) -> Floats:
+    """Sum of the values that share an index, (size,); added in the order given."""
+    return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
     """The three numbers of the metric.
@@ -134,7 +139,7 @@ class Problem:
 
     @property
     def crossing_price(self) -> Floats:
-        """Price of half a switch into each step, (T + 1,); 0 at the first step and after the last."""
+        """Price of half a switch into each step, (T + 1,); 0 into the first and after the last."""
         price = np.zeros(self.steps + 1)
         price[1 : self.steps] = self.switch_price
         return price

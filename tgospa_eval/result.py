@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints, Problem
+from tgospa_eval.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.states import Slots, States
 
 ONE = 1 << 50
@@ -125,10 +125,10 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
 
     row = states.pair_row[states.pair]
     share = weights / ONE
-    own = np.bincount(row, share * value, minlength=states.nodes)
+    own = sum_by(row, share * value, states.nodes)
     changed, amount = changes(states, weights)
     paid = states.problem.crossing_price[states.begin[changed]] * amount
-    own -= np.bincount(row[changed], paid, minlength=states.nodes)
+    own -= sum_by(row[changed], paid, states.nodes)
     regret = np.maximum(best_values(states, value) - own, 0.0)
     idle = (ONE - states.columns.sums(weights)) / ONE
 
@@ -140,11 +140,11 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
 
 
 def repair(states: States, weights: Floats) -> Ints:
-    """The nearest simple feasible assignment: clipped, snapped to 0 and 1, scaled where too full."""
+    """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
     fixed = np.clip(np.nan_to_num(weights, nan=0.0), 0.0, 1.0) * ONE
     fixed[fixed < SNAP] = 0
     fixed[fixed > ONE - SNAP] = ONE
-    whole = fixed.astype(np.int64)
+    whole: Ints = fixed.astype(np.int64)
     for slots in (states.rows, states.columns):
         whole = _fit(slots, whole)
     return whole
@@ -231,7 +231,7 @@ def break_down(states: States, weights: Ints) -> Breakdown:
     steps = problem.steps
 
     def by_step(step: Ints, amount: Floats) -> Floats:
-        return np.bincount(step, amount, minlength=steps)
+        return sum_by(step, amount, steps)
 
     def unassigned(step: Ints, price: Floats, row: Ints) -> tuple[Floats, Floats]:
         free = np.full(len(step), ONE)

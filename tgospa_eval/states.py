@@ -242,12 +242,12 @@ def _distinct(block: Ints, node: Ints, blocks: int) -> Ints:
     """Number of distinct nodes in each block."""
     if not len(node):
         return np.zeros(blocks, np.int64)
-    seen, first = np.unique(node, return_index=True)
+    _, first = np.unique(node, return_index=True)
     return np.bincount(block[first], minlength=blocks)
 
 
 def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Ints, Ints]]:
-    """Number the nodes block by block, rows before columns; block of each, and the renamed pairs."""
+    """Number the nodes block by block, rows first; block of each node, and the renamed pairs."""
     row_ids, row_at, row_of = np.unique(row, return_index=True, return_inverse=True)
     col_ids, col_at, col_of = np.unique(column, return_index=True, return_inverse=True)
     node_block = np.concatenate((block[row_at], block[col_at]))

@@ -103,14 +103,14 @@ class Trajectories:
         if np.isinf(states).any():
             step, track, _ = (int(axis[0]) for axis in np.nonzero(np.isinf(states)))
             raise InputError(f"infinite state at step {step}, track {track}; NaN means absent")
-        step, track = np.nonzero(~np.isnan(states).any(axis=2))
+        at, who = np.nonzero(~np.isnan(states).any(axis=2))
         size = states.shape[2]
         if columns is None:
             columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
         return cls(
-            step=step,
-            track=track,
-            state=states[step, track],
+            step=at,
+            track=who,
+            state=states[at, who],
             ids=np.array([str(k) for k in range(states.shape[1])], dtype=object),
             times=np.arange(states.shape[0]),
             columns=columns,

@@ -27,12 +27,13 @@ for i, (birth, death) in enumerate(lives):
             name = 107
         lost = (i == 3 and 36 <= t < 40) or t < birth + 2
         if not lost and rng.random() > 0.05:
-            ex, ey = (x, y) + rng.normal(0, 1, 2)
+            ex, ey = np.array([x, y]) + rng.normal(0, 1, 2)
             estimate.append((str(name), t, ex, ey))
-for t in range(25, 32):
-    estimate.append(("106", t, 150 + 1.5 * (t - 25), 170 - 2 * (t - 25)))
+estimate += [("106", t, 150 + 1.5 * (t - 25), 170 - 2 * (t - 25)) for t in range(25, 32)]
 
 folder = Path(__file__).parent
 for name, rows in (("truth", truth), ("estimate", estimate)):
-    lines = [f"{i},{t},{x:.3f},{y:.3f}\n" for i, t, x, y in sorted(rows, key=lambda r: (r[1], r[0]))]
+    lines = [
+        f"{i},{t},{x:.3f},{y:.3f}\n" for i, t, x, y in sorted(rows, key=lambda r: (r[1], r[0]))
+    ]
     (folder / f"{name}.csv").write_text("id,t,x,y\n" + "".join(lines), encoding="utf-8", newline="")

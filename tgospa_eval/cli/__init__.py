@@ -79,7 +79,7 @@ class Verbs(click.Group):
 )
 @click.version_option(__version__, prog_name="tgospa-eval", message="%(prog)s %(version)s")
 def cli() -> None:
-    """Evaluate a multi-target tracker with the TGOSPA metric, exactly and with proof.
+    r"""Evaluate a multi-target tracker with the TGOSPA metric, exactly and with proof.
 
     \b
     tgospa-eval truth.csv estimate.csv          evaluate (the default verb)

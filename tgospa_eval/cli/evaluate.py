@@ -15,7 +15,7 @@ ACCURACY_MISSED = 4
 @click.argument("estimate", type=click.Path())
 @evaluation_options
 @click.pass_context
-def command(ctx: click.Context, truth: str, estimate: str, **options: Any) -> None:
+def command(ctx: click.Context, /, truth: str, estimate: str, **options: Any) -> None:
     """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
 
     Both are CSV tables id,t,x[,y[,z]], one row per object and step; a row that is

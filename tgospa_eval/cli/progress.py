@@ -32,7 +32,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     def body() -> None:
         try:
             answer.append(work())
-        except BaseException as error:  # noqa: BLE001 - raised again below, in the main thread
+        except BaseException as error:
             failure.append(error)
 
     worker = threading.Thread(target=body, daemon=True)

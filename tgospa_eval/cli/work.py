@@ -65,7 +65,9 @@ def evaluate_files(
     def work() -> Result:
         with stopwatch.span("read"):
             sides = read(truth, reading), read(estimate, reading)
-        return _evaluate(sides, (truth, estimate), parameters, solver, options, given, say, stopwatch)
+        return _evaluate(
+            sides, (truth, estimate), parameters, solver, options, given, say, stopwatch
+        )
 
     result = run(work, stopwatch, show=not quiet)
     if verbose:
@@ -125,7 +127,9 @@ def _default_notice(
 ) -> str:
     """One line about the defaults in use, with the scale of the data beside it."""
     names = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
-    used = [f"{names[name]} = {options[name]:g}" for name, is_given in given.items() if not is_given]
+    used = [
+        f"{names[name]} = {options[name]:g}" for name, is_given in given.items() if not is_given
+    ]
     flags = {"cutoff": "-c", "switch_penalty": "-g"}
     asked = " and ".join(flags[name] for name, is_given in given.items() if not is_given)
     nearest = median_nearest(
@@ -168,4 +172,3 @@ def show(result: Result, options: dict[str, Any]) -> None:
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")
     click.echo(REPORTS[options["format_"]](result), nl=False)
-

@@ -41,9 +41,7 @@ class Pairs:
     distance: Floats
 
 
-def near_pairs(
-    truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Norm
-) -> Pairs:
+def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Norm) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
     every = np.arange(len(truth.times) + 1)
     truth_at = np.searchsorted(truth.step, every)

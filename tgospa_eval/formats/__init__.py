@@ -52,11 +52,16 @@ class ReadOptions:
     on_duplicate: str = "error"
 
     def __post_init__(self) -> None:
-        for name, allowed in (("decimal", (".", ",")), ("on_duplicate", ("error", "first", "last"))):
+        for name, allowed in (
+            ("decimal", (".", ",")),
+            ("on_duplicate", ("error", "first", "last")),
+        ):
             value = getattr(self, name)
             if value not in allowed:
                 options = ", ".join(f'"{item}"' for item in allowed)
-                raise ConfigError(f'{name.replace("_", "-")} is "{value}": must be one of {options}')
+                raise ConfigError(
+                    f'{name.replace("_", "-")} is "{value}": must be one of {options}'
+                )
 
 
 def read(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Reading:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ def assemble(
         An (id, t) is repeated and `on_duplicate` is ``"error"``.
     """
     notices: list[str] = []
-    present = ~np.isnan(state).any(axis=1)
+    present = np.asarray(~np.isnan(state).any(axis=1))
     absent = len(present) - int(np.count_nonzero(present))
     if absent:
         plural = "rows" if absent > 1 else "row"
@@ -72,7 +73,7 @@ def assemble(
         track=track_used,
         state=state[rows],
         ids=track_ids[used],
-        times=moments,
+        times=cast(NDArray[np.float64], moments),
         columns=names,
         clock=times.clock,
         labels=labels,
@@ -114,6 +115,6 @@ def _duplicate(
     moment = times.text[row].strip() if times.text is not None else times.value[row].item()
     more = f" (and {len(again) - 1} more)" if len(again) > 1 else ""
     return (
-        f"{where(row)}: id {quoted(ids[row])} at t {moment} was given before, {where(first)}{more}; "
-        "one row per object and step, or --on-duplicate first or last"
+        f"{where(row)}: id {quoted(ids[row])} at t {moment} was given before, "
+        f"{where(first)}{more}; one row per object and step, or --on-duplicate first or last"
     )

@@ -1,7 +1,7 @@
 """pandas DataFrames in the long form of the CSV files."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def from_frame(frame: "pd.DataFrame", options: ReadOptions | None = None, name: str = "table") -> Reading:
+def from_frame(
+    frame: "pd.DataFrame", options: ReadOptions | None = None, name: str = "table"
+) -> Reading:
     """Read a DataFrame with the columns ``id, t, x[, y[, z]]``; NaN means absent.
 
     Raises
@@ -57,22 +59,24 @@ def from_frame(frame: "pd.DataFrame", options: ReadOptions | None = None, name: 
     return Reading(trajectories=trajectories, rows=len(frame), notices=tuple(notices))
 
 
-def _times(column: "pd.Series[object]") -> Times:
+def _times(column: "pd.Series[Any]") -> Times:
     """Numbers, timestamps or texts."""
     missing = np.flatnonzero(column.isna())
     if len(missing):
         raise TimeError(int(missing[0]), "blank; write a number or a time")
     kind = column.dtype.kind
     if kind in "iu":
-        return Times(value=column.to_numpy(dtype=np.int64), clock="number", text=None)
+        if len(column) and column.max() > np.iinfo(np.int64).max:
+            raise TimeError(int(column.argmax()), "a time beyond 64 bits; write smaller numbers")
+        return Times(value=np.asarray(column, dtype=np.int64), clock="number", text=None)
     if kind == "f":
-        value = column.to_numpy(dtype=np.float64)
+        value = np.asarray(column, dtype=np.float64)
         odd = np.flatnonzero(~np.isfinite(value))
         if len(odd):
             raise TimeError(int(odd[0]), "not a finite time; write a number")
-        return Times(value=value + 0.0, clock="number", text=None)
+        return Times(value=np.asarray(value + 0.0), clock="number", text=None)
     if kind == "M":
-        texts = [stamp.isoformat() for stamp in column.tolist()]  # type: ignore[attr-defined]
+        texts = [stamp.isoformat() for stamp in column.tolist()]
         return parse_times(texts, _floats)
     return parse_times([str(value) for value in column.tolist()], _floats)
 

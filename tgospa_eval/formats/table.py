@@ -200,7 +200,10 @@ def _numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int
         if wrong:
             row = wrong[0]
             return values, [
-                (row, f"not a number: {quoted(texts[row])}{_more(len(wrong))}; {_remedy(texts[row])}")
+                (
+                    row,
+                    f"not a number: {quoted(texts[row])}{_more(len(wrong))}; {_remedy(texts[row])}",
+                )
             ]
     infinite = np.flatnonzero(np.isinf(values))
     if len(infinite):

@@ -39,7 +39,9 @@ class TimeError(ValueError):
         self.row = row
 
 
-def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> Times:
+def parse_times(
+    texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]
+) -> Times:
     """All texts of a column; they must be of one kind.
 
     Parameters

@@ -78,7 +78,8 @@ def _parts(result: Result) -> Iterator[str]:
     for name in PARTS:
         cost = getattr(result, name)
         count = f"{result.counts[name]:.6g}" if name in result.counts else ""
-        yield f"  {name:<14}{cost:>12.6g}{_share(cost, total):>9}{count:>10}  {notes[name]}".rstrip()
+        share = _share(cost, total)
+        yield f"  {name:<14}{cost:>12.6g}{share:>9}{count:>10}  {notes[name]}".rstrip()
     yield f"  {'total':<14}{total:>12.6g}{_share(total, total):>9}{'':>10}  = TGOSPA^p".rstrip()
 
 
@@ -89,7 +90,8 @@ def _scale(result: Result) -> Iterator[str]:
         return
     order = result.proof.parameters.order
     typical = (result.total / objects) ** (1 / order)
-    yield f"  per step             {quantity(result, result.normalised['tgospa'])}  (total / steps)^(1/p)"
+    per_step = quantity(result, result.normalised["tgospa"])
+    yield f"  per step             {per_step}  (total / steps)^(1/p)"
     yield f"  per object and step  {quantity(result, typical)}  a typical error, misses included"
 
 

@@ -134,9 +134,7 @@ def solve_block(states: States, block: Block, seconds: float | None) -> Solution
     )
 
 
-def _load(
-    reward: Floats, row: Ints, column: Ints, entry: Floats, full: Floats
-) -> highspy.Highs:
+def _load(reward: Floats, row: Ints, column: Ints, entry: Floats, full: Floats) -> highspy.Highs:
     """A HiGHS model: maximise reward x over x >= 0 with sparse A x <= full."""
     order = np.lexsort((row, column))
     lp = highspy.HighsLp()
@@ -148,9 +146,9 @@ def _load(
     lp.row_upper_ = full
     lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
     lp.a_matrix_.start_ = np.searchsorted(column[order], np.arange(len(reward) + 1))
-    lp.a_matrix_.index_ = row[order]
+    lp.a_matrix_.index_ = row[order].astype(np.int32)
     lp.a_matrix_.value_ = entry[order]
-    highs = highspy.Highs()
+    highs = highspy.Highs()  # type: ignore[no-untyped-call]
     for option, value in (
         ("output_flag", False),
         ("presolve", "off"),

@@ -86,7 +86,7 @@ class _Programme:
 
 
 def _build(states: States, block: Block) -> _Programme:
-    """maximise gain w - price |D w| over w >= 0 with every slot at most full."""
+    """Maximise gain w - price |D w| over w >= 0 with every slot at most full."""
     import cvxpy as cp  # here: importing it takes longer than most evaluations
 
     gain = states.gain[block.states]

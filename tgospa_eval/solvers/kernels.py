@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import ONE, best_values, changes, events, repair
 from tgospa_eval.states import Block, Slots, States
 
@@ -81,16 +81,17 @@ def settled(states: States, block: Block, price: Floats, weights: Floats) -> Flo
         return weights
     pair = states.pair[block.states] - block.pairs.start
     length = states.end[block.states] - states.begin[block.states] + 1
-    return (np.bincount(pair, weights * length) / np.bincount(pair, length))[pair]
+    pairs = block.pairs.stop - block.pairs.start
+    mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length.astype(float), pairs)
+    return np.asarray(mean[pair], np.float64)
 
 
 def dual_values(states: States, prices: Floats) -> Floats:
     """Upper bound of what can be gained in each block, from prices >= 0, (B,)."""
     blocks = len(states.block_begin)
     best = best_values(states, states.gain - states.columns.totals(prices))
-    return np.bincount(states.node_block, best, minlength=blocks) + np.bincount(
-        states.node_block[states.columns.node], prices, minlength=blocks
-    )
+    slot_block = states.node_block[states.columns.node]
+    return sum_by(states.node_block, best, blocks) + sum_by(slot_block, prices, blocks)
 
 
 def block_values(states: States, weights: Floats) -> Floats:
@@ -100,9 +101,8 @@ def block_values(states: States, weights: Floats) -> Floats:
     blocks = len(states.block_begin)
     changed, amount = changes(states, whole)
     paid = states.problem.crossing_price[states.begin[changed]] * amount
-    return np.bincount(of_state, whole / ONE * states.gain, minlength=blocks) - np.bincount(
-        of_state[changed], paid, minlength=blocks
-    )
+    gained = sum_by(of_state, whole / ONE * states.gain, blocks)
+    return gained - sum_by(of_state[changed], paid, blocks)
 
 
 def better(states: States, first: Floats, second: Floats) -> Floats:

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import block_values, dual_values
 from tgospa_eval.solvers.rounding import round_paths
@@ -276,7 +276,9 @@ class _Sweeps:
                 # `ahead` has the weight of this step, `behind` of the other direction as well
                 # only in what follows: both are messages up to this step, one with its weight.
                 through = ahead[part] + behind[part] - weight
-                share = through - _log_sum(through, none + none_behind[groups], offsets, group)[group]
+                share = (
+                    through - _log_sum(through, none + none_behind[groups], offsets, group)[group]
+                )
                 self.mass[part] = np.exp(share)
                 change = self._reprice(k, part, share, epsilon)
                 violation = max(violation, change)
@@ -287,14 +289,12 @@ class _Sweeps:
         return violation
 
     def _reprice(self, k: int, part: slice, share: Floats, epsilon: float) -> float:
-        """New prices of the columns of step k: u = 1 / (1 + mass without u); the violation before."""
+        """New prices of the columns of step k, u = 1 / (1 + mass / u); the violation before."""
         low, high = self.priced_at[k], self.priced_at[k + 1]
         if low == high:
             return 0.0
         inside = self.priced[part] >= low
-        mass = np.bincount(
-            self.priced[part][inside] - low, np.exp(share[inside]), minlength=high - low
-        )
+        mass = sum_by(self.priced[part][inside] - low, np.exp(share[inside]), high - low)
         old = self.price[low:high]
         with np.errstate(divide="ignore"):
             self.price[low:high] = epsilon * np.logaddexp(0.0, np.log(mass) + old / epsilon)
@@ -310,9 +310,7 @@ class _Sweeps:
 
     def slot_prices(self) -> Floats:
         """Price of every column slot: the sum over its steps."""
-        return np.bincount(
-            self.slot, self.price[self.free :], minlength=len(self.states.columns.node)
-        )
+        return sum_by(self.slot, self.price[self.free :], len(self.states.columns.node))
 
 
 def _chain(states: States, left: Ints) -> tuple[Ints, Ints]:
@@ -329,7 +327,7 @@ def _chain(states: States, left: Ints) -> tuple[Ints, Ints]:
 
 
 def _log_sum(value: Floats, other: Floats | None, offsets: Ints, group: Ints) -> Floats:
-    """log of the sum of exp over each group, and of `other` with it."""
+    """Log of the sum of exp over each group, and of `other` with it."""
     top = np.maximum.reduceat(value, offsets)
     if other is not None:
         top = np.maximum(top, other)
@@ -340,5 +338,5 @@ def _log_sum(value: Floats, other: Floats | None, offsets: Ints, group: Ints) ->
 
 
 def _log_stay(paid: float) -> float:
-    """log(1 - q^2), q = exp(-paid): staying, beside leaving and coming back at one transition."""
+    """Log of 1 - q^2, q = exp(-paid): staying, beside leaving and coming back at one transition."""
     return float(np.log(-np.expm1(-2.0 * paid))) if paid > 0 else -np.inf

@@ -8,9 +8,7 @@ from tgospa_eval.solvers.kernels import best_paths
 from tgospa_eval.states import States, connected_components
 
 
-def solve_trivial(
-    states: States, *, conflict_free: bool = False
-) -> tuple[Floats, Floats, Ints]:
+def solve_trivial(states: States, *, conflict_free: bool = False) -> tuple[Floats, Floats, Ints]:
     """Weights and prices of the trivial blocks, and the numbers of the blocks that are left.
 
     A block with one row (one pair included) is a shortest path. Blocks of one step, and all steps
@@ -20,7 +18,7 @@ def solve_trivial(
     weights = np.zeros(len(states.pair))
     prices = np.zeros(len(states.columns.node))
     single = np.flatnonzero(states.entry >= 0)
-    if states.problem.switch_price == 0.0:
+    if not np.any(states.problem.switch_price):
         _assign_steps(states, single, weights, prices)
         _hold(states, weights)
         return weights, prices, np.zeros(0, np.int64)

@@ -1,0 +1,62 @@
+"""Random instances for the property tests: small, of every kind that has bitten somebody."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+ORDERS = st.sampled_from([1.0, 1.5, 2.0, 3.0])
+SWITCH = st.sampled_from([0.0, 0.05, 0.3, 1.0, 2.0, 5.0, 1000.0])
+
+
+@st.composite
+def sets(
+    draw: st.DrawFn, steps: int, dimension: int, most: int = 3, grid: bool | None = None
+) -> np.ndarray:
+    """Trajectories (T, k, d): holes anywhere, often on a coarse grid so that ties are common."""
+    count = draw(st.integers(0, most))
+    on_grid = draw(st.booleans()) if grid is None else grid
+    seed = draw(st.integers(0, 2**32 - 1))
+    holes = draw(st.sampled_from([0.0, 0.2, 0.5]))
+    rng = np.random.default_rng(seed)
+    states = rng.uniform(0, 4, (steps, count, dimension))
+    if on_grid:
+        states = np.round(states)
+    states[rng.random((steps, count)) < holes] = np.nan
+    return states
+
+
+@st.composite
+def pairs_of_sets(
+    draw: st.DrawFn, most: int = 3, most_steps: int = 5
+) -> tuple[np.ndarray, np.ndarray]:
+    steps = draw(st.integers(1, most_steps))
+    dimension = draw(st.integers(1, 3))
+    return draw(sets(steps, dimension, most)), draw(sets(steps, dimension, most))
+
+
+def scene(
+    seed: int, m: int, n: int, steps: int, *, side: float, noise: float = 0.5
+) -> tuple[np.ndarray, np.ndarray]:
+    """Crowded scene: walkers in a square; estimates with noise, misses, swaps, and false tracks."""
+    rng = np.random.default_rng(seed)
+    truth = np.empty((steps, m, 2))
+    position = rng.uniform(0, side, (m, 2))
+    velocity = rng.normal(0, 1, (m, 2))
+    for k in range(steps):
+        truth[k] = position
+        velocity += rng.normal(0, 0.2, (m, 2))
+        position = np.abs(position + velocity)
+        over = position > side
+        position = np.where(over, 2 * side - position, position)
+        velocity = np.where(over, -velocity, velocity)
+    estimate = np.full((steps, n, 2), np.nan)
+    who = rng.permutation(n)[: min(m, n)]
+    for k in range(steps):
+        if rng.random() < 0.2 and len(who) > 1:
+            a, b = rng.choice(len(who), 2, replace=False)
+            who[[a, b]] = who[[b, a]]
+        seen = rng.random(len(who)) < 0.9
+        estimate[k, who[seen]] = (truth[k, : len(who)] + rng.normal(0, noise, (len(who), 2)))[seen]
+    for j in set(range(n)) - set(who.tolist()):
+        begin = rng.integers(0, steps)
+        estimate[begin : begin + 5, j] = rng.uniform(0, side, 2)
+    return truth, estimate
