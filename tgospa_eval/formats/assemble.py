@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
 def assemble(
     *,
-    ids: Sequence[str],
+    ids: tuple[NDArray[np.object_], Ints],
     times: Times,
     state: Floats,
     names: tuple[str, ...],
@@ -25,8 +25,8 @@ def assemble(
 
     Parameters
     ----------
-    ids : sequence of (R,) str
-        Id of each row.
+    ids : tuple
+        Distinct ids (k,), and the number of each row's (R,).
     times : Times
         Time of each row.
     state : (R, d) float array
@@ -44,32 +44,41 @@ def assemble(
         An (id, t) is repeated and `on_duplicate` is ``"error"``.
     """
     notices: list[str] = []
-    present = np.asarray(~np.isnan(state).any(axis=1))
+    present = np.ones(len(state), bool)
+    for column in state.T:
+        present &= column == column  # NaN is not
     absent = len(present) - int(np.count_nonzero(present))
     if absent:
         plural = "rows" if absent > 1 else "row"
         notices.append(f"{absent} {plural} with a blank or NaN position: absent at that step")
 
-    track_ids, track = number_ids(ids)
-    moments, step = np.unique(times.value, return_inverse=True)
+    track_ids, track = ids
+    moments, step = _number_times(times.value)
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
-    rows = np.flatnonzero(present)
-    rows = rows[np.argsort(key[rows], kind="stable")]
-    again = np.flatnonzero(np.diff(key[rows]) == 0)
+    rows = np.argsort(key, kind="stable")
+    if absent:
+        rows = rows[present[rows]]
+    ordered = key[rows]
+    again = np.flatnonzero(ordered[1:] == ordered[:-1])
     if len(again):
         if on_duplicate == "error":
-            raise InputError(_duplicate(rows, again, key, ids, times, where))
+            raise InputError(_duplicate(rows, again, key, track_ids[track], times, where))
         drop = again + 1 if on_duplicate == "first" else again
-        rows = np.delete(rows, drop)
+        rows, ordered = np.delete(rows, drop), np.delete(ordered, drop)
         notices.append(f"{len(again)} rows repeat an (id, t): the {on_duplicate} one was taken")
 
     labels = None
     if times.text is not None:
         labels = np.empty(len(moments), dtype=object)
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
-    used, track_used = np.unique(track[rows], return_inverse=True)
+    # From the sorted keys: cheaper than gathering two columns from all over the table.
+    step_used, track_used = np.divmod(ordered, max(len(track_ids), 1))
+    has_rows = np.bincount(track_used, minlength=len(track_ids)) > 0
+    used = np.flatnonzero(has_rows)
+    if len(used) < len(track_ids):
+        track_used = (np.cumsum(has_rows) - 1)[track_used]
     trajectories = Trajectories(
-        step=step[rows],
+        step=step_used,
         track=track_used,
         state=state[rows],
         ids=track_ids[used],
@@ -79,6 +88,18 @@ def assemble(
         labels=labels,
     )
     return trajectories, notices
+
+
+def _number_times(value: NDArray[Any]) -> tuple[NDArray[Any], Ints]:
+    """Distinct times in order, and the number of each row's."""
+    if value.dtype.kind == "i" and len(value):
+        low, high = int(value.min()), int(value.max())
+        if high - low < 4 * len(value):  # a table is quicker than sorting
+            seen = np.zeros(high - low + 1, bool)
+            seen[value - low] = True
+            return np.flatnonzero(seen) + low, (np.cumsum(seen) - 1)[value - low]
+    moments, step = np.unique(value, return_inverse=True)
+    return moments, step
 
 
 def number_ids(ids: Sequence[str]) -> tuple[NDArray[np.object_], Ints]:
@@ -103,7 +124,7 @@ def _duplicate(
     rows: Ints,
     again: Ints,
     key: Ints,
-    ids: Sequence[str],
+    ids: NDArray[np.object_],
     times: Times,
     where: Callable[[int], str],
 ) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading, ReadOptions
-from tgospa_eval.formats.assemble import assemble
+from tgospa_eval.formats.assemble import assemble, number_ids
 from tgospa_eval.formats.columns import find_roles
 from tgospa_eval.formats.times import TimeError, Times, parse_times
 
@@ -49,7 +49,7 @@ def from_frame(
     except TimeError as error:
         raise InputError(f"{where(error.row)}: {error}") from None
     trajectories, notices = assemble(
-        ids=[str(value).strip() for value in identity.tolist()],
+        ids=number_ids([str(value).strip() for value in identity.tolist()]),
         times=times,
         state=state,
         names=roles.names,

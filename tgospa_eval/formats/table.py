@@ -1,23 +1,27 @@
 """CSV tables: ``id,t,x[,y[,z]]`` and other columns, one row per object and step.
 
 Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
-start without importing pandas. Files without quotes, the common case, are split in one call after
-the delimiters of every line were counted; others go through the csv module.
+start without importing pandas; only large regular files take the quick way of
+`tgospa_eval.formats.bulk`. Files without quotes, the common case, are split in one call after the
+delimiters of every line were counted; others go through the csv module.
 """
 
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading, ReadOptions
-from tgospa_eval.formats.assemble import assemble
-from tgospa_eval.formats.columns import find_roles
-from tgospa_eval.formats.times import TimeError, parse_times, quoted
-from tgospa_eval.trajectories import Floats
+from tgospa_eval.formats.assemble import assemble, number_ids
+from tgospa_eval.formats.bulk import SIZE, read_bulk
+from tgospa_eval.formats.columns import Roles, find_roles
+from tgospa_eval.formats.times import TimeError, Times, parse_times, quoted
+from tgospa_eval.trajectories import Floats, Ints
 
 DELIMITERS = ",;\t"
 
@@ -30,53 +34,75 @@ def read_table(path: str, options: ReadOptions) -> Reading:
     InputError
         See `tgospa_eval.formats.read`.
     """
-    text = _load(path)
-    header, body_line, body = _header(text, path)
+    data = _load(path)
+    text = _decode(data, path)
+    header, first, start = _header(text, path)
     delimiter = _delimiter(header, options.decimal)
-    names = next(csv.reader([header], delimiter=delimiter))
-    roles = find_roles(names, options.columns, f"{path}, line {body_line - 1}")
-    columns, lines = _tokenise(body, delimiter, len(names), path, body_line)
-    rows = len(columns[roles.id])
-
-    def where(row: int) -> str:
-        return f"{path}, line {body_line + row if lines is None else lines[row]}"
-
-    def at(row: int, column: int) -> str:
-        return f'{where(row)}, column "{names[column].strip()}"'
-
-    problems: list[str] = []
-    ids = columns[roles.id]
-    if rows and (ids[0] != ids[0].strip() or any(c in "".join(ids) for c in " \t\xa0")):
-        ids = [text.strip() for text in ids]
-    if "" in ids:
-        problems.append(
-            f"{at(ids.index(''), roles.id)}: blank id{_more(ids.count(''))}; name the object"
-        )
-    state = np.empty((rows, len(roles.state)))
-    for k, column in enumerate(roles.state):
-        state[:, k], wrong = _numbers(columns[column], options.decimal)
-        problems += [f"{at(row, column)}: {message}" for row, message in wrong]
-    try:
-        times = parse_times(columns[roles.time], lambda texts: _floats(texts, options.decimal))
-    except TimeError as error:
-        problems.append(f"{at(error.row, roles.time)}: {error}")
-    if problems:
-        raise InputError("\n".join(problems))
+    names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
+    roles = find_roles(names, options.columns, f"{path}, line {first - 1}")
+    lines: Sequence[int]
+    table = None
+    if len(data) >= SIZE:
+        table = read_bulk(path, data, first, delimiter, len(names), roles, options.decimal)
+    if table is not None:
+        lines = range(first, first + len(table[2]))
+    else:
+        columns, lines = _tokenise(text[start:], delimiter, len(names), path, first)
+        places = _Places(path=path, lines=lines, names=names)
+        table = _convert(columns, roles, options.decimal, places)
+    ids, times, state = table
     trajectories, notices = assemble(
         ids=ids,
         times=times,
         state=state,
         names=roles.names,
         on_duplicate=options.on_duplicate,
-        where=where,
+        where=_Places(path=path, lines=lines, names=names).row,
     )
     if roles.unused:
         notices.insert(0, f"columns not used: {', '.join(roles.unused)}")
-    return Reading(trajectories=trajectories, rows=rows, notices=tuple(notices))
+    return Reading(trajectories=trajectories, rows=len(state), notices=tuple(notices))
 
 
-def _load(path: str) -> str:
-    """The text of a file, with one kind of line end."""
+@dataclass(frozen=True, kw_only=True)
+class _Places:
+    """Says where something is."""
+
+    path: str
+    lines: Sequence[int]
+    names: Sequence[str]
+
+    def row(self, row: int) -> str:
+        return f"{self.path}, line {self.lines[row]}"
+
+    def field(self, row: int, column: int) -> str:
+        return f'{self.row(row)}, column "{self.names[column]}"'
+
+
+def _convert(
+    columns: list[list[str]], roles: Roles, decimal: str, places: _Places
+) -> tuple[tuple[NDArray[np.object_], Ints], Times, Floats]:
+    """Ids with the number of each row's, times and states; all mistakes in one error."""
+    problems: list[str] = []
+    ids = [text.strip() for text in columns[roles.id]]
+    if "" in ids:
+        place = places.field(ids.index(""), roles.id)
+        problems.append(f"{place}: blank id{_more(ids.count(''))}; name the object")
+    state = np.empty((len(ids), len(roles.state)))
+    for k, column in enumerate(roles.state):
+        state[:, k], wrong = _numbers(columns[column], decimal)
+        problems += [f"{places.field(row, column)}: {message}" for row, message in wrong]
+    try:
+        times = parse_times(columns[roles.time], lambda texts: _floats(texts, decimal))
+    except TimeError as error:
+        problems.append(f"{places.field(error.row, roles.time)}: {error}")
+    if problems:
+        raise InputError("\n".join(problems))
+    return number_ids(ids), times, state
+
+
+def _load(path: str) -> bytes:
+    """The bytes of a file that can be text."""
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
@@ -94,6 +120,11 @@ def _load(path: str) -> str:
     if 0 in data:
         line = data.count(b"\n", 0, data.index(0)) + 1
         raise InputError(f"{path}, line {line}: binary data, not text; a CSV file is needed")
+    return data
+
+
+def _decode(data: bytes, path: str) -> str:
+    """The text, with one kind of line end."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -106,14 +137,14 @@ def _load(path: str) -> str:
     return text
 
 
-def _header(text: str, path: str) -> tuple[str, int, str]:
-    """First line with content, the number of the line after it, and the text from there on."""
+def _header(text: str, path: str) -> tuple[str, int, int]:
+    """First line with content, the number of the line after it, and where that begins."""
     line, start = 1, 0
     while start < len(text):
         stop = text.find("\n", start)
         stop = len(text) if stop < 0 else stop
         if text[start:stop].strip():
-            return text[start:stop], line + 1, text[stop + 1 :]
+            return text[start:stop], line + 1, stop + 1
         line, start = line + 1, stop + 1
     raise InputError(f"{path}: blank lines only; a set without objects is a header alone")
 
@@ -125,11 +156,11 @@ def _delimiter(header: str, decimal: str) -> str:
 
 def _tokenise(
     body: str, delimiter: str, width: int, path: str, first_line: int
-) -> tuple[list[list[str]], list[int] | None]:
-    """The columns of the table; and the line of every row where that is not just counted on."""
+) -> tuple[list[list[str]], Sequence[int]]:
+    """The columns of the table, and the line of every row."""
     body = body.rstrip("\n")
     if not body:
-        return [[] for _ in range(width)], None
+        return [[] for _ in range(width)], []
     if '"' not in body:
         data = np.frombuffer((body + "\n").encode(), np.uint8)
         marks = data[(data == ord(delimiter)) | (data == ord("\n"))]
@@ -137,7 +168,10 @@ def _tokenise(
             ends = marks.reshape(-1, width) == ord("\n")
             if ends[:, -1].all() and not ends[:, :-1].any() and (width > 1 or "\n\n" not in body):
                 fields = body.replace("\n", delimiter).split(delimiter)
-                return [fields[k::width] for k in range(width)], None
+                rows = len(fields) // width
+                return [fields[k::width] for k in range(width)], range(
+                    first_line, first_line + rows
+                )
     return _tokenise_slowly(body, delimiter, width, path, first_line)
 
 

@@ -1,0 +1,132 @@
+"""Large and regular CSV files through the C parser of pandas.
+
+A quick way only: whatever is not plainly right (quotes, blank lines, a row too short, a text that
+is no number) is left to `tgospa_eval.formats.table`, which says what is wrong and where.
+"""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.formats.assemble import number_ids
+from tgospa_eval.formats.columns import Roles
+from tgospa_eval.formats.times import Times
+from tgospa_eval.trajectories import Floats, Ints
+
+SIZE = 4_000_000
+"""Bytes from which importing pandas pays."""
+
+
+def read_bulk(
+    path: str, data: bytes, first: int, delimiter: str, width: int, roles: Roles, decimal: str
+) -> tuple[tuple[NDArray[np.object_], Ints], Times, Floats] | None:
+    """Ids with the number of each row's, times and states of the rows; or None if irregular.
+
+    Parameters
+    ----------
+    path : str
+        The file: pandas reads it twice as fast from there as from memory.
+    data : bytes
+        Its content.
+    first : int
+        Line of the first row.
+    delimiter, decimal : str
+        As found.
+    width : int
+        Columns of the header.
+    roles : Roles
+        Which column is what.
+    """
+    used = {roles.id, roles.time, *roles.state}
+    if b'"' in data or len(used) != 2 + len(roles.state) or not Path(path).is_file():
+        return None
+    start = 0
+    for _ in range(first - 1):
+        start = data.index(b"\n", start) + 1
+    ends = start + np.flatnonzero(np.frombuffer(data, np.uint8, offset=start) == ord("\n"))
+    if not data.endswith(b"\n"):
+        ends = np.append(ends, len(data))
+    rows = len(ends)
+    plain = roles.id == 0 and _plain_integers(data, np.append(start, ends[:-1] + 1), delimiter)
+    frame = _parse(path, first, delimiter, width, roles, decimal, "int64" if plain else object)
+    if frame is None or len(frame) != rows:
+        return None
+    # A row that is too long makes the parser fail. One that is too short has no last field: that
+    # shows as NaN in a state, else the delimiters tell.
+    last = frame[width - 1] if width - 1 in roles.state else None
+    in_doubt = last is None or last.isna().any()
+    if in_doubt and data.count(delimiter.encode(), start) != rows * (width - 1):
+        return None
+    time = frame[roles.time].to_numpy()
+    state = np.empty((rows, len(roles.state)), order="F")
+    for k, column in enumerate(roles.state):
+        state[:, k] = frame[column].to_numpy()
+    if time.dtype not in (np.int64, np.float64) or np.isinf(state).any():
+        return None
+    if time.dtype == np.float64 and not np.isfinite(time).all():
+        return None
+    ids = _number_ids(frame[roles.id])
+    if ids is None:
+        return None
+    clean = time if time.dtype == np.int64 else time + 0.0  # -0.0 is the same step as 0.0
+    return ids, Times(value=clean, clock="number", text=None), state
+
+
+def _plain_integers(data: bytes, begins: Ints, delimiter: str) -> bool:
+    """Whether no row begins like an integer that is not its own shortest text: 007, +7, -0."""
+    view = np.frombuffer(data, np.uint8)
+    head = view[begins]
+    zero = begins[head == ord("0")]
+    digits = (head >= ord("0")) & (head <= ord("9"))
+    return bool(digits.all() and (view[zero + 1] == ord(delimiter)).all())
+
+
+def _parse(
+    path: str, first: int, delimiter: str, width: int, roles: Roles, decimal: str, id_type: Any
+) -> Any:
+    """A DataFrame with numbered columns, or None."""
+    import pandas as pd  # here: small files do without it
+
+    options: dict[str, Any] = {}
+    if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):  # newer ones always are exact
+        options["float_precision"] = "round_trip"
+    used = [roles.id, roles.time, *roles.state]
+    if len(used) < width:
+        options["usecols"] = used  # only then: it costs as much as the parsing
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            frame: Any = pd.read_csv(  # type: ignore[call-overload]
+                path,
+                skiprows=first - 1,
+                sep=delimiter,
+                decimal=decimal,
+                header=None,
+                names=list(range(width)),
+                index_col=False,
+                dtype={roles.id: id_type} | dict.fromkeys(roles.state, "float64"),
+                keep_default_na=False,
+                na_values={column: ["", "nan", "NaN"] for column in roles.state},
+                encoding="utf-8",
+                compression=None,
+                engine="c",
+                **options,
+            )
+            return frame
+    except (ValueError, Warning):  # ParserError and UnicodeDecodeError are ValueErrors
+        return None
+
+
+def _number_ids(column: Any) -> tuple[NDArray[np.object_], Ints] | None:
+    """Distinct ids in natural order, and the number of each row's; None where one is blank."""
+    import pandas as pd
+
+    code, found = pd.factorize(column)
+    names = [str(name).strip() for name in found]
+    if len(set(names)) != len(names) or "" in names:
+        return None
+    table, number = number_ids(names)
+    return table, number[code]
