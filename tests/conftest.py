@@ -1,0 +1,108 @@
+"""Fixtures: files, the command line as a process, the command line in this process."""
+
+import os
+import random
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
+
+
+class Answer(NamedTuple):
+    """What a command line left behind."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[[str, str | bytes], str]:
+    """Write a file byte for byte and return its path."""
+
+    def write(name: str, content: str | bytes) -> str:
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return str(path)
+
+    return write
+
+
+@pytest.fixture
+def environment() -> dict[str, str]:
+    """An environment for a process: without settings of ours, with an encoding that is known."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("TGOSPA_EVAL_")}
+    return kept | {"PYTHONIOENCODING": "utf-8"}
+
+
+@pytest.fixture
+def run(tmp_path: Path, environment: dict[str, str]) -> Callable[..., Answer]:
+    """Run the command line as a process in an empty folder; no failure may be a traceback."""
+
+    def run(*arguments: str, env: dict[str, str] | None = None, encoding: str = "utf-8") -> Answer:
+        done = subprocess.run(
+            [sys.executable, "-m", "tgospa_eval", *arguments],
+            capture_output=True,
+            timeout=60,
+            check=False,
+            cwd=tmp_path,
+            env=environment | (env or {}),
+            encoding=encoding,
+        )
+        assert "Traceback" not in done.stderr
+        return Answer(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+@pytest.fixture
+def invoke(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Answer]:
+    """Run the command line in this process (no start-up time), in an empty folder."""
+    from tgospa_eval.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    for name in [name for name in os.environ if name.startswith("TGOSPA_EVAL_")]:
+        monkeypatch.delenv(name)
+
+    def invoke(*arguments: str) -> Answer:
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as exit_:
+            main(arguments)
+        captured = capsys.readouterr()
+        status = exit_.value.code
+        assert isinstance(status, int)
+        return Answer(status, captured.out, captured.err)
+
+    return invoke
+
+
+@pytest.fixture(scope="session")
+def quickstart() -> tuple[str, str]:
+    """Truth and estimate of the sample data."""
+    return str(QUICKSTART / "truth.csv"), str(QUICKSTART / "estimate.csv")
+
+
+@pytest.fixture(scope="session")
+def crowd(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    """A scene so dense that the referee takes half a minute for it with -c 25."""
+    rng = random.Random(1)
+    folder = tmp_path_factory.mktemp("crowd")
+    paths = []
+    for name in ("truth", "estimate"):
+        lines = ["id,t,x,y"]
+        for k in range(30):
+            x, y = rng.uniform(0, 40), rng.uniform(0, 40)
+            for t in range(60):
+                x, y = x + rng.gauss(0, 1), y + rng.gauss(0, 1)
+                lines.append(f"{k},{t},{x:.3f},{y:.3f}")
+        path = folder / f"{name}.csv"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        paths.append(str(path))
+    return paths[0], paths[1]

@@ -1,0 +1,506 @@
+"""The command line as users and scripts meet it: a process with arguments, streams and a status."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tgospa_eval import __version__
+from tgospa_eval.cli import options
+
+Run = Callable[..., Any]
+Write = Callable[[str, str | bytes], str]
+Pair = tuple[str, str]
+
+POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
+COMMON = "58 of 60 steps are in both files"
+
+
+def without_timings(text: str) -> str:
+    """The bytes of a JSON result but for the timings, which must be there."""
+    rest, found = re.subn(r'^ "timings": \{\n.*?^ \},?\n', "", text, flags=re.MULTILINE | re.DOTALL)
+    assert found == 1
+    return rest
+
+
+# --- status, streams ------------------------------------------------------------------------------
+
+
+def test_done(run: Run, quickstart: Pair) -> None:
+    status, out, err = run(*quickstart)
+    assert status == 0
+    assert out.startswith("TGOSPA = 43.8054, exact: ")
+    assert COMMON in err
+    assert "default" not in out  # notices are not data
+    assert "TGOSPA" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "part"),
+    [
+        (["--foo", "t.csv", "e.csv"], 2, "--foo"),
+        (["t.csv"], 2, "ESTIMATE"),
+        (["t.csv", "e.csv", "e.csv"], 2, "e.csv"),
+        (["-c", "-5", "t.csv", "e.csv"], 2, "cutoff is -5: must be finite and > 0"),
+        (["none.csv", "e.csv"], 3, "none.csv: no such file"),
+        (["t.csv", "."], 3, ".: is a folder"),
+        (["t.csv", "bad.csv"], 3, 'bad.csv, line 2, column "x": not a number: "1.2.3"'),
+    ],
+)
+def test_failures(run: Run, write: Write, arguments: list[str], status: int, part: str) -> None:
+    write("t.csv", "id,t,x\na,1,2\n")
+    write("e.csv", "id,t,x\na,1,2\n")
+    write("bad.csv", "id,t,x\na,1,1.2.3\n")
+    answer = run(*arguments)
+    assert answer.status == status
+    assert answer.out == ""
+    assert part in answer.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["-c", "0"], ["cutoff", "0", "> 0"]),
+        (["-c", "nan"], ["cutoff", "nan", "> 0"]),
+        (["-c", "inf"], ["cutoff", "inf", "finite"]),
+        (["-c", "ten"], ["--cutoff", "ten"]),
+        (["-c", "1e200"], ["cutoff", "1e+200", "range"]),
+        (["-p", "0.5"], ["order", "0.5", ">= 1"]),
+        (["-p", "nan"], ["order", "nan", ">= 1"]),
+        (["-p", "inf"], ["order", "inf", "finite"]),
+        (["-g", "-1"], ["switch", "penalty", "-1", ">= 0"]),
+        (["-g", "nan"], ["switch", "penalty", "nan"]),
+        (["-g", "inf"], ["switch", "penalty", "inf", "finite"]),
+        (["--solver", "magic"], ["magic", "certified", "exact", "sinkhorn"]),
+        (["--distance", "hamming"], ["hamming", "euclidean", "manhattan", "chebyshev"]),
+        (["--format", "xml"], ["xml", "table", "json", "csv", "markdown", "latex"]),
+        (["--decimal", ";"], ["--decimal", ";"]),
+        (["--on-duplicate", "both"], ["both", "first", "last"]),
+        (["--columns", "x,x"], ["columns", '"x"', "twice"]),
+        (["--gap", "-1"], ["gap", "-1"]),
+        (["--gap", "nan"], ["gap", "nan"]),
+        (["--gap", "inf", "--format", "json"], ["gap", "inf"]),
+        (["--time-limit", "0"], ["time limit", "0"]),
+        (["--time-limit", "-1", "--solver", "exact"], ["time limit", "-1"]),
+        (["--time-limit", "nan", "--solver", "sinkhorn"], ["time limit", "nan"]),
+        (["--time-limit", "inf", "--format", "json"], ["time limit", "inf"]),
+        (["--epsilon", "0", "--solver", "sinkhorn"], ["epsilon", "0"]),
+        (["--epsilon", "inf", "--solver", "sinkhorn"], ["epsilon", "inf"]),
+    ],
+    ids=lambda value: " ".join(value) if value and value[0].startswith("-") else "",
+)
+def test_bad_values(invoke: Run, quickstart: Pair, arguments: list[str], parts: list[str]) -> None:
+    status, out, err = invoke(*quickstart, *arguments)
+    assert status == 2
+    assert out == ""
+    for part in parts:
+        assert part in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["-g", "1e200"],  # gamma^p is no double
+        ["-c", "1", "-p", "1e300"],
+        ["-c", "1e-149"],
+        ["-c", "1e149"],
+        ["-g", "1e-200"],
+    ],
+    ids=" ".join,
+)
+@pytest.mark.parametrize("format_", options.FORMATS)
+def test_extreme_values(invoke: Run, quickstart: Pair, arguments: list[str], format_: str) -> None:
+    status, out, _ = invoke(*quickstart, *arguments, "--format", format_)
+    assert status in (0, 2)
+    assert not re.search(r"\b(nan|inf)\b", out, re.IGNORECASE)
+
+
+def test_huge_coordinates_are_far_away(invoke: Run, write: Write) -> None:
+    truth = write("t.csv", "id,t,x,y\na,1,1e308,0\na,2,1,0\n")
+    estimate = write("e.csv", "id,t,x,y\nb,1,-1e308,0\nb,2,1,0\n")
+    status, out, err = invoke(truth, estimate, "--format", "json")
+    assert status == 0
+    assert json.loads(out)["total"] == 100
+    assert "inf" not in err
+
+
+# --- verbs and files ------------------------------------------------------------------------------
+
+
+def test_the_verb_may_stand_anywhere_or_nowhere(invoke: Run, quickstart: Pair) -> None:
+    truth, estimate = quickstart
+    lines = [
+        ["-c", "5", truth, estimate],
+        [truth, estimate, "-c", "5"],
+        [truth, "--cutoff", "5", estimate],
+        ["evaluate", truth, estimate, "-c", "5"],
+        ["-c", "5", "evaluate", truth, estimate],
+        ["-q", "--cutoff=5", "evaluate", truth, estimate],
+        ["-qc", "5", truth, estimate],
+        ["-c5", "--", truth, estimate],
+    ]
+    totals = set()
+    for line in lines:
+        status, out, _ = invoke("--format", "json", *line)
+        assert status == 0
+        document = json.loads(out)
+        assert document["parameters"]["cutoff"] == 5
+        totals.add(document["total"])
+    assert len(totals) == 1
+
+
+def test_file_named_like_a_verb(run: Run, write: Write) -> None:
+    write("evaluate", "id,t,x\na,1,2\n")
+    assert run("./evaluate", "./evaluate").out.startswith("TGOSPA = 0,")
+    assert run("evaluate", "evaluate", "evaluate").out.startswith("TGOSPA = 0,")
+    assert run("--", "evaluate", "evaluate").out.startswith("TGOSPA = 0,")
+
+
+def test_names_with_spaces_and_other_letters(run: Run, write: Write) -> None:
+    write("mein Füße.csv", "id,t,x\na,1,2\n")
+    assert run("mein Füße.csv", "mein Füße.csv").status == 0
+    assert "kein Füße.csv: no such file" in run("kein Füße.csv", "mein Füße.csv").err
+
+
+def test_column_of_one_file_only(invoke: Run, write: Write) -> None:
+    truth = write("t.csv", "id,t,x,y\na,1,2,3\n")
+    estimate = write("e.csv", "id,t,x,y,z\na,1,2,3,4\n")
+    for pair in ((truth, estimate), (estimate, truth)):
+        status, out, err = invoke(*pair)
+        assert (status, out) == (3, "")
+        for part in (truth, estimate, '"z"', "--columns x,y"):
+            assert part in err
+    assert invoke(truth, estimate, "--columns", "x,y").status == 0
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "part"),
+    [
+        ("2024-01-01T00:00:00Z", "2024-01-01T00:00:00", "zone"),
+        ("2024-01-01T00:00:00", "5", "numbers"),
+        (str(2**53 + 1), "0.5", "2^53"),
+    ],
+)
+def test_files_with_other_kinds_of_time(
+    invoke: Run, write: Write, first: str, second: str, part: str
+) -> None:
+    truth = write("t.csv", f"id,t,x\na,{first},2\n")
+    estimate = write("e.csv", f"id,t,x\na,{second},2\n")
+    status, out, err = invoke(truth, estimate)
+    assert (status, out) == (3, "")
+    assert part in err
+    assert "in both files" not in err  # cannot be counted
+    assert truth in err
+    assert estimate in err
+
+
+# --- notices --------------------------------------------------------------------------------------
+
+
+def test_default_values_are_told_with_the_scale_of_the_data(invoke: Run, quickstart: Pair) -> None:
+    (line,) = (x for x in invoke(*quickstart).err.splitlines() if "default" in x)
+    for part in ("cutoff c = 10", "gamma = 2", "median nearest", "1.16", "-c", "-g"):
+        assert part in line
+    (line,) = (x for x in invoke(*quickstart, "-c", "10").err.splitlines() if "default" in x)
+    assert "cutoff" not in line
+    assert "gamma = 2" in line
+    assert invoke(*quickstart, "-c", "10", "-g", "2").err == f"{COMMON}\n"
+
+
+def test_quiet_and_verbose(invoke: Run, quickstart: Pair) -> None:
+    loud, quiet = invoke(*quickstart), invoke(*quickstart, "-q")
+    assert quiet.err == ""
+    assert quiet.out.splitlines()[:-1] == loud.out.splitlines()[:-1]  # the last line is the time
+    verbose = invoke(*quickstart, "-v").err
+    for stage in ("read", "distances", "solve/preparation", "certify"):
+        assert re.search(rf"^{stage} +\d+\.\d+ s$", verbose, re.MULTILINE)
+
+
+def test_notices_name_the_file(invoke: Run, write: Write) -> None:
+    truth = write("t.csv", "id,t,x,note\na,1,2,hi\na,2,,hi\na,3,2,hi\n")
+    estimate = write("e.csv", "id,t,x\na,1,2\n")
+    err = invoke(truth, estimate).err
+    assert f"{truth}: columns not used: note\n" in err
+    assert f"{truth}: 1 row with a blank or NaN" in err
+    assert f"{estimate}: " not in err
+    assert "1 of 3 steps are in both files" in err
+    assert re.search(r"^warning: .*33 %", err, re.MULTILINE)
+
+
+# --- stdout ---------------------------------------------------------------------------------------
+
+
+def test_version_and_help(run: Run) -> None:
+    assert run("--version")[:2] == (0, f"tgospa-eval {__version__}\n")
+    for arguments in (["--help"], ["-h"], ["evaluate", "--help"], ["t.csv", "e.csv", "-h"]):
+        status, out, err = run(*arguments)
+        assert (status, err) == (0, "")
+        assert "Usage: tgospa-eval" in out
+        assert max(map(len, out.splitlines())) <= 80
+    assert "--switch-penalty" in out
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["evaluate", "--help"], ["--version"]])
+def test_help_imports_nothing_heavy(environment: dict[str, str], arguments: list[str]) -> None:
+    code = (
+        "import sys\nfrom tgospa_eval.cli import main\n"
+        f"try:\n    main({arguments})\nfinally:\n"
+        "    print(*sorted(sys.modules), file=sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True
+    )
+    modules = set(done.stderr.split())
+    assert "click" in modules
+    assert not modules & {"numpy", "pandas", "scipy", "cvxpy", "clarabel", "highspy", "matplotlib"}
+
+
+def test_option_choices_are_the_members() -> None:
+    # Spelled out in the options, because importing the members would make --help slow.
+    from tgospa_eval.distances import DISTANCES
+    from tgospa_eval.reports import REPORTS
+    from tgospa_eval.solvers import SOLVERS
+
+    assert tuple(DISTANCES) == options.DISTANCES
+    assert tuple(SOLVERS) == options.SOLVERS
+    assert tuple(REPORTS) == options.FORMATS
+
+
+@pytest.mark.parametrize("solver", ["certified", "sinkhorn"])  # the referee is slow to start
+def test_json_is_the_same_bytes_every_time(run: Run, quickstart: Pair, solver: str) -> None:
+    first, second = (
+        run(*quickstart, "--format", "json", "--solver", solver, env={"PYTHONHASHSEED": seed})
+        for seed in ("1", "2")
+    )
+    assert first.status == 0
+    assert without_timings(first.out) == without_timings(second.out)
+
+    def is_sorted(value: Any) -> bool:
+        if isinstance(value, dict):
+            return list(value) == sorted(value) and all(map(is_sorted, value.values()))
+        return all(map(is_sorted, value)) if isinstance(value, list) else True
+
+    assert is_sorted(json.loads(first.out))
+
+
+@POSIX
+@pytest.mark.parametrize("format_", ["table", "json"])
+def test_closed_reader_is_no_failure(
+    environment: dict[str, str], quickstart: Pair, format_: str
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tgospa_eval", *quickstart, "--format", format_],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        env=environment,
+    )
+    assert process.stdout is not None
+    process.stdout.close()  # as head does when it has enough
+    assert process.stderr is not None
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(30) == 0  # 1 would say: a regression is proven
+    assert "Traceback" not in err
+    assert "Broken" not in err
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_ids_that_stdout_cannot_encode(run: Run, write: Write, encoding: str) -> None:
+    truth = write("t.csv", "id,t,x\nFüße-車,1,2\n")
+    estimate = write("e.csv", "id,t,x\n")
+    # Decoding is strict: bytes of another encoding fail here.
+    answer = run(
+        truth, estimate, "--unit", "車", env={"PYTHONIOENCODING": encoding}, encoding=encoding
+    )
+    assert answer.status == 0
+    (line,) = (x for x in answer.out.splitlines() if "worst truths" in x)
+    assert re.fullmatch(r"\s+worst truths\s+F\S+e-\S+", line)
+    assert ("Füße" in line) == (encoding == "cp1252")
+
+
+def test_ids_that_stdout_can_encode(run: Run, write: Write) -> None:
+    truth = write("t.csv", "id,t,x\nFüße-車,1,2\n")
+    assert "Füße-車" in run(truth, write("e.csv", "id,t,x\n")).out
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("a", []),
+        ("long-" * 60, []),
+        ("a", ["--unit", "metres"]),
+        ("a", ["--unit", "metres", "-c", "1.23456789e-05", "-g", "1.23456789e-05"]),
+    ],
+    ids=["short ids", "long ids", "unit", "unit and long numbers"],
+)
+def test_the_table_fits_80_columns(
+    invoke: Run, write: Write, name: str, arguments: list[str]
+) -> None:
+    # Two truths, two estimates that swap, a miss and a false track: every line of the table.
+    rows = [(k, f"2024-01-01T00:00:00.00000000{t}Z", 1000.5 * t) for t in range(5) for k in (0, 1)]
+    truth = "".join(f'"{name}{k}",{t},{x + 7 * k}\n' for k, t, x in rows)
+    estimate = "".join(
+        f'"{name}{k}",{t},{x + (7 * k if n < 5 else 7 - 7 * k) + 1}\n'
+        for n, (k, t, x) in enumerate(rows)
+    )
+    paths = write("t.csv", "id,t,x\n" + truth), write("e.csv", "id,t,x\n" + estimate)
+    status, out, _ = invoke(*paths, *arguments)
+    assert status == 0
+    assert "TGOSPA" in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_the_headline_of_a_bracket_fits_80_columns(invoke: Run, crowd: Pair) -> None:
+    _, out, _ = invoke(*crowd, "--unit", "metres", "--time-limit", "1e-6")
+    assert out.startswith("TGOSPA is between ")
+    assert len(out.splitlines()[0]) <= 80
+
+
+def test_an_id_takes_one_line_of_the_table(invoke: Run, write: Write) -> None:
+    truth = write("t.csv", 'id,t,x\n"two\nlines",1,2\n')
+    _, out, _ = invoke(truth, write("e.csv", "id,t,x\n"))
+    (line,) = (x for x in out.splitlines() if "worst truths" in x)
+    assert "two" in line
+    assert "lines" in line
+
+
+# --- limits and interruption ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", ["certified", "sinkhorn", "exact"])
+def test_a_stopped_run_leaves_a_bracket(invoke: Run, crowd: Pair, solver: str) -> None:
+    limits = ["--solver", solver, "--time-limit", "1e-6", "--format", "json"]
+    status, out, err = invoke(*crowd, *limits)
+    document = json.loads(out)
+    assert status == 4
+    assert "accuracy not reached" in err
+    assert document["certified"] is False
+    # The certified solver proves the optimum when it has time.
+    _, exact, _ = invoke(*crowd, "--format", "json")
+    optimum = json.loads(exact)
+    assert optimum["certified"] is True
+    assert document["lower_bound"] <= optimum["upper_bound"]
+    assert document["upper_bound"] >= optimum["lower_bound"]
+    assert document["relative_gap"] > 1e-9
+    assert document["tgospa"] == document["upper_bound"]
+
+
+def test_a_limit_that_is_not_reached_changes_nothing(invoke: Run, quickstart: Pair) -> None:
+    status, out, _ = invoke(*quickstart, "--time-limit", "3600", "--format", "json")
+    assert status == 0
+    assert json.loads(out)["certified"] is True
+
+
+def test_a_bracket_of_sinkhorn_is_an_answer(invoke: Run, crowd: Pair) -> None:
+    status, out, _ = invoke(*crowd, "--solver", "sinkhorn", "--epsilon", "0.5")
+    assert status == 0
+    assert out.startswith("TGOSPA is between ")
+
+
+@POSIX
+def test_interrupt(environment: dict[str, str], crowd: Pair, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tgospa_eval", *crowd, "-c25", "--solver=exact", "-oout"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        env=environment,
+        cwd=tmp_path,
+    )
+    assert process.stderr is not None
+    try:
+        while "default" not in process.stderr.readline():
+            assert process.poll() is None
+        time.sleep(0.5)
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=20)
+    finally:
+        process.kill()
+    assert time.monotonic() - begin < 5
+    assert process.returncode == 130
+    assert out == ""
+    assert "interrupted" in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- the result folder ----------------------------------------------------------------------------
+
+FILES = [
+    "assignments.csv",
+    "per_estimate.csv",
+    "per_step.csv",
+    "per_truth.csv",
+    "result.json",
+    "switches.csv",
+    "timings.csv",
+]
+
+
+def test_result_folder(run: Run, quickstart: Pair, tmp_path: Path) -> None:
+    status, out, _ = run(*quickstart, "-o", "new/out", "--format", "json")
+    assert status == 0
+    assert sorted(os.listdir(tmp_path)) == ["new"]
+    assert os.listdir(tmp_path / "new") == ["out"]  # nothing left beside
+    assert sorted(os.listdir(tmp_path / "new" / "out")) == FILES
+    assert (tmp_path / "new" / "out" / "result.json").read_bytes() == out.encode()
+
+
+def test_result_folder_that_is_not_empty(invoke: Run, quickstart: Pair, tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    assert invoke(*quickstart, "-o", "out").status == 0  # empty is fine
+    (folder / "per_step.csv").write_text("mine", encoding="utf-8")
+    (folder / "notes.txt").write_text("mine", encoding="utf-8")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    status, out, err = invoke(*quickstart, "-c", "5", "-o", "out")
+    assert (status, out) == (2, "")
+    assert "out: is not empty" in err
+    assert "--force" in err
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert os.listdir(tmp_path) == ["out"]
+    assert invoke(*quickstart, "-c", "5", "-o", "out", "--force").status == 0
+    assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
+    assert (folder / "per_step.csv").read_bytes() != b"mine"
+    assert (folder / "notes.txt").read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("folder", ["file", "file/out"])
+def test_result_folder_that_cannot_be(
+    invoke: Run, quickstart: Pair, tmp_path: Path, folder: str
+) -> None:
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
+    status, out, err = invoke(*quickstart, "-o", folder)
+    assert (status, out) == (2, "")
+    assert folder in err
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+)
+def test_result_folder_where_writing_is_forbidden(
+    invoke: Run, quickstart: Pair, tmp_path: Path
+) -> None:
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o500)
+    status, _, err = invoke(*quickstart, "-o", "locked/out")
+    assert status == 2
+    assert "locked/out: cannot be written" in err
+    assert list(locked.iterdir()) == []
+
+
+def test_a_bad_input_leaves_no_folder(invoke: Run, write: Write, tmp_path: Path) -> None:
+    bad = write("bad.csv", "id,t,x\na,1,oops\n")
+    assert invoke(bad, bad, "-o", "out").status == 3
+    assert os.listdir(tmp_path) == ["bad.csv"]

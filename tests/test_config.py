@@ -1,0 +1,227 @@
+"""Settings from files and from the environment: who wins, and what is refused."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Invoke = Callable[..., Any]
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> list[str]:
+    """Two files and the options under which the parameters can be read."""
+    for name in ("t.csv", "e.csv"):
+        (tmp_path / name).write_text("id,t,x,y\na,1,2,3\n", encoding="utf-8")
+    return ["t.csv", "e.csv", "--format", "json"]
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Callable[[str, str], None]:
+    """Write a settings file into the current folder of the run."""
+
+    def write(name: str, text: str) -> None:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+
+    return write
+
+
+Settings = Callable[[str, str], None]
+
+
+def parameters(answer: Any) -> dict[str, Any]:
+    """The parameters of a run that went well."""
+    assert answer.status == 0, answer.err
+    found: dict[str, Any] = json.loads(answer.out)["parameters"]
+    return found
+
+
+def test_flag_before_environment_before_file_before_default(
+    invoke: Invoke, scene: list[str], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cutoff(*more: str) -> float:
+        value: float = parameters(invoke(*scene, *more))["cutoff"]
+        return value
+
+    assert cutoff() == 10
+    settings("pyproject.toml", "[tool.tgospa-eval]\ncutoff = 3\n")
+    assert cutoff() == 3
+    settings("tgospa-eval.toml", "cutoff = 4\n")
+    assert cutoff() == 4
+    settings("other.toml", "cutoff = 5\n")
+    assert cutoff("--config", "other.toml") == 5
+    monkeypatch.setenv("TGOSPA_EVAL_CUTOFF", "6")
+    assert cutoff() == 6
+    assert cutoff("--config", "other.toml") == 6
+    assert cutoff("-c", "7", "--config", "other.toml") == 7
+    # Also when the flag says what the default says.
+    assert cutoff("-c", "10") == 10
+
+
+def test_every_source_counts_as_given(
+    invoke: Invoke, scene: list[str], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "default cutoff" in invoke(*scene).err
+    settings("tgospa-eval.toml", "cutoff = 10.0\n")
+    monkeypatch.setenv("TGOSPA_EVAL_SWITCH_PENALTY", "2")
+    assert "default" not in invoke(*scene).err
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "value"),
+    [
+        ("order = 1", "order", 1),
+        ("switch-penalty = 0.5", "switch_penalty", 0.5),
+        ("switch_penalty = 0.5", "switch_penalty", 0.5),
+        ('distance = "manhattan"', "distance", "manhattan"),
+        ('columns = "y,x"', "columns", ["y", "x"]),
+        ('columns = ["y", "x"]', "columns", ["y", "x"]),
+        ('solver = "sinkhorn"\nepsilon = 0.1', "epsilon", 0.1),
+        ('on-duplicate = "last"', "on_duplicate", "last"),
+        ('unit = "m"', "unit", "m"),
+    ],
+)
+def test_keys_are_the_options(
+    invoke: Invoke, scene: list[str], settings: Settings, text: str, name: str, value: Any
+) -> None:
+    settings("tgospa-eval.toml", text)
+    assert parameters(invoke(*scene))[name] == value
+
+
+def test_keys_that_are_no_parameters(
+    invoke: Invoke, scene: list[str], settings: Settings, tmp_path: Path
+) -> None:
+    settings("tgospa-eval.toml", 'format = "csv"\noutput = "out"\nforce = true\nquiet = true\n')
+    settings("out/notes.txt", "mine")
+    status, out, err = invoke("t.csv", "e.csv")
+    assert (status, err) == (0, "")
+    assert out.startswith("t,localisation,")
+    assert (tmp_path / "out" / "result.json").exists()
+
+
+def test_environment(
+    invoke: Invoke, scene: list[str], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TGOSPA_EVAL_SWITCH_PENALTY", "0.25")
+    monkeypatch.setenv("TGOSPA_EVAL_ON_DUPLICATE", "first")
+    found = parameters(invoke(*scene))
+    assert (found["switch_penalty"], found["on_duplicate"]) == (0.25, "first")
+    settings("mine.toml", "order = 1\n")
+    monkeypatch.setenv("TGOSPA_EVAL_CONFIG", "mine.toml")
+    answer = invoke(*scene)
+    assert parameters(answer)["order"] == 1
+    assert "mine.toml" in answer.err
+    monkeypatch.setenv("TGOSPA_EVAL_ORDER", "two")
+    answer = invoke(*scene)
+    assert answer.status == 2
+    assert "two" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "arguments"),
+    [
+        ("tgospa-eval.toml", "cutoff = 3", []),
+        ("pyproject.toml", "[tool.tgospa-eval]\ncutoff = 3", []),
+        ("ci/other.toml", "cutoff = 3", ["--config", "ci/other.toml"]),
+        ("ci/pyproject.toml", "[tool.tgospa-eval]\ncutoff = 3", ["--config", "ci/pyproject.toml"]),
+    ],
+)
+def test_the_file_in_use_is_named(
+    invoke: Invoke,
+    scene: list[str],
+    settings: Settings,
+    name: str,
+    text: str,
+    arguments: list[str],
+) -> None:
+    settings(name, text)
+    answer = invoke(*scene, *arguments)
+    assert parameters(answer)["cutoff"] == 3
+    assert f"settings from {name}\n" in answer.err
+    assert invoke(*scene, *arguments, "-q").err == ""
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[project]\nname = 'x'\n", "[tool.ruff]\ncutoff = 3\n", "not TOML", "tool = 3"]
+)
+def test_a_pyproject_of_others_is_not_ours(
+    invoke: Invoke, scene: list[str], settings: Settings, text: str
+) -> None:
+    settings("pyproject.toml", text)
+    answer = invoke(*scene)
+    assert parameters(answer)["cutoff"] == 10
+    assert "pyproject" not in answer.err
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "parts"),
+    [
+        ("tgospa-eval.toml", "cutof = 3", ['unknown key "cutof"', "cutoff"]),
+        ("tgospa-eval.toml", "cutoff = 3\nconfig = 'a'", ['unknown key "config"']),
+        ("pyproject.toml", "[tool.tgospa-eval]\ntruth = 'a'", ['unknown key "truth"']),
+        ("tgospa-eval.toml", "cutoff = 3\norder = ,", ["TOML", "line 2"]),
+        ("tgospa-eval.toml", "[cutoff]\na = 3", ['"cutoff"', "table"]),
+        ("pyproject.toml", "[tool]\ntgospa-eval = 3", ["tgospa-eval", "table"]),
+    ],
+)
+def test_refused(
+    invoke: Invoke, scene: list[str], settings: Settings, name: str, text: str, parts: list[str]
+) -> None:
+    settings(name, text)
+    status, out, err = invoke(*scene)
+    assert (status, out) == (2, "")
+    for part in (f"{name}: ", *parts):
+        assert part in err
+
+
+@pytest.mark.parametrize("content", [None, b"cutoff = 3\n# \xff\n"])
+def test_a_named_file_must_be_readable(
+    invoke: Invoke, scene: list[str], tmp_path: Path, content: bytes | None
+) -> None:
+    if content is not None:
+        (tmp_path / "mine.toml").write_bytes(content)
+    for path in ("mine.toml", "."):
+        status, out, err = invoke(*scene, "--config", path)
+        assert (status, out) == (2, "")
+        assert err.startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("cutoff = -3", ["cutoff is -3"]),
+        ("cutoff = 'three'", ["--cutoff", "three"]),
+        ("cutoff = true", ["cutoff"]),
+        ("cutoff = nan", ["cutoff is nan"]),
+        ("solver = 'magic'", ["magic", "certified"]),
+        ("solver = 3", ["3", "certified"]),
+        ("force = 'maybe'", ["maybe"]),
+    ],
+)
+def test_bad_values(
+    invoke: Invoke, scene: list[str], settings: Settings, text: str, parts: list[str]
+) -> None:
+    settings("tgospa-eval.toml", text)
+    status, out, err = invoke(*scene)
+    assert (status, out) == (2, "")
+    for part in parts:
+        assert part in err
+
+
+@pytest.mark.parametrize("text", ["cutoff = -3", "cutoff = 'three'"])
+def test_the_file_with_a_bad_value_is_named(
+    invoke: Invoke, scene: list[str], settings: Settings, text: str
+) -> None:
+    settings("tgospa-eval.toml", text)
+    # The command line shows nothing of it.
+    assert "tgospa-eval.toml" in invoke(*scene).err
+
+
+def test_help_does_not_need_a_good_file(invoke: Invoke, settings: Settings) -> None:
+    settings("tgospa-eval.toml", "oops")
+    assert invoke("--help").status == 0
+    assert invoke("evaluate", "--help").status == 0
+    assert invoke("--version").status == 0

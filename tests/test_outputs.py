@@ -1,0 +1,497 @@
+"""What a result says, in every form: attributes, JSON, tables, text."""
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tgospa_eval import Result, __version__, evaluate, read_trajectories
+from tgospa_eval.reports import REPORTS
+
+Invoke = Callable[..., Any]
+Write = Callable[[str, str | bytes], str]
+Pair = tuple[str, str]
+
+PARTS = ("localisation", "missed", "false", "switch")
+
+# One truth, followed by 7 and then by 12, missed at the end; 9 is false. Every cost is known.
+TRUTH = "id,t,x\n" + "".join(f"3,{t},0\n" for t in (1, 2, 3, 4))
+ESTIMATE = "id,t,x\n7,1,1\n7,2,-1\n9,2,100\n12,3,2\n"
+
+
+def parse(text: str) -> Any:
+    """JSON as a strict reader sees it: NaN and Infinity are errors, and so are repeated keys."""
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} in the JSON")
+
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        assert len(dict(pairs)) == len(pairs)
+        return dict(pairs)
+
+    return json.loads(text, parse_constant=refuse, object_pairs_hook=unique)
+
+
+def read_csv(text: str) -> list[dict[str, str]]:
+    """Rows of a CSV table."""
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def total(rows: list[dict[str, Any]], *names: str) -> float:
+    """Sum of columns of a table."""
+    return math.fsum(float(row[name]) for row in rows for name in names)
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Result:
+    """The scene of which every cost is known, with p = 2."""
+    folder = tmp_path_factory.mktemp("known")
+    (folder / "t.csv").write_text(TRUTH, encoding="utf-8")
+    (folder / "e.csv").write_text(ESTIMATE, encoding="utf-8")
+    return evaluate(read_trajectories(folder / "t.csv"), read_trajectories(folder / "e.csv"))
+
+
+@pytest.fixture(scope="module")
+def sample(quickstart: Pair) -> Result:
+    """The sample data."""
+    return evaluate(*map(read_trajectories, quickstart), unit="m")
+
+
+# --- JSON -----------------------------------------------------------------------------------------
+
+
+def test_keys_of_the_json(sample: Result) -> None:
+    document = parse(sample.to_json())
+    assert set(document) == {
+        "schema", "tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified",
+        "localisation", "missed", "false", "switch", "counts", "normalised", "parameters", "sizes",
+        "per_step", "switches", "worst", "solver", "timings", "input", "version",
+    }  # fmt: skip
+    assert document["schema"] == "tgospa-eval/result/1"
+    assert document["version"] == __version__
+    assert set(document["counts"]) == {"missed", "false", "switch"}
+    assert set(document["normalised"]) == {"tgospa"}
+    assert set(document["sizes"]) == {
+        "truth", "estimates", "steps", "candidate_pairs", "pair_steps", "components",
+    }  # fmt: skip
+    assert {"t", *PARTS, "total"} == set(document["per_step"][0])
+    assert set(document["switches"][0]) == {"t", "truth", "from", "to", "mass", "cost"}
+    assert set(document["worst"]) == {"steps", "truth", "estimates"}
+    assert {"name", "status", "iterations", "kernel"} <= set(document["solver"])
+    timings = {"read", "distances", "solve", "certify", "report", "total"}
+    assert timings <= set(document["timings"])
+    assert {"preparation", "sweeps", "lp"} <= set(document["timings"]["solve"])
+    for side in document["input"].values():
+        assert set(side) == {"rows", "sha256"}
+        assert re.fullmatch("[0-9a-f]{64}", side["sha256"])
+    assert set(document["input"]) == {"truth", "estimate"}
+
+
+@pytest.mark.parametrize("order", [1, 1.5, 2, 3])
+@pytest.mark.parametrize("solver", ["certified", "sinkhorn"])
+def test_the_numbers_of_the_json_agree(quickstart: Pair, order: float, solver: str) -> None:
+    result = evaluate(*map(read_trajectories, quickstart), 7.0, order, 3.0, solver=solver)
+    document = parse(result.to_json())
+    value = document["total"]
+    assert document["tgospa"] == document["upper_bound"] >= document["lower_bound"] > 0
+    assert document["tgospa"] ** order == pytest.approx(value, rel=1e-12)
+    assert math.fsum(document[part] for part in PARTS) == pytest.approx(value, rel=1e-12)
+    steps = document["per_step"]
+    for part in (*PARTS, "total"):
+        expected = value if part == "total" else document[part]
+        assert total(steps, part) == pytest.approx(expected, rel=1e-12)
+    for step in steps:
+        assert total([step], *PARTS) == pytest.approx(step["total"], rel=1e-12)
+    counts = document["counts"]
+    assert document["missed"] == pytest.approx(counts["missed"] * 7.0**order / 2, rel=1e-12)
+    assert document["false"] == pytest.approx(counts["false"] * 7.0**order / 2, rel=1e-12)
+    assert document["switch"] == pytest.approx(counts["switch"] * 3.0**order, rel=1e-12)
+    switches = document["switches"]
+    assert total(switches, "cost") == pytest.approx(document["switch"], rel=1e-12)
+    assert total(switches, "mass") == pytest.approx(counts["switch"], rel=1e-12)
+    lower, upper = document["lower_bound"] ** order, document["upper_bound"] ** order
+    assert document["relative_gap"] == pytest.approx((upper - lower) / upper, abs=1e-12)
+    occupied = len(steps)  # something exists at every step of the sample
+    assert document["normalised"]["tgospa"] == pytest.approx((value / occupied) ** (1 / order))
+    assert document["parameters"]["cutoff"] == 7
+    assert document["parameters"]["order"] == order
+    assert document["parameters"]["switch_penalty"] == 3
+    assert document["parameters"]["solver"] == solver
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_every_number_of_a_known_scene(invoke: Invoke, write: Write, order: int) -> None:
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    status, out, _ = invoke(*paths, "-p", str(order), "--format", "json")
+    document = parse(out)
+    half, switch, far = 10**order / 2, 2**order, 2**order
+    expected = {"localisation": 2 + far, "missed": half, "false": half, "switch": switch}
+    assert status == 0
+    for part, cost in expected.items():
+        assert document[part] == pytest.approx(cost, rel=1e-12)
+    assert document["total"] == pytest.approx(sum(expected.values()), rel=1e-12)
+    assert document["certified"] is True
+    assert document["counts"] == {"missed": 1, "false": 1, "switch": 1}
+    assert document["sizes"] == {
+        "truth": 1, "estimates": 3, "steps": 4, "candidate_pairs": 2, "pair_steps": 3,
+        "components": 1,
+    }  # fmt: skip
+    table = [(step["t"], *(step[part] for part in PARTS)) for step in document["per_step"]]
+    assert table == [
+        pytest.approx(row, rel=1e-12)
+        for row in ((1, 1, 0, 0, 0), (2, 1, 0, half, 0), (3, far, 0, 0, switch), (4, 0, half, 0, 0))
+    ]
+    (row,) = document["switches"]
+    assert row.pop("cost") == pytest.approx(switch, rel=1e-12)
+    assert row == {"t": 3, "truth": "3", "from": "7", "to": "12", "mass": 1}
+    assert document["worst"]["steps"][0] == 2
+    assert sorted(document["worst"]["steps"]) == [1, 2, 3, 4]
+    assert document["worst"]["truth"] == ["3"]
+    assert document["worst"]["estimates"][0] == "9"
+    assert sorted(document["worst"]["estimates"]) == ["12", "7", "9"]  # a tie for p = 1
+    assert [document["input"][side]["rows"] for side in ("truth", "estimate")] == [4, 4]
+
+
+def test_half_a_switch_names_none(sample: Result) -> None:
+    rows = parse(sample.to_json())["switches"]
+    table = [(row["t"], row["truth"], row["from"], row["to"], row["mass"]) for row in rows]
+    assert table[:2] == [(31, "car-1", "101", "102", 1), (31, "car-2", "102", "101", 1)]
+    halves = table[2:]
+    assert [(row[1], row[2], row[3], row[4]) for row in halves] == [
+        ("car-4", "104", None, 0.5),
+        ("car-4", None, "107", 0.5),
+    ]
+    # When it leaves is not unique, while 104 does not exist.
+    assert 36 <= halves[0][0] <= halves[1][0] == 40
+
+
+def test_worst_are_five_and_the_dearest_first(sample: Result) -> None:
+    worst = parse(sample.to_json())["worst"]
+    cost = {row["t"]: row["total"] for row in parse(sample.to_json())["per_step"]}
+    assert [cost[t] for t in worst["steps"]] == sorted(cost.values(), reverse=True)[:5]
+    assert len(worst["truth"]) == len(worst["estimates"]) == 5
+    assert worst["truth"][0] == "car-4"
+    assert worst["estimates"][0] == "106"
+    assert sample.worst(2)["estimates"] == worst["estimates"][:2]
+
+
+# --- times and digests ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        (["1", "2"], [1, 2]),
+        ([str(2**53), str(2**53 + 1)], [2**53, 2**53 + 1]),
+        (["0.1", "0.25"], [0.1, 0.25]),
+        (
+            ["2024-01-01T00:00:00.000000001Z", "2024-01-01 01:00:00.000000002+01:00"],
+            ["2024-01-01T00:00:00.000000001Z", "2024-01-01 01:00:00.000000002+01:00"],
+        ),
+    ],
+)
+def test_times_are_written_as_read(write: Write, texts: list[str], expected: list[Any]) -> None:
+    path = write("a.csv", "id,t,x\n" + "".join(f"a,{text},1\n" for text in texts))
+    result = evaluate(read_trajectories(path), read_trajectories(write("b.csv", "id,t,x\n")))
+    assert [row["t"] for row in parse(result.to_json())["per_step"]] == expected
+    assert [row["t"] for row in read_csv(REPORTS["csv"](result))] == texts
+
+
+def test_the_digest_is_of_the_table_and_not_of_the_bytes(invoke: Invoke, write: Write) -> None:
+    def digest(text: str, estimate: str = "id,t,x,y\n") -> str:
+        paths = write("t.csv", text), write("e.csv", estimate)
+        document = parse(invoke(*paths, "--format", "json").out)
+        sha: str = document["input"]["truth"]["sha256"]
+        return sha
+
+    text = "id,t,x,y\na,1,2,3\nb,1,4,5\na,2,0.5,6\n"
+    same = [
+        text.replace("\n", "\r\n"),
+        text.replace(",", ";"),
+        "track_id,frame,y,x,class\na,2,6,5e-1,car\nb,1,5,4.0,car\na,1,3,2,car\n",
+    ]
+    assert {digest(other) for other in same} == {digest(text)}
+    others = [
+        text.replace("6", "7"),
+        text.replace("b", "c"),
+        text.replace("a,2", "a,3"),
+        text.replace("b,1,4,5\n", ""),
+    ]
+    assert len({digest(other) for other in (text, *others)}) == 5
+    # What the estimate is like is no property of the truth.
+    assert digest(text, "id,t,x,y\nb,1,2,3\n") == digest(text)
+    assert digest(text, "id,t,x,y\nb,0.5,2,3\n") == digest(text)
+
+
+# --- the result folder ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(invoke: Invoke, quickstart: Pair, tmp_path: Path) -> dict[str, Any]:
+    """The result folder of the sample data, parsed."""
+    assert invoke(*quickstart, "-o", "out").status == 0
+    texts = {path.name: path.read_text("utf-8") for path in (tmp_path / "out").iterdir()}
+    assert not any("\r" in text or "nan" in text.lower() for text in texts.values())
+    return {
+        name: parse(text) if name.endswith(".json") else read_csv(text)
+        for name, text in texts.items()
+    }
+
+
+def test_tables_of_the_folder_agree_with_the_json(folder: dict[str, Any]) -> None:
+    document = folder["result.json"]
+    counts = document["counts"]
+
+    def near(value: float) -> Any:
+        return pytest.approx(value, rel=1e-12)
+
+    assert [{k: float(v) for k, v in row.items()} for row in folder["per_step.csv"]] == [
+        {k: float(v) for k, v in row.items()} for row in document["per_step"]
+    ]
+
+    pairs = folder["assignments.csv"]
+    assert list(pairs[0]) == ["t", "truth", "estimate", "weight", "distance", "cost"]
+    assert total(pairs, "cost") == near(document["localisation"])
+    for row in pairs:
+        assert 0 <= float(row["distance"]) < 10
+        assert 0 < float(row["weight"]) <= 1
+        cost = float(row["weight"]) * float(row["distance"]) ** 2
+        assert float(row["cost"]) == near(cost)
+    rows = {side: document["input"][side]["rows"] for side in ("truth", "estimate")}
+    assert total(pairs, "weight") == near(rows["truth"] - counts["missed"])
+    assert total(pairs, "weight") == near(rows["estimate"] - counts["false"])
+
+    switches = folder["switches.csv"]
+    assert list(switches[0]) == ["t", "truth", "from", "to", "mass", "cost"]
+    as_json = [{k: "" if v is None else str(v) for k, v in r.items()} for r in document["switches"]]
+    assert switches == as_json
+
+    for side, kind in (("truth", "missed"), ("estimate", "false")):
+        table = folder[f"per_{side}.csv"]
+        assert len(table) == document["sizes"][{"truth": "truth", "estimate": "estimates"}[side]]
+        assert total(table, "steps") == rows[side]
+        assert total(table, "localisation") == near(document["localisation"])
+        assert total(table, kind) == near(document[kind])
+        assert total(table, f"{kind}_count") == near(counts[kind])
+        assert total(table, "switch") == near(document["switch"])
+        assert total(table, "switch_count") == near(counts["switch"])
+        for row in table:
+            mine = [pair for pair in pairs if pair[side] == row["id"]]
+            assert float(row["localisation"]) == pytest.approx(total(mine, "cost"), rel=1e-9)
+            unassigned = float(row["steps"]) - total(mine, "weight")
+            assert float(row[f"{kind}_count"]) == pytest.approx(unassigned, abs=1e-9)
+
+    spent = {row["stage"]: float(row["seconds"]) for row in folder["timings.csv"]}
+    assert spent["read"] == document["timings"]["read"]
+    assert spent["solve/lp"] == document["timings"]["solve"]["lp"]
+    assert spent["total"] >= spent["read"]
+
+
+def test_folder_tables_of_a_known_scene(known: Result) -> None:
+    frame = known.assignments
+    assert frame[["t", "truth", "estimate"]].to_numpy().tolist() == [
+        [1, "3", "7"],
+        [2, "3", "7"],
+        [3, "3", "12"],
+    ]
+    assert frame["distance"].tolist() == pytest.approx([1, 1, 2], rel=1e-12)
+    assert known.per_truth.to_dict("records") == [
+        pytest.approx(
+            {"id": "3", "steps": 4, "localisation": 6, "missed": 50, "switch": 4}
+            | {"missed_count": 1, "switch_count": 1}
+        )
+    ]
+    by_id = known.per_estimate.set_index("id")
+    assert by_id["false"].to_dict() == {"7": 0, "9": 50, "12": 0}
+    assert by_id["localisation"].to_dict() == pytest.approx({"7": 2, "9": 0, "12": 4})
+    assert by_id["switch"].to_dict() == pytest.approx({"7": 2, "9": 0, "12": 2})
+
+
+def test_csv_quotes_ids(write: Write) -> None:
+    name = 'a,"b"\nc'
+    path = write("a.csv", 'id,t,x\n"a,""b""\nc",1,2\n')
+    result = evaluate(read_trajectories(path), read_trajectories(path))
+    from tgospa_eval.reports.files import csv_text
+
+    (row,) = read_csv(csv_text(result.assignments_table()))
+    assert (row["truth"], row["estimate"]) == (name, name)
+
+
+# --- text -----------------------------------------------------------------------------------------
+
+
+def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
+    _, out, _ = invoke(*quickstart, "--unit", "m")
+    assert re.match(r"TGOSPA = 43\.8054 m, exact: proven", out)
+    assert "\n5 truths, 7 estimates, 60 steps\n" in out
+    for pattern in (
+        r"c += 10 m .*",
+        r"p += 2 .*",
+        r"gamma += 2 m .*",
+        r"localisation +406\.911 +21\.2 %",
+        r"missed +1150 +59\.9 % +23  .*",
+        r"false +350 +18\.2 % +7  .*",
+        r"switch +12 +0\.6 % +3  .*",
+        r"total +1918\.91 +100\.0 % .*",
+        r"per step +5\.65525 m .*",  # (1918.91 / 60) ** (1 / 2)
+        r"worst truths +car-4 .*",
+        r"worst estimates +106 .*",
+        r"31 +car-1: 101 -> 102",
+        r"40 +car-4: none -> 107 +\(0\.5 of a switch\)",
+        r"solver +certified: solved",
+    ):
+        assert re.search(rf"^ +{pattern}$", out, re.MULTILINE), pattern
+
+
+def test_csv_is_per_step(sample: Result) -> None:
+    rows = read_csv(REPORTS["csv"](sample))
+    assert list(rows[0]) == ["t", *PARTS, "total"]
+    assert [row["t"] for row in rows] == [str(t) for t in range(1, 61)]
+    assert total(rows, "total") == pytest.approx(sample.total, rel=1e-12)
+
+
+def test_markdown(sample: Result) -> None:
+    lines = REPORTS["markdown"](sample).splitlines()
+    assert "43.8054 m" in lines[0]
+    assert "c = 10, p = 2, gamma = 2" in lines[0]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    assert {len(row) for row in cells} == {4}
+    assert cells[2:] == [
+        ["localisation", "406.911", "21.2", ""],
+        ["missed", "1150", "59.9", "23"],
+        ["false", "350", "18.2", "7"],
+        ["switch", "12", "0.6", "3"],
+        ["total", "1918.91", "100", ""],
+    ]
+
+
+def test_latex(sample: Result) -> None:
+    lines = REPORTS["latex"](sample).splitlines()
+    assert lines[0].startswith("% ")
+    assert "43.8054 m" in lines[0]
+    rows = [line.removesuffix(r"\\").split("&") for line in lines if line.endswith(r"\\")]
+    assert {len(row) for row in rows} == {4}
+    assert [[cell.strip() for cell in row] for row in rows[1:]] == [
+        ["localisation", "406.911", "21.2", ""],
+        ["missed", "1150", "59.9", "23"],
+        ["false", "350", "18.2", "7"],
+        ["switch", "12", "0.6", "3"],
+        ["total", "1918.91", "100", ""],
+        ["TGOSPA", "43.8054", "", ""],
+    ]
+    assert [line for line in lines if line.startswith((r"\begin", r"\end"))] == [
+        r"\begin{tabular}{lrrr}",
+        r"\end{tabular}",
+    ]
+
+
+def test_html_of_a_notebook(sample: Result) -> None:
+    html = sample._repr_html_()
+    assert html.count("<table") == html.count("</table>") == 1
+    for name, number in (("tgospa", "43.8054"), ("missed", "1150"), ("false", "350")):
+        assert re.search(rf"{name}\D*{re.escape(number)}\D", html)
+
+
+# --- empty sets -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("format_", list(REPORTS))
+def test_nothing_against_nothing(invoke: Invoke, write: Write, format_: str) -> None:
+    paths = write("t.csv", "id,t,x,y\n"), write("e.csv", "id,t,x,y\n")
+    status, out, _ = invoke(*paths, "--format", format_, "-o", "out")
+    assert status == 0
+    assert out
+    assert not re.search(r"\bnan\b", out, re.IGNORECASE)
+    if format_ == "json":
+        document = parse(out)
+        for name in ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", *PARTS):
+            assert document[name] == 0
+        assert document["certified"] is True
+        assert document["normalised"] == {"tgospa": 0}
+        assert set(document["counts"].values()) == {0}
+        assert set(document["sizes"].values()) == {0}
+        assert document["per_step"] == document["switches"] == []
+        assert document["worst"] == {"steps": [], "truth": [], "estimates": []}
+
+
+@pytest.mark.parametrize("format_", list(REPORTS))
+@pytest.mark.parametrize("part", ["missed", "false"])
+def test_something_against_nothing(invoke: Invoke, write: Write, part: str, format_: str) -> None:
+    paths = (
+        write("some.csv", "id,t,x,y\na,1,0,0\nb,1,0,0\na,2,0,0\n"),
+        write("no.csv", "id,t,x,y\n"),
+    )
+    pair = paths if part == "missed" else paths[::-1]
+    status, out, _ = invoke(*pair, "-c", "4", "--format", format_)
+    assert status == 0
+    if format_ == "csv":
+        assert total(read_csv(out), part) == 24  # three half cutoffs: 3 * 4 ** 2 / 2
+    else:
+        assert re.search(r"\b24\b", out)
+    if format_ == "json":
+        document = parse(out)
+        assert document["total"] == document[part] == pytest.approx(24, rel=1e-12)
+        assert sum(document["counts"].values()) == document["counts"][part] == 3
+        assert document["normalised"]["tgospa"] == pytest.approx(math.sqrt(12), rel=1e-12)
+        assert document["worst"]["steps"] == [1, 2]
+
+
+@pytest.mark.parametrize("name", list(REPORTS))
+def test_a_perfect_estimate_costs_nothing(quickstart: Pair, name: str) -> None:
+    truth = read_trajectories(quickstart[0])
+    result = evaluate(truth, truth)
+    assert (result.tgospa, result.total, result.certified) == (0, 0, True)
+    assert REPORTS[name](result)
+    assert result.worst() == {"steps": [], "truth": [], "estimates": []}
+
+
+# --- Python ---------------------------------------------------------------------------------------
+
+
+def test_attributes_bear_the_names_of_the_json(sample: Result) -> None:
+    document = parse(sample.to_json())
+    for name, value in document.items():
+        if name in ("schema", "worst"):
+            continue
+        attribute = getattr(sample, name)
+        if isinstance(attribute, pd.DataFrame):
+            attribute = attribute.astype(object).where(attribute.notna(), None).to_dict("records")
+        assert attribute == value, name
+
+
+def test_tables_are_frames(sample: Result) -> None:
+    assert sample.per_step.columns.tolist() == ["t", *PARTS, "total"]
+    assert len(sample.per_step) == 60
+    assert sample.per_step["total"].sum() == pytest.approx(sample.total, rel=1e-12)
+    assert len(sample.switches) == 4
+    assert sample.assignments["cost"].sum() == pytest.approx(sample.localisation, rel=1e-12)
+    assert sample.per_truth["missed"].sum() == pytest.approx(sample.missed, rel=1e-12)
+    assert sample.per_estimate["false"].sum() == pytest.approx(sample.false, rel=1e-12)
+    assert all(np.issubdtype(kind, np.number) for kind in sample.per_step.dtypes)
+
+
+def test_evaluating_prints_nothing(quickstart: Pair, capsys: pytest.CaptureFixture[str]) -> None:
+    evaluate(*map(read_trajectories, quickstart)).to_json()
+    assert capsys.readouterr() == ("", "")
+
+
+def test_frames_and_files_are_the_same(quickstart: Pair, sample: Result) -> None:
+    frames = [
+        pd.DataFrame(read_csv(Path(path).read_text("utf-8"))).astype(
+            {"t": "int64", "x": "float64", "y": "float64"}
+        )
+        for path in quickstart
+    ]
+    result = evaluate(*frames, unit="m")
+    mine, theirs = (parse(r.to_json()) for r in (result, sample))
+    for document in (mine, theirs):
+        del document["timings"]
+    assert mine == theirs
