@@ -1,7 +1,7 @@
 """Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
 
 import tomllib
-from collections.abc import Collection
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,16 @@ FILE = "tgospa-eval.toml"
 TABLE = "tgospa-eval"
 
 
-def load(path: str | None, known: Collection[str]) -> tuple[str | None, dict[str, Any]]:
+def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[str, Any]]:
     """Read the settings.
 
     Parameters
     ----------
     path : str, optional
         The file; without it the current folder is searched.
-    known : collection of str
-        Names of the options, as on the command line, without dashes in front.
+    known : mapping of str to bool
+        Names of the options, as on the command line without dashes in front, and whether each is a
+        flag.
 
     Returns
     -------
@@ -38,7 +39,9 @@ def load(path: str | None, known: Collection[str]) -> tuple[str | None, dict[str
     else:
         table = _read(path)
         if Path(path).name == "pyproject.toml":
-            table = table.get("tool", {}).get(TABLE, {})
+            table = _section(table) or {}
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path}: [tool.{TABLE}] must be a table")
     settings: dict[str, Any] = {}
     for key, value in table.items():
         name = key.replace("_", "-")
@@ -48,21 +51,29 @@ def load(path: str | None, known: Collection[str]) -> tuple[str | None, dict[str
             value = ",".join(map(str, value))
         if isinstance(value, dict):
             raise ConfigError(f'{path}: "{key}" is a table; a single value is needed')
+        if isinstance(value, bool) != known[name]:
+            needed = "true or false" if known[name] else "a value, not true or false"
+            raise ConfigError(f'{path}: "{key}" is {value!r}; needed is {needed}')
         settings[name] = value
     return path, settings
 
 
-def _search() -> tuple[str | None, dict[str, Any]]:
+def _search() -> tuple[str | None, Any]:
     if Path(FILE).is_file():
         return FILE, _read(FILE)
     if Path("pyproject.toml").is_file():
         try:
-            table = _read("pyproject.toml").get("tool", {}).get(TABLE)
+            table = _section(_read("pyproject.toml"))
         except ConfigError:
             return None, {}  # somebody else's broken file is not ours to report
         if table is not None:
             return "pyproject.toml", table
     return None, {}
+
+
+def _section(document: dict[str, Any]) -> Any:
+    tool = document.get("tool")
+    return tool.get(TABLE) if isinstance(tool, dict) else None
 
 
 def _read(path: str) -> dict[str, Any]:

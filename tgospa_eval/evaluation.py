@@ -268,15 +268,14 @@ class Result:
         np.subtract.at(free, getattr(problem, f"{side}_row")[entry], weight)
         changed, amount = changes(states, self.proof.weights)
 
-        def total(index: Ints, value: Floats | None = None) -> Floats:
-            return sum_by(index, np.ones(len(index)) if value is None else value, len(ids))
+        def total(index: Ints, value: Floats) -> Floats:
+            return sum_by(index, value, len(ids))
 
         unassigned = total(track, free / ONE)
         paid = amount * problem.crossing_price[states.begin[changed]]
         at = pair_track[states.pair[changed]]
         kind = "missed" if side == "truth" else "false"
         columns = {
-            "steps": total(track),
             "localisation": self.scale
             * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
             kind: self.scale * total(track, free / ONE * price),
@@ -284,7 +283,10 @@ class Result:
             f"{kind}_count": unassigned,
             "switch_count": 0.5 * total(at, amount),
         }
-        return {"id": list(ids)} | {name: column.tolist() for name, column in columns.items()}
+        steps = np.bincount(track, minlength=len(ids)).tolist()
+        return {"id": list(ids), "steps": steps} | {
+            name: column.tolist() for name, column in columns.items()
+        }
 
     def worst(self, count: int = 5) -> dict[str, list[Any]]:
         """The `count` dearest steps, truths and estimates, dearest first, free ones left out."""

@@ -121,6 +121,15 @@ def evaluate_trajectories(
     stopwatch = stopwatch or Stopwatch()
     norm = _distance(distance)
     check_columns(truth, estimate)
+    inputs = {
+        name: {"rows": count, "sha256": digest(side)}
+        for name, side, count in zip(
+            ("truth", "estimate"),
+            (truth, estimate),
+            rows or (len(truth.step), len(estimate.step)),
+            strict=True,
+        )
+    }
     with stopwatch.span("distances"):
         truth, estimate = align(truth, estimate)
         pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
@@ -148,16 +157,6 @@ def evaluate_trajectories(
         estimates=estimate.ids.tolist(),
         unit=unit,
     )
-    with stopwatch.span("report"):
-        inputs = {
-            name: {"rows": count, "sha256": digest(side)}
-            for name, side, count in zip(
-                ("truth", "estimate"),
-                (truth, estimate),
-                rows or (len(truth.step), len(estimate.step)),
-                strict=True,
-            )
-        }
     return Result(
         proof=Proof(
             parameters=parameters,
@@ -184,7 +183,7 @@ def evaluate_trajectories(
             "finished": solution.finished,
             "iterations": solution.iterations,
             "kernel": "numpy",
-            "history": list(solution.history),
+            "history": [_scaled(check, parameters) for check in solution.history],
         },
         timings=_nested(stopwatch),
         input=inputs,
@@ -245,6 +244,12 @@ def solver_settings(solver: Solver) -> dict[str, Any]:
     """The settings of a solver that change the number."""
     changing = {name: value for name, value in vars(solver).items() if value is not None}
     return {"solver": solver.name, **changing}
+
+
+def _scaled(check: dict[str, float], parameters: Parameters) -> dict[str, float]:
+    """A record of the convergence, its bracket as costs."""
+    scale = parameters.cutoff**parameters.order
+    return {**check, "lower": scale * check["lower"], "upper": scale * check["upper"]}
 
 
 def _distance(distance: str | Norm) -> Norm:

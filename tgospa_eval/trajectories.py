@@ -66,7 +66,7 @@ class Trajectories:
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
-        if np.any(np.diff(self.times) <= 0):
+        if np.any(self.times[1:] <= self.times[:-1]):
             raise InputError("times must increase strictly")
         if rows:
             if self.step.min() < 0 or self.step.max() >= len(self.times):
@@ -117,8 +117,10 @@ class Trajectories:
         )
 
 
-def align(truth: Trajectories, estimate: Trajectories) -> tuple[Trajectories, Trajectories]:
-    """Both on the union of their times.
+def align(
+    truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
+) -> tuple[Trajectories, Trajectories]:
+    """Both on the union of their times; `names` are for messages.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def align(truth: Trajectories, estimate: Trajectories) -> tuple[Trajectories, Tr
     """
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         raise InputError(
-            f"truth has {CLOCKS[truth.clock]}, the estimate has {CLOCKS[estimate.clock]}; "
+            f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
             "times of one run must be of one kind"
         )
     first, second = truth.times, estimate.times
@@ -136,12 +138,14 @@ def align(truth: Trajectories, estimate: Trajectories) -> tuple[Trajectories, Tr
     if not len(second):
         second = first[:0]
     if first.dtype != second.dtype:
-        for times in (first, second):
-            if times.dtype.kind == "i" and np.any(np.abs(times) > 2**53):
+        for times, name in ((first, names[0]), (second, names[1])):
+            if times.dtype.kind == "i" and not np.all(np.abs(times.astype(float)) < 2.0**53):
                 raise InputError(
-                    "one file has decimal times and the other integers above 2^53, "
+                    f"{name} has integer times above 2^53 and the other side decimal ones, "
                     "which cannot be compared exactly; write both as integers"
                 )
+    if first.dtype == second.dtype and np.array_equal(first, second) and len(first):
+        return truth, estimate
     times = np.union1d(first, second)
     labels = None
     clock = truth.clock if len(truth.times) else estimate.clock

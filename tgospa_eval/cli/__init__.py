@@ -16,6 +16,8 @@ VERBS = {
 """Module and summary of each verb; the module's command is called `command`."""
 
 INTERRUPTED = 130
+CONFIG = "tgospa_eval.config"
+"""Under this name the context keeps the configuration file in use."""
 
 
 class Verbs(click.Group):
@@ -97,20 +99,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
             prog_name="tgospa-eval",
             standalone_mode=False,
         )
-        sys.stdout.flush()
     except TgospaError as error:
         click.echo(str(error), err=True)
         status = error.exit_status
     except click.ClickException as error:
+        context = getattr(error, "ctx", None)
+        if context is not None and context.meta.get(CONFIG):
+            click.echo(f"settings from {context.meta[CONFIG]}", err=True)
         error.show()
         status = error.exit_code
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         sys.stderr.flush()
         os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
-    except BrokenPipeError:  # the reader of a pipe went away, as head does: not our failure
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = 0
     except MemoryError:
         click.echo("out of memory; a smaller cutoff leaves fewer pairs", err=True)
         status = 4

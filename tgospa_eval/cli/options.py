@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 from tgospa_eval import config
+from tgospa_eval.cli import CONFIG
 
 CUTOFF = 10.0
 SWITCH_PENALTY = 2.0
@@ -24,12 +25,13 @@ def option(*names: str, **settings: Any) -> Callable[[Any], Any]:
 
 def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | None) -> str | None:
     known = {
-        item.opts[-1].lstrip("-"): item.name
+        item.opts[-1].lstrip("-"): item
         for item in ctx.command.params
         if isinstance(item, click.Option) and item is not parameter
     }
-    used, settings = config.load(path, known)
-    named = {known[key]: value for key, value in settings.items()}
+    used, settings = config.load(path, {name: item.is_flag for name, item in known.items()})
+    ctx.meta[CONFIG] = used
+    named = {known[key].name: value for key, value in settings.items()}
     ctx.default_map = {**(ctx.default_map or {}), **named}
     return used
 

@@ -1,11 +1,11 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
+import os
 import sys
 from collections.abc import Callable
 from typing import Any
 
 import click
-import numpy as np
 
 from tgospa_eval.cli.progress import run
 from tgospa_eval.distances import DISTANCES
@@ -18,7 +18,7 @@ from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import align
+from tgospa_eval.trajectories import Trajectories, align
 
 FEW = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""
@@ -43,6 +43,14 @@ def evaluate_files(
     TgospaError
         Something is wrong with options or files.
     """
+    quiet, verbose = options["quiet"], options["verbose"]
+
+    def say(message: str) -> None:
+        if not quiet:
+            click.echo(message, err=True)
+
+    if options["config"]:
+        say(f"settings from {options['config']}")
     parameters = Parameters(
         cutoff=options["cutoff"],
         order=options["order"],
@@ -53,14 +61,6 @@ def evaluate_files(
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
     stopwatch = Stopwatch()
-    quiet, verbose = options["quiet"], options["verbose"]
-
-    def say(message: str) -> None:
-        if not quiet:
-            click.echo(message, err=True)
-
-    if options["config"]:
-        say(f"settings from {options['config']}")
 
     def work() -> Result:
         with stopwatch.span("read"):
@@ -100,15 +100,19 @@ def _evaluate(
 ) -> Result:
     truth, estimate = (side.trajectories for side in sides)
     check_columns(truth, estimate, paths)
+    aligned = align(truth, estimate, paths)
     for path, side in zip(paths, sides, strict=True):
         for notice in side.notices:
             say(f"{path}: {notice}")
-    common, steps = common_steps(truth.times, estimate.times)
+    if truth.columns == ("lat", "lon"):
+        say("lat and lon are compared as plain numbers: c, gamma and errors are in degrees")
+    steps = len(aligned[0].times)
+    common = len(truth.times) + len(estimate.times) - steps
     say(f"{common} of {steps} steps are in both files")
     if steps and common < FEW * steps:
         say(f"warning: only {100 * common / steps:.0f} % of the steps are in both files")
     if not all(given.values()) and not options["quiet"]:
-        say(_default_notice(sides, options, given))
+        say(_default_notice(aligned, options, given))
     return evaluate_trajectories(
         truth,
         estimate,
@@ -123,25 +127,15 @@ def _evaluate(
 
 
 def _default_notice(
-    sides: tuple[Reading, Reading], options: dict[str, Any], given: dict[str, bool]
+    aligned: tuple[Trajectories, Trajectories], options: dict[str, Any], given: dict[str, bool]
 ) -> str:
     """One line about the defaults in use, with the scale of the data beside it."""
-    names = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
-    used = [
-        f"{names[name]} = {options[name]:g}" for name, is_given in given.items() if not is_given
-    ]
-    flags = {"cutoff": "-c", "switch_penalty": "-g"}
-    asked = " and ".join(flags[name] for name, is_given in given.items() if not is_given)
-    nearest = median_nearest(
-        *align(sides[0].trajectories, sides[1].trajectories), DISTANCES[options["distance"]]
-    )
+    names = {"cutoff": ("cutoff c", "-c"), "switch_penalty": ("switch penalty gamma", "-g")}
+    defaults = [name for name, is_given in given.items() if not is_given]
+    used = " and ".join(f"{names[name][0]} = {options[name]:g}" for name in defaults)
+    nearest = median_nearest(*aligned, DISTANCES[options["distance"]])
     scale = "" if nearest is None else f"; the median nearest estimate is {nearest:.3g} away"
-    return f"default {' and '.join(used)}{scale}; choose with {asked}"
-
-
-def common_steps(first: Any, second: Any) -> tuple[int, int]:
-    """How many of all steps are on both sides, and how many there are."""
-    return len(np.intersect1d(first, second)), len(np.union1d(first, second))
+    return f"default {used}{scale}; choose with {' and '.join(names[name][1] for name in defaults)}"
 
 
 def make_solver(options: dict[str, Any]) -> Solver:
@@ -169,6 +163,18 @@ def show(result: Result, options: dict[str, Any]) -> None:
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
         write_folder(result, options["output"], force=options["force"])
-    if hasattr(sys.stdout, "reconfigure"):
-        sys.stdout.reconfigure(errors="backslashreplace")
-    click.echo(REPORTS[options["format_"]](result), nl=False)
+    emit(REPORTS[options["format_"]](result))
+
+
+def emit(text: str) -> None:
+    """Write data to stdout, in its own encoding, escaping what that cannot express.
+
+    Not by click.echo, which writes UTF-8 where the user asked for ASCII and exits with 1 when the
+    reader of a pipe goes away; as head does, so that is no failure of ours.
+    """
+    encoding = sys.stdout.encoding or "ascii"
+    try:
+        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -41,6 +41,8 @@ class Pairs:
     distance: Floats
 
 
+# Differences and sums of huge coordinates may overflow: infinitely far is right.
+@np.errstate(over="ignore", invalid="ignore")
 def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Norm) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
     every = np.arange(len(truth.times) + 1)
@@ -106,6 +108,7 @@ def _tree(a: Floats, b: Floats, cutoff: float, norm: Norm) -> tuple[Ints, Ints]:
     return near["i"][order], near["j"][order]
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def median_nearest(truth: Trajectories, estimate: Trajectories, norm: Norm) -> float | None:
     """Median distance from a truth to the nearest estimate of its step, over up to 100 steps.
 

@@ -65,7 +65,8 @@ def assemble(
             raise InputError(_duplicate(rows, again, key, track_ids[track], times, where))
         drop = again + 1 if on_duplicate == "first" else again
         rows, ordered = np.delete(rows, drop), np.delete(ordered, drop)
-        notices.append(f"{len(again)} rows repeat an (id, t): the {on_duplicate} one was taken")
+        verb = "rows repeat" if len(again) > 1 else "row repeats"
+        notices.append(f"{len(again)} {verb} an (id, t): the {on_duplicate} one was taken")
 
     labels = None
     if times.text is not None:
@@ -117,7 +118,8 @@ def number_ids(ids: Sequence[str]) -> tuple[NDArray[np.object_], Ints]:
 def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
     """Sort key: digits in a text compare as numbers."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
-    return [(0, int(p), "") if p[0] in "0123456789" else (1, 0, p) for p in parts], text
+    keys = [(0, len(p.lstrip("0")), p.lstrip("0")) if p[0].isdigit() else (1, 0, p) for p in parts]
+    return keys, text
 
 
 def _duplicate(

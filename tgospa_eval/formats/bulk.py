@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.formats.assemble import number_ids
 from tgospa_eval.formats.columns import Roles
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.times import EXACT, Times
 from tgospa_eval.trajectories import Floats, Ints
 
 SIZE = 4_000_000
@@ -43,9 +43,13 @@ def read_bulk(
     used = {roles.id, roles.time, *roles.state}
     if b'"' in data or len(used) != 2 + len(roles.state) or not Path(path).is_file():
         return None
+    if data.count(b"\r") != data.count(b"\r\n"):
+        return None
     start = 0
     for _ in range(first - 1):
-        start = data.index(b"\n", start) + 1
+        start = data.find(b"\n", start) + 1
+    if start in (0, len(data)):  # a header alone
+        return None
     ends = start + np.flatnonzero(np.frombuffer(data, np.uint8, offset=start) == ord("\n"))
     if not data.endswith(b"\n"):
         ends = np.append(ends, len(data))
@@ -54,11 +58,10 @@ def read_bulk(
     frame = _parse(path, first, delimiter, width, roles, decimal, "int64" if plain else object)
     if frame is None or len(frame) != rows:
         return None
-    # A row that is too long makes the parser fail. One that is too short has no last field: that
-    # shows as NaN in a state, else the delimiters tell.
-    last = frame[width - 1] if width - 1 in roles.state else None
-    in_doubt = last is None or last.isna().any()
-    if in_doubt and data.count(delimiter.encode(), start) != rows * (width - 1):
+    # With all columns in use a row that is too long makes the parser fail, and one that is too
+    # short has no last field: NaN in a state, refused below elsewhere. Else the delimiters tell.
+    in_doubt = len(used) < width or any(frame[column].isna().any() for column in roles.state)
+    if in_doubt and not is_regular(data, start, delimiter, width):
         return None
     time = frame[roles.time].to_numpy()
     state = np.empty((rows, len(roles.state)), order="F")
@@ -66,13 +69,25 @@ def read_bulk(
         state[:, k] = frame[column].to_numpy()
     if time.dtype not in (np.int64, np.float64) or np.isinf(state).any():
         return None
-    if time.dtype == np.float64 and not np.isfinite(time).all():
+    if time.dtype == np.float64 and not (np.abs(time) < EXACT).all():
         return None
     ids = _number_ids(frame[roles.id])
     if ids is None:
         return None
     clean = time if time.dtype == np.int64 else time + 0.0  # -0.0 is the same step as 0.0
     return ids, Times(value=clean, clock="number", text=None), state
+
+
+def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
+    """Whether every line from byte `start` on has `width` fields; there must be no quotes."""
+    view = np.frombuffer(data, np.uint8, offset=start)
+    marks = view[(view == ord(delimiter)) | (view == ord("\n"))]
+    if len(view) and view[-1] != ord("\n"):
+        marks = np.append(marks, np.uint8(ord("\n")))
+    if len(marks) % width:
+        return False
+    ends = marks.reshape(-1, width) == ord("\n")
+    return bool(ends[:, -1].all() and not ends[:, :-1].any())
 
 
 def _plain_integers(data: bytes, begins: Ints, delimiter: str) -> bool:
@@ -116,7 +131,11 @@ def _parse(
                 **options,
             )
             return frame
-    except (ValueError, Warning):  # ParserError and UnicodeDecodeError are ValueErrors
+    except (
+        ValueError,
+        OverflowError,
+        Warning,
+    ):  # ParserError and UnicodeDecodeError are ValueErrors
         return None
 
 

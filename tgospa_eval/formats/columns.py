@@ -120,7 +120,9 @@ def _default_states(find: Callable[[str], int | None]) -> tuple[tuple[str, ...],
 def _check_names(names: list[str], where: str) -> None:
     for k, name in enumerate(names, start=1):
         if not name:
-            raise InputError(f"{where}: column {k} has no name in the header")
+            raise InputError(
+                f"{where}: column {k} has no name in the header; name it, also if unused"
+            )
         if names.index(name) != k - 1:
             raise InputError(f'{where}: the header names "{name}" twice; rename one')
 

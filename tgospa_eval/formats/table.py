@@ -8,6 +8,7 @@ delimiters of every line were counted; others go through the csv module.
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +19,9 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading, ReadOptions
 from tgospa_eval.formats.assemble import assemble, number_ids
-from tgospa_eval.formats.bulk import SIZE, read_bulk
+from tgospa_eval.formats.bulk import SIZE, is_regular, read_bulk
 from tgospa_eval.formats.columns import Roles, find_roles
-from tgospa_eval.formats.times import TimeError, Times, parse_times, quoted
+from tgospa_eval.formats.times import TimeError, Times, more, parse_times, quoted, remedy_for
 from tgospa_eval.trajectories import Floats, Ints
 
 DELIMITERS = ",;\t"
@@ -87,7 +88,7 @@ def _convert(
     ids = [text.strip() for text in columns[roles.id]]
     if "" in ids:
         place = places.field(ids.index(""), roles.id)
-        problems.append(f"{place}: blank id{_more(ids.count(''))}; name the object")
+        problems.append(f"{place}: blank id{more(ids.count(''))}; name the object")
     state = np.empty((len(ids), len(roles.state)))
     for k, column in enumerate(roles.state):
         state[:, k], wrong = _numbers(columns[column], decimal)
@@ -150,8 +151,12 @@ def _header(text: str, path: str) -> tuple[str, int, int]:
 
 
 def _delimiter(header: str, decimal: str) -> str:
-    candidates = [d for d in DELIMITERS if d != decimal]
-    return max(candidates, key=header.count)
+    """The most frequent delimiter outside quotes; the decimal mark only if there is no other."""
+    plain = re.sub(r'"[^"]*"', "", header)
+    return max(
+        DELIMITERS,
+        key=lambda mark: (mark != decimal, plain.count(mark)) if plain.count(mark) else (False, 0),
+    )
 
 
 def _tokenise(
@@ -161,17 +166,12 @@ def _tokenise(
     body = body.rstrip("\n")
     if not body:
         return [[] for _ in range(width)], []
-    if '"' not in body:
-        data = np.frombuffer((body + "\n").encode(), np.uint8)
-        marks = data[(data == ord(delimiter)) | (data == ord("\n"))]
-        if len(marks) % width == 0:
-            ends = marks.reshape(-1, width) == ord("\n")
-            if ends[:, -1].all() and not ends[:, :-1].any() and (width > 1 or "\n\n" not in body):
-                fields = body.replace("\n", delimiter).split(delimiter)
-                rows = len(fields) // width
-                return [fields[k::width] for k in range(width)], range(
-                    first_line, first_line + rows
-                )
+    blank = width == 1 and "\n\n" in body
+    if '"' not in body and not blank and is_regular(body.encode(), 0, delimiter, width):
+        fields = body.replace("\n", delimiter).split(delimiter)
+        return [fields[k::width] for k in range(width)], range(
+            first_line, first_line + len(fields) // width
+        )
     return _tokenise_slowly(body, delimiter, width, path, first_line)
 
 
@@ -201,7 +201,7 @@ def _tokenise_slowly(
         line, found = wrong[0]
         raise InputError(
             f"{path}, line {line}: {found} {'field' if found == 1 else 'fields'}, "
-            f"the header has {width}{_more(len(wrong))}; give every row one field per column"
+            f"the header has {width}{more(len(wrong))}; give every row one field per column"
         )
     return [[row[k] for row in rows] for k in range(width)], lines
 
@@ -220,41 +220,24 @@ def _floats(texts: Sequence[str], decimal: str) -> Floats:
 
 def _numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
     """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
+    wrong: list[int] = []
     try:
         values = _floats(texts, decimal)
     except ValueError:
         values = np.full(len(texts), np.nan)
-        wrong = []
         for row, text in enumerate(texts):
             try:
                 values[row] = _floats([text], decimal)[0]
             except ValueError:
                 if text.strip():
                     wrong.append(row)
-        if wrong:
-            row = wrong[0]
-            return values, [
-                (
-                    row,
-                    f"not a number: {quoted(texts[row])}{_more(len(wrong))}; {_remedy(texts[row])}",
-                )
-            ]
-    infinite = np.flatnonzero(np.isinf(values))
-    if len(infinite):
-        row = int(infinite[0])
-        message = f"infinite: {quoted(texts[row])}{_more(len(infinite))}; leave it blank if absent"
-        return values, [(row, message)]
-    return values, []
-
-
-def _remedy(text: str) -> str:
-    """What to do about a text that is no number."""
-    if "," in text:
-        return "use a decimal point, or --decimal ,"
-    if "." in text:
-        return "use one decimal mark (--decimal) and no thousands separator"
-    return "leave it blank where the object is absent"
-
-
-def _more(count: int) -> str:
-    return f" (and {count - 1} more)" if count > 1 else ""
+    infinite = np.flatnonzero(np.isinf(values)).tolist()
+    mistakes = []
+    for rows, what, remedy in (
+        (wrong, "not a number", remedy_for),
+        (infinite, "infinite", lambda _: "leave it blank where the object is absent"),
+    ):
+        if rows:
+            text = texts[rows[0]]
+            mistakes.append((rows[0], f"{what}: {quoted(text)}{more(len(rows))}; {remedy(text)}"))
+    return values, mistakes

@@ -8,7 +8,10 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-ISO = re.compile(r"(.*?[T ]\d\d:?\d\d:?\d\d)[.,](\d{1,9})(.*)")
+ISO = re.compile(r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)")
+EXACT = 2.0**53
+"""Below this doubles tell integers apart."""
+
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -68,23 +71,33 @@ def parse_times(
         return _iso(texts, to_floats)
     odd = np.flatnonzero(~np.isfinite(value))
     if len(odd):
-        raise TimeError(int(odd[0]), f"not a finite time: {quoted(texts[odd[0]])}; write a number")
+        text = texts[odd[0]]
+        what = f"not a finite time: {quoted(text)}" if text.strip() else "blank time"
+        raise TimeError(int(odd[0]), f"{what}{more(len(odd))}; write a number")
+    for row in np.flatnonzero(np.abs(value) >= EXACT).tolist():
+        if texts[row].strip().lstrip("+-").isdigit():
+            raise TimeError(
+                row,
+                f"the integer {quoted(texts[row])} is not exact beside decimal or larger times; "
+                "write all times as 64-bit integers",
+            )
     return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
 
 
 def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> Times:
     """ISO-8601 times, each distinct text parsed once."""
-    known: dict[str, tuple[int, str]] = {}
-    clock = ""
+    known = {text: _parse(text, to_floats) for text in dict.fromkeys(texts)}
+    wrong = [row for row, text in enumerate(texts) if known[text][1] == "none"]
+    if wrong:
+        text = texts[wrong[0]]
+        what = f"not a time: {quoted(text)}" if text.strip() else "blank time"
+        remedy = "write a number or an ISO-8601 time"
+        if "," in text:
+            remedy += f"; {remedy_for(text)}"
+        raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
+    clock = known[texts[0]][1]
     for row, text in enumerate(texts):
-        if text not in known:
-            known[text] = _parse(text, to_floats)
-        kind = known[text][1]
-        if kind == "none":
-            what = "blank" if not text.strip() else f"not a time: {quoted(text)}"
-            raise TimeError(row, f"{what}; write a number or an ISO-8601 time")
-        clock = clock or kind
-        if kind != clock:
+        if known[text][1] != clock:
             raise TimeError(
                 row, f"mixed kinds of time: {quoted(texts[0])} and {quoted(text)}; write all alike"
             )
@@ -103,6 +116,8 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], NDArray[np.float64]])
     # datetime keeps microseconds only; the digits of the fraction are taken by hand.
     match = ISO.fullmatch(text.strip())
     plain, fraction = (match[1] + match[3], match[2]) if match else (text.strip(), "")
+    if fraction[9:].strip("0"):
+        return 0, "none"
     try:
         moment = datetime.fromisoformat(plain)
     except ValueError:
@@ -110,10 +125,25 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], NDArray[np.float64]])
     clock = "local" if moment.tzinfo is None else "zoned"
     since = (moment.replace(tzinfo=UTC) if clock == "local" else moment) - EPOCH
     seconds = since.days * 86_400 + since.seconds
-    nanoseconds = seconds * 1_000_000_000 + int(fraction.ljust(9, "0") or 0)
+    nanoseconds = seconds * 1_000_000_000 + since.microseconds * 1000
+    nanoseconds += int(fraction[:9].ljust(9, "0"))
     if not -(2**63) <= nanoseconds < 2**63:
         return 0, "none"
     return nanoseconds, clock
+
+
+def more(count: int) -> str:
+    """How many mistakes of a kind there are beside the first."""
+    return f" (and {count - 1} more)" if count > 1 else ""
+
+
+def remedy_for(text: str) -> str:
+    """What to do about a text that is no number."""
+    if "," in text:
+        return "use a decimal point, or --decimal ,"
+    if "." in text:
+        return "use one decimal mark (--decimal) and no thousands separator"
+    return "leave it blank where the object is absent"
 
 
 def quoted(text: str) -> str:

@@ -1,5 +1,7 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
+import math
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -43,7 +45,7 @@ def quantity(result: Result, value: float) -> str:
 
 
 def _headline(result: Result) -> Iterator[str]:
-    yield headline(result)
+    yield from _wrap(headline(result), "")
     sizes = result.sizes
     yield (
         f"{_count(sizes['truth'], 'truth')}, {_count(sizes['estimates'], 'estimate')}, "
@@ -53,17 +55,33 @@ def _headline(result: Result) -> Iterator[str]:
 
 def _meaning(result: Result) -> Iterator[str]:
     parameters = result.proof.parameters
+    p = parameters.order
+    miss, price = result.scale / 2, _power(parameters.switch_penalty, p)
     cutoff = quantity(result, parameters.cutoff)
     gamma = quantity(result, parameters.switch_penalty)
-    p = f"{parameters.order:g}"
-    miss = result.scale / 2
-    yield f"  c     = {cutoff:<12} cutoff: no error counts more; a miss or a false target"
-    yield f"  {'':<20} costs c^p/2 = {miss:.6g}"
-    yield f"  p     = {p:<12} order: costs are errors to the power p, TGOSPA is the"
-    yield f"  {'':<20} p-th root of their total"
-    price = parameters.switch_penalty**parameters.order
-    yield f"  gamma = {gamma:<12} switch penalty: changing to another track costs"
-    yield f"  {'':<20} gamma^p = {price:.6g}, to or from none half of it"
+    yield from _wrap(
+        f"  c     = {cutoff}, cutoff: no error counts more; a missed or a false target "
+        f"costs c^p/2 = {miss:.6g}"
+    )
+    yield from _wrap(
+        f"  p     = {p:g}, order: costs are errors to the power p, TGOSPA is the p-th root "
+        "of their total"
+    )
+    yield from _wrap(
+        f"  gamma = {gamma}, switch penalty: changing to another track costs "
+        f"gamma^p = {price:.6g}, to or from none half of it"
+    )
+
+
+def _power(value: float, order: float) -> float:
+    try:
+        return float(value**order)
+    except OverflowError:
+        return math.inf
+
+
+def _wrap(text: str, indent: str = " " * 10) -> list[str]:
+    return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
 
 
 def _parts(result: Result) -> Iterator[str]:
@@ -126,13 +144,14 @@ def _footer(result: Result) -> Iterator[str]:
         "solve": sum(solve.values()),
         "certify": result.timings["certify"],
     }
-    parts = "  ".join(f"{name} {seconds:.3f} s" for name, seconds in spent.items())
+    parts = "  ".join(f"{name} {seconds:.3f}" for name, seconds in spent.items())
     yield clip(f"  solver           {result.solver['name']}: {result.solver['status']}")
-    yield f"  time             {parts}"
+    yield clip(f"  seconds          {parts}")
 
 
 def clip(line: str) -> str:
-    """The line, cut to the width of the table."""
+    """The line, cut to the width of the table, with control characters escaped."""
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
     return line if len(line) <= WIDTH else line[: WIDTH - 3] + "..."
 
 

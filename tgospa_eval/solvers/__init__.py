@@ -1,4 +1,4 @@
-"""PROBLEM -> Solution. A member is one file here, one branch in `make_solver` and a docs line."""
+"""PROBLEM -> Solution. A member is one file here, one line in `SOLVERS` and a docs line."""
 
 from typing import Protocol
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import ONE, best_values, changes, events, repair
 from tgospa_eval.states import Block, Slots, States
@@ -118,3 +119,15 @@ def incidence(slots: Slots, states: slice, own: slice) -> tuple[Ints, Ints]:
     state = np.repeat(np.arange(len(length)), length)
     offset = np.arange(len(state)) - np.repeat(np.cumsum(length) - length, length)
     return np.repeat(begin - own.start, length) + offset, state
+
+
+def check_time_limit(seconds: float | None) -> None:
+    """A time limit must be finite and positive; None is no limit.
+
+    Raises
+    ------
+    ConfigError
+        It is not.
+    """
+    if seconds is not None and not 0 < seconds < np.inf:
+        raise ConfigError(f"time limit is {seconds:g} s: must be finite and more than 0")

@@ -16,7 +16,7 @@ import numpy as np
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.kernels import block_values, dual_values
+from tgospa_eval.solvers.kernels import block_values, check_time_limit, dual_values
 from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import States
@@ -60,8 +60,7 @@ class Sinkhorn:
     def __post_init__(self) -> None:
         if not (self.epsilon > 0 and np.isfinite(self.epsilon)):
             raise ConfigError(f"epsilon is {self.epsilon:g}: must be finite and more than 0")
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise ConfigError(f"time limit is {self.time_limit:g} s: must be more than 0")
+        check_time_limit(self.time_limit)
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
         """Sweep until the columns are full to 1e-6 or the bracket settles, 2,000 times at most."""
@@ -81,9 +80,10 @@ class Sinkhorn:
                 violation = sweeps.sweep(epsilon)
                 settled = cold and violation <= VIOLATION
                 late = self.time_limit is not None and time.monotonic() - begin > self.time_limit
-                if count % WARM == 0 and count <= len(warm) + WARM:
-                    sweeps.drop(NEGLIGIBLE)
-                if not (settled or late or count % CHECK == 0 or count == MOST_SWEEPS):
+                due = count % CHECK == 0 or count == MOST_SWEEPS
+                if not (settled or late or due):
+                    if count % WARM == 0 and count <= len(warm) + WARM:
+                        sweeps.drop(NEGLIGIBLE)
                     continue
                 stalled = not best.offer(sweeps, epsilon, count, violation) and cold
                 if best.met():
@@ -95,6 +95,7 @@ class Sinkhorn:
                 elif stalled:
                     status = "the bracket has stopped narrowing"
                 else:
+                    sweeps.drop(NEGLIGIBLE)
                     continue
                 break
         return Solution(
