@@ -333,9 +333,9 @@ def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
     assert re.match(r"TGOSPA = 43\.8054 m, exact: proven", out)
     assert "\n5 truths, 7 estimates, 60 steps\n" in out
     for pattern in (
-        r"c += 10 m .*",
-        r"p += 2 .*",
-        r"gamma += 2 m .*",
+        r"c += 10 m, .*",
+        r"p += 2, .*",
+        r"gamma += 2 m, .*",
         r"localisation +406\.911 +21\.2 %",
         r"missed +1150 +59\.9 % +23  .*",
         r"false +350 +18\.2 % +7  .*",

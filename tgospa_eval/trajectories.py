@@ -138,10 +138,10 @@ def align(
     if not len(second):
         second = first[:0]
     if first.dtype != second.dtype:
-        for times, name in ((first, names[0]), (second, names[1])):
+        for times, name, other in ((first, *names), (second, *names[::-1])):
             if times.dtype.kind == "i" and not np.all(np.abs(times.astype(float)) < 2.0**53):
                 raise InputError(
-                    f"{name} has integer times above 2^53 and the other side decimal ones, "
+                    f"{name} has integer times above 2^53 and {other} decimal ones, "
                     "which cannot be compared exactly; write both as integers"
                 )
     if first.dtype == second.dtype and np.array_equal(first, second) and len(first):

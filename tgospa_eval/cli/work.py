@@ -1,5 +1,6 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -134,7 +135,8 @@ def _default_notice(
     defaults = [name for name, is_given in given.items() if not is_given]
     used = " and ".join(f"{names[name][0]} = {options[name]:g}" for name in defaults)
     nearest = median_nearest(*aligned, DISTANCES[options["distance"]])
-    scale = "" if nearest is None else f"; the median nearest estimate is {nearest:.3g} away"
+    known = nearest is not None and math.isfinite(nearest)
+    scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
     return f"default {used}{scale}; choose with {' and '.join(names[name][1] for name in defaults)}"
 
 

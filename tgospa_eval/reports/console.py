@@ -1,6 +1,5 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-import math
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -69,15 +68,15 @@ def _meaning(result: Result) -> Iterator[str]:
     )
     yield from _wrap(
         f"  gamma = {gamma}, switch penalty: changing to another track costs "
-        f"gamma^p = {price:.6g}, to or from none half of it"
+        f"gamma^p = {price}, to or from none half of it"
     )
 
 
-def _power(value: float, order: float) -> float:
+def _power(value: float, order: float) -> str:
     try:
-        return float(value**order)
+        return f"{float(value**order):.6g}"
     except OverflowError:
-        return math.inf
+        return "more than 1e308"
 
 
 def _wrap(text: str, indent: str = " " * 10) -> list[str]:
