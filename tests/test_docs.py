@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tgospa_eval.cli import main
+
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
@@ -33,3 +35,35 @@ def test_examples_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 
 def test_readme_has_an_example() -> None:
     assert "evaluate(" in "".join(blocks(ROOT / "README.md"))
+
+
+def runs(page: Path) -> list[tuple[str, list[str]]]:
+    """Commands of ours in console blocks, with the lines that the page shows of their output."""
+    found = []
+    for block in re.findall(
+        r"^```console\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S
+    ):
+        for part in re.split(r"^\$ ", block, flags=re.M)[1:]:
+            command, *lines = part.splitlines()
+            if command.startswith("tgospa-eval truth.csv estimate.csv"):
+                found.append((command, lines))
+    return found
+
+
+@pytest.mark.parametrize("page", ["index.md", "tutorial.md"])
+def test_shown_output_is_true(
+    page: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(ROOT / "sample_data" / "quickstart", tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    shown = runs(ROOT / "docs" / page)
+    assert shown
+    for command, lines in shown:
+        with pytest.raises(SystemExit) as ended:
+            main(command.split()[1:])
+        assert ended.value.code == 0
+        out, err = capfd.readouterr()
+        printed = (err + out).splitlines()
+        stop = lines.index("...") if "..." in lines else len(lines)
+        timeless = [line for line in lines[:stop] if "seconds" not in line]
+        assert timeless == [line for line in printed if "seconds" not in line][: len(timeless)]
