@@ -91,7 +91,7 @@ def _parts(result: Result) -> Iterator[str]:
         "switch": "track switches",
     }
     total = result.total
-    yield f"  {'cost':<14}{'':>12}{'share':>9}{'count':>10}"
+    yield f"  {'part':<14}{'cost':>12}{'share':>9}{'count':>10}"
     for name in PARTS:
         cost = getattr(result, name)
         count = f"{result.counts[name]:.6g}" if name in result.counts else ""
