@@ -43,7 +43,7 @@ def read_bulk(
     used = {roles.id, roles.time, *roles.state}
     if b'"' in data or len(used) != 2 + len(roles.state) or not Path(path).is_file():
         return None
-    if data.count(b"\r") != data.count(b"\r\n"):
+    if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):
         return None
     start = 0
     for _ in range(first - 1):
