@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
@@ -707,3 +707,42 @@ def test_any_table_comes_back_in_any_order(
     again = reread(shuffled)
     for name in ("step", "track", "state", "ids", "times"):
         assert np.array_equal(getattr(again, name), getattr(trajectories, name)), name
+
+
+ODD_FIELDS = st.sampled_from(
+    ["1", "1.0", "1e3", "007", "+7", "-0", "-3", " 7", "7 ", "x", "", "nan", "inf", "True", "1_0",
+     "0x1", "9" * 20, "1,5", "٣", "1.", ".5", "1e999"]
+)  # fmt: skip
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    rows=st.lists(
+        st.tuples(ODD_FIELDS | st.integers(0, 30).map(str), st.integers(0, 9).map(str) | ODD_FIELDS,
+                  st.floats(-9, 9).map(repr) | ODD_FIELDS),
+        min_size=1, max_size=8,
+    ),
+    tails=st.lists(st.sampled_from(["", "", "", ",", ",1", "\r"]), min_size=8, max_size=8),
+    extra=st.booleans(),
+)  # fmt: skip
+def test_the_quick_way_reads_what_the_careful_way_reads(
+    tmp_path: Path, rows: list[tuple[str, ...]], tails: list[str], extra: bool
+) -> None:
+    """Large files go through pandas: the same table, or the same refusal in the same words."""
+    lines = [",".join(("u", *row)[1 - extra :]) + tail for row, tail in zip(rows, tails)]  # noqa: B905
+    path = tmp_path / "a.csv"
+    header = "class,id,t,x" if extra else "id,t,x"
+    path.write_bytes(("\n".join([header, *lines]) + "\n").encode())
+    read = []
+    for size in (10**9, 0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(table, "SIZE", size)
+            try:
+                got = read_trajectories(path)
+                read.append(
+                    (got.ids.tolist(), got.times.tolist(), got.step.tolist(), got.track.tolist(),
+                     got.state.tobytes())
+                )  # fmt: skip
+            except InputError as error:
+                read.append(str(error))
+    assert read[0] == read[1]

@@ -49,8 +49,11 @@ def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[
             raise ConfigError(f'{path}: unknown key "{key}"; known are {", ".join(sorted(known))}')
         if isinstance(value, list):
             value = ",".join(map(str, value))
-        if isinstance(value, dict):
-            raise ConfigError(f'{path}: "{key}" is a table; a single value is needed')
+        if not isinstance(value, str | int | float):
+            kind = "a table" if isinstance(value, dict) else "a date or time"
+            raise ConfigError(f'{path}: "{key}" is {kind}; a number or a text is needed')
+        if name in settings:
+            raise ConfigError(f'{path}: "{name}" is given twice, with - and with _')
         if isinstance(value, bool) != known[name]:
             needed = "true or false" if known[name] else "a value, not true or false"
             raise ConfigError(f'{path}: "{key}" is {value!r}; needed is {needed}')

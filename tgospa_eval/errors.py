@@ -19,6 +19,22 @@ class ConfigError(TgospaError, ValueError):
     exit_status = 2
 
 
+def real_number(name: str, value: object) -> float:
+    """The value as a float.
+
+    Raises
+    ------
+    ConfigError
+        It is no number.
+    """
+    if isinstance(value, bool | str | bytes):
+        raise ConfigError(f"{name} is {value!r}: must be a number")
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise ConfigError(f"{name} is {value!r}: must be a number") from None
+
+
 class InputError(TgospaError, ValueError):
     """An input file or table is wrong; the message says where, what and the remedy."""
 

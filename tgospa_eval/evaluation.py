@@ -65,7 +65,7 @@ class Proof:
     breakdown: Breakdown
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Result:
     """One evaluation. Attributes bear the names of the JSON; tables are built when read.
 
@@ -97,6 +97,12 @@ class Result:
     timings: dict[str, Any]
     input: dict[str, Any]
     version: str
+
+    def __repr__(self) -> str:
+        return (
+            f"Result(tgospa={self.tgospa:.6g}, lower_bound={self.lower_bound:.6g}, "
+            f"certified={self.certified})"
+        )
 
     @cached_property
     def scale(self) -> float:

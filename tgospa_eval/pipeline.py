@@ -74,7 +74,7 @@ def evaluate(
         *sides,
         parameters=Parameters(cutoff=cutoff, order=order, switch_penalty=switch_penalty),
         distance=distance,
-        solver=solver_class(solver)() if isinstance(solver, str) else solver,
+        solver=_solver(solver),
         unit=unit,
         stopwatch=stopwatch,
     )
@@ -252,10 +252,18 @@ def _scaled(check: dict[str, float], parameters: Parameters) -> dict[str, float]
     return {**check, "lower": scale * check["lower"], "upper": scale * check["upper"]}
 
 
+def _solver(solver: str | Solver) -> Solver:
+    if isinstance(solver, str):
+        return solver_class(solver)()
+    if isinstance(solver, type) or not callable(solver) or not hasattr(solver, "name"):
+        raise ConfigError(f"solver is {solver!r}: must be a name or a record such as Certified()")
+    return solver
+
+
 def _distance(distance: str | Norm) -> Norm:
     if isinstance(distance, Norm):
         return distance
-    if distance not in DISTANCES:
+    if not isinstance(distance, str) or distance not in DISTANCES:
         raise ConfigError(f'no distance "{distance}"; there are {", ".join(DISTANCES)}')
     return DISTANCES[distance]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, real_number
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
@@ -52,7 +52,8 @@ class Parameters:
             ("order", 1.0, True),
             ("switch_penalty", 0.0, True),
         ):
-            value = getattr(self, name)
+            value = real_number(name.replace("_", " "), getattr(self, name))
+            object.__setattr__(self, name, value)
             fine = math.isfinite(value) and (value >= low if inclusive else value > low)
             if not fine:
                 word = name.replace("_", " ")
@@ -76,7 +77,7 @@ class Parameters:
             return 1e100
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
     """Which pairs gain what at which step, in units of c^p.
 

@@ -121,15 +121,16 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     weights = repair(states, solution.weights)
     breakdown = break_down(states, weights)
     prices = np.maximum(np.nan_to_num(solution.prices, nan=0.0, posinf=0.0, neginf=0.0), 0.0)
-    value = states.gain - states.columns.totals(prices)
+    value, offsets = relative_values(states, prices)
 
     row = states.pair_row[states.pair]
-    share = weights / ONE
-    own = sum_by(row, share * value, states.nodes)
+    own = sum_by(row, weights / ONE * value, states.nodes)
+    uncovered = (ONE - _coverage(states, weights, offsets)) / ONE
+    own -= sum_by(offsets.row, uncovered * offsets.amount, states.nodes)
     changed, amount = changes(states, weights)
     paid = states.problem.crossing_price[states.begin[changed]] * amount
     own -= sum_by(row[changed], paid, states.nodes)
-    regret = np.maximum(best_values(states, value) - own, 0.0)
+    regret = np.maximum(best_values(states, value, offsets) - own, 0.0)
     idle = (ONE - states.columns.sums(weights)) / ONE
 
     upper = breakdown.total
@@ -167,12 +168,88 @@ def _fit(slots: Slots, weights: Ints) -> Ints:
     return fitted
 
 
-def best_values(states: States, value: Floats) -> Floats:
+@dataclass(frozen=True, kw_only=True)
+class Offsets:
+    """What is taken from every path of a row at a step, sorted by (step, row).
+
+    Parameters
+    ----------
+    row, step : (N,) int arrays
+        Rows and steps with a gain; each once.
+    amount : (N,) float array
+        The gain of the cheapest pair there.
+    state : (N,) int array
+        The state that has it.
+    """
+
+    row: Ints
+    step: Ints
+    amount: Floats
+    state: Ints
+
+
+def relative_values(states: States, prices: Floats) -> tuple[Floats, Offsets]:
+    """Value of each state less what the cheapest pairs of its row would gain on its steps.
+
+    Gains near 1 differ in their last digits, which sums over many steps lose; their differences are
+    differences of costs, and exact. Every path of a row is lowered by the same sum.
+    """
+    problem = states.problem
+    gains = np.flatnonzero(states.entry >= 0)
+    entry, step = states.entry[gains], states.begin[gains].astype(np.int64)
+    row = states.pair_row[states.pair[gains]]
+    cost = problem.cost[entry]
+    key = step * max(states.nodes, 1) + row
+    order = np.lexsort((cost, key))
+    first = np.ones(len(order), bool)
+    first[1:] = np.diff(key[order]) != 0
+    best = order[first]
+    of_best = np.empty_like(order)
+    of_best[order] = best[np.cumsum(first) - 1]
+    base = (
+        problem.truth_price[problem.truth_row[entry]]
+        + problem.estimate_price[problem.estimate_row[entry]]
+    )
+    offsets = Offsets(
+        row=row[best], step=step[best], amount=problem.gain[entry[best]], state=gains[best]
+    )
+
+    value = -states.columns.totals(prices)
+    value[gains] += (base - base[of_best]) - (cost - cost[of_best])
+    runs = np.flatnonzero(states.entry < 0)
+    by_row = np.lexsort((offsets.step, offsets.row))
+    place = offsets.row[by_row] * problem.steps + offsets.step[by_row]
+    total = np.concatenate(([0.0], np.cumsum(offsets.amount[by_row])))
+    start = states.pair_row[states.pair[runs]].astype(np.int64) * problem.steps
+    low = np.searchsorted(place, start + states.begin[runs])
+    high = np.searchsorted(place, start + states.end[runs], side="right")
+    value[runs] -= total[high] - total[low]
+    return value, offsets
+
+
+def _coverage(states: States, weights: Ints, offsets: Offsets) -> Ints:
+    """Sum of the weights of a row at each of the offsets; exact."""
+    slot = states.rows.begin[offsets.state]
+    shared = states.rows.end[offsets.state] > slot
+    covered: Ints = weights[offsets.state].copy()
+    covered[shared] = states.rows.sums(weights)[slot[shared]]
+    return covered
+
+
+def best_values(states: States, value: Floats, offsets: Offsets | None = None) -> Floats:
     """Value of the best path of each row, (nodes,): Viterbi over the states (docs/theory).
 
     hub = best value at "none"; a state is entered from the one before it or from the hub, and left
-    into the hub, each for the price of half a switch.
+    into the hub, each for the price of half a switch. At "none" a path loses the offsets.
     """
+    lost: dict[int, slice] = {}
+    if offsets is not None and len(offsets.step):
+        steps, lows = np.unique(offsets.step, return_index=True)
+        highs = np.append(lows[1:], len(offsets.step))
+        lost = {
+            k: slice(low, high)
+            for k, low, high in zip(steps.tolist(), lows.tolist(), highs.tolist(), strict=True)
+        }
     price = states.problem.crossing_price
     hub = np.zeros(states.nodes)
     current = np.zeros(len(states.pair_row))
@@ -180,6 +257,8 @@ def best_values(states: States, value: Floats) -> Floats:
     for step, opening, closing, groups in events(states):
         pair = states.pair[opening]
         current[pair] = np.maximum(current[pair], hub[row[pair]] - price[step]) + value[opening]
+        if offsets is not None and step in lost:
+            hub[offsets.row[lost[step]]] -= offsets.amount[lost[step]]
         if len(closing):
             pair = states.pair[closing]
             top = np.maximum.reduceat(current[pair], groups) - price[step + 1]

@@ -70,7 +70,7 @@ class Block:
     window: tuple[int, int]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class States:
     """All states of a problem, with the graph that joins them.
 
@@ -165,7 +165,9 @@ def merge_runs(problem: Problem) -> States:
     track += problem.estimate_track[problem.estimate_row]
     pair_key, pair_of = np.unique(track, return_inverse=True)
     truth, estimate = np.divmod(pair_key, max(problem.estimates, 1))
-    component = connected_components(truth, estimate + problem.truths, _node_count(problem))
+    component = connected_components(
+        truth, estimate + problem.truths, problem.truths + problem.estimates
+    )
     _, block = np.unique(component[truth], return_inverse=True)
     blocks = int(block.max()) + 1 if len(block) else 0
 
@@ -232,10 +234,6 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
             if np.array_equal(jumped, root):
                 break
             root = jumped
-
-
-def _node_count(problem: Problem) -> int:
-    return problem.truths + problem.estimates
 
 
 def _distinct(block: Ints, node: Ints, blocks: int) -> Ints:

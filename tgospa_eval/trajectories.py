@@ -18,7 +18,7 @@ CLOCKS = {
 """Kinds of time, and what they are called in messages."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectories:
     """A set of trajectories.
 
@@ -58,6 +58,18 @@ class Trajectories:
     labels: NDArray[np.object_] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("step", "track"):
+            array = np.asarray(getattr(self, name))
+            if array.dtype.kind not in "iu" and len(array):
+                raise InputError(f"{name} must be integers, not {array.dtype}")
+            object.__setattr__(self, name, array.astype(np.int64, copy=False))
+        object.__setattr__(self, "state", np.asarray(self.state, np.float64))
+        object.__setattr__(self, "times", np.asarray(self.times))
+        object.__setattr__(self, "ids", np.asarray(self.ids, dtype=object))
+        if self.clock not in CLOCKS:
+            raise InputError(f'clock is "{self.clock}": must be one of {", ".join(CLOCKS)}')
+        if len(set(self.ids.tolist())) != len(self.ids):
+            raise InputError("ids must be distinct")
         rows = len(self.step)
         if self.track.shape != (rows,) or self.state.shape != (rows, len(self.columns)):
             raise InputError(
@@ -66,7 +78,7 @@ class Trajectories:
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
-        if np.any(self.times[1:] <= self.times[:-1]):
+        if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
             raise InputError("times must increase strictly")
         if rows:
             if self.step.min() < 0 or self.step.max() >= len(self.times):
@@ -81,6 +93,12 @@ class Trajectories:
                 frozen = value.view()
                 frozen.setflags(write=False)
                 object.__setattr__(self, name, frozen)
+
+    def __repr__(self) -> str:
+        return (
+            f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows, "
+            f"columns {','.join(self.columns)})"
+        )
 
     def dense(self) -> Floats:
         """States as (T, k, d), NaN where an object is absent."""
@@ -97,8 +115,14 @@ class Trajectories:
         InputError
             Not three axes, or a value is infinite.
         """
-        states = np.asarray(states, dtype=np.float64)
-        if states.ndim != 3:
+        try:
+            states = np.asarray(states)
+            if states.dtype.kind not in "biufO":
+                raise TypeError(f"not of type {states.dtype}")
+            states = states.astype(np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"an array of states holds numbers: {error}") from None
+        if states.ndim != 3 or not states.shape[2]:
             raise InputError(f"an array of states has the axes (T, k, d), not shape {states.shape}")
         if np.isinf(states).any():
             step, track, _ = (int(axis[0]) for axis in np.nonzero(np.isinf(states)))

@@ -66,8 +66,12 @@ class Verbs(click.Group):
                 skip = False
             elif text == "--":
                 return None
-            elif text.startswith("-") and len(text) > 1:
+            elif text.startswith("--"):
                 skip = text in taking
+            elif text.startswith("-") and len(text) > 1:
+                # Of letters run together the first that takes a value takes the rest, if any.
+                value = next((k for k, c in enumerate(text) if k and f"-{c}" in taking), None)
+                skip = value == len(text) - 1
             else:
                 return at
         return None
@@ -80,8 +84,8 @@ class Verbs(click.Group):
     no_args_is_help=True,
 )
 @click.version_option(__version__, prog_name="tgospa-eval", message="%(prog)s %(version)s")
-def cli() -> None:
-    r"""Evaluate a multi-target tracker with the TGOSPA metric, exactly and with proof.
+def cli() -> None:  # \b keeps click from filling the lines below
+    """Evaluate a multi-target tracker with the TGOSPA metric, exactly and with proof.
 
     \b
     tgospa-eval truth.csv estimate.csv          evaluate (the default verb)

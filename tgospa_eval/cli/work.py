@@ -11,6 +11,7 @@ import click
 from tgospa_eval.cli.progress import run
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.distances.gating import median_nearest
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Result
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.pipeline import check_columns, evaluate_trajectories
@@ -85,7 +86,12 @@ def evaluate_files(
     if solver.name == "certified" and not result.certified:
         finished = False
     if not finished:
-        say(f"accuracy not reached: {result.solver['status']}")
+        asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
+        click.echo(
+            f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
+            f"{result.relative_gap:.2g}{asked}",
+            err=True,
+        )
     return result, finished
 
 
@@ -174,9 +180,14 @@ def emit(text: str) -> None:
     Not by click.echo, which writes UTF-8 where the user asked for ASCII and exits with 1 when the
     reader of a pipe goes away; as head does, so that is no failure of ours.
     """
+    if sys.stdout is None:  # closed by the caller
+        return
     encoding = sys.stdout.encoding or "ascii"
     try:
         sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise ConfigError(f"stdout cannot be written: {error.strerror}") from None

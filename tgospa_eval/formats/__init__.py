@@ -52,6 +52,8 @@ class ReadOptions:
     on_duplicate: str = "error"
 
     def __post_init__(self) -> None:
+        if isinstance(self.columns, str):
+            raise ConfigError(f"columns is {self.columns!r}: must be a tuple of names")
         for name, allowed in (
             ("decimal", (".", ",")),
             ("on_duplicate", ("error", "first", "last")),
@@ -74,7 +76,11 @@ def read(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Re
     """
     from tgospa_eval.formats.table import read_table
 
-    return read_table(os.fspath(path), options or ReadOptions())
+    try:
+        name = os.fsdecode(path)
+    except TypeError:
+        raise ConfigError(f"path is {path!r}: must be a path") from None
+    return read_table(name, options or ReadOptions())
 
 
 def read_trajectories(

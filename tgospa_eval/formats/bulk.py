@@ -54,8 +54,19 @@ def read_bulk(
     if not data.endswith(b"\n"):
         ends = np.append(ends, len(data))
     rows = len(ends)
-    plain = roles.id == 0 and _plain_integers(data, np.append(start, ends[:-1] + 1), delimiter)
-    frame = _parse(path, first, delimiter, width, roles, decimal, "int64" if plain else object)
+    # pandas drops one empty field too many in the first row, and takes True for 1.
+    if data.count(delimiter.encode(), start, ends[0]) != width - 1:
+        return None
+    if any(word in data for word in (b"rue", b"RUE", b"alse", b"ALSE")):
+        return None
+    frame = None
+    if roles.id == 0:
+        frame = _parse(path, first, delimiter, width, roles, decimal, "int64")
+        begins = np.append(start, ends[:-1] + 1)
+        if frame is not None and not _plain_integers(data, begins, frame[0], delimiter):
+            frame = None
+    if frame is None:
+        frame = _parse(path, first, delimiter, width, roles, decimal, object)
     if frame is None or len(frame) != rows:
         return None
     # With all columns in use a row that is too long makes the parser fail, and one that is too
@@ -90,13 +101,17 @@ def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
     return bool(ends[:, -1].all() and not ends[:, :-1].any())
 
 
-def _plain_integers(data: bytes, begins: Ints, delimiter: str) -> bool:
-    """Whether no row begins like an integer that is not its own shortest text: 007, +7, -0."""
+def _plain_integers(data: bytes, begins: Ints, column: Any, delimiter: str) -> bool:
+    """Whether the integers read are the very texts of the first fields: not 007, not 1e3."""
+    value = column.to_numpy()
+    if len(value) != len(begins) or value.min() < 0:
+        return False
+    digits = np.searchsorted(10 ** np.arange(1, 19), value, side="right") + 1
     view = np.frombuffer(data, np.uint8)
     head = view[begins]
-    zero = begins[head == ord("0")]
-    digits = (head >= ord("0")) & (head <= ord("9"))
-    return bool(digits.all() and (view[zero + 1] == ord(delimiter)).all())
+    starts = (head >= ord("0")) & (head <= ord("9"))
+    ends = begins + digits
+    return bool(starts.all() and ends[-1] < len(view) and (view[ends] == ord(delimiter)).all())
 
 
 def _parse(

@@ -45,7 +45,7 @@ def find_roles(header: Sequence[str], columns: Sequence[str] | None, where: str)
         `columns` cannot be understood.
     """
     names = [name.strip() for name in header]
-    if all(_is_number(name) for name in names):
+    if names and all(_is_number(name) for name in names):
         raise InputError(f"{where}: numbers where the header should be; begin with id,t,x,y")
     _check_names(names, where)
     mapped, wanted = parse_columns(columns)
@@ -64,8 +64,8 @@ def find_roles(header: Sequence[str], columns: Sequence[str] | None, where: str)
         if found is None:
             sought = mapped.get(name) or ", ".join(ALIASES.get(name, (name,)))
             raise InputError(
-                f"{where}: no column {name} (looked for: {sought}; found: {', '.join(names)}); "
-                f"rename it, or map it with --columns {name}=HEADER"
+                f"{where}: no column {name}, or two (looked for: {sought}; "
+                f"found: {', '.join(names)}); rename it, or map it with --columns {name}=HEADER"
             )
         return found
 

@@ -32,11 +32,14 @@ def from_frame(
         return f"{name}, row {row}"
 
     identity = frame.iloc[:, roles.id]
-    blank = np.flatnonzero(identity.isna())
+    blank = np.flatnonzero(identity.isna() | (identity.astype(str).str.strip() == ""))
     if len(blank):
         raise InputError(f"{where(int(blank[0]))}: blank id; name the object")
     state = np.empty((len(frame), len(roles.state)))
     for k, column in enumerate(roles.state):
+        if frame.dtypes.iloc[column].kind not in "iufO":
+            what = frame.dtypes.iloc[column]
+            raise InputError(f'{name}, column "{frame.columns[column]}": {what}, not numbers')
         try:
             state[:, k] = frame.iloc[:, column].to_numpy(dtype=np.float64, na_value=np.nan)
         except (TypeError, ValueError) as error:

@@ -8,6 +8,7 @@ delimiters of every line were counted; others go through the csv module.
 
 import csv
 import io
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -108,12 +109,10 @@ def _load(path: str) -> bytes:
         data = Path(path).read_bytes()
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path}: is a folder, not a file") from None
-    except OSError as error:
-        if Path(path).is_dir():  # Windows says "permission denied"
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        if os.path.isdir(path):  # Windows says "permission denied"
             raise InputError(f"{path}: is a folder, not a file") from None
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects is a header alone")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -1,5 +1,6 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
+import math
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -29,12 +30,13 @@ def headline(result: Result) -> str:
     """The value and what is known about it, in one sentence."""
     value = quantity(result, result.tgospa)
     if result.certified:
-        agree = f"to {result.relative_gap:.0e}" if result.relative_gap > 0 else "fully"
-        return f"TGOSPA = {value}, exact: proven lower and upper bound agree {agree}"
+        # No more than 12 digits, for the last ones are rounding and differ from machine to machine.
+        digits = math.floor(-math.log10(max(result.relative_gap, 1e-12)) + 1e-9)
+        return f"TGOSPA = {value}, exact: proven lower and upper bound agree to {digits} digits"
     low = quantity(result, result.lower_bound)
     return (
         f"TGOSPA is between {low} and {value}, proven "
-        f"(the totals differ by {100 * result.relative_gap:.2g} %)"
+        f"(the totals differ by {100 * result.relative_gap:.2g}%)"
     )
 
 

@@ -38,11 +38,16 @@ def check_folder(folder: str, *, force: bool) -> None:
     ConfigError
         It is a file, or not empty and `force` is not set.
     """
+    if not folder:
+        raise ConfigError("--output is empty; name a folder")
     path = Path(folder)
-    if path.exists() and not path.is_dir():
-        raise ConfigError(f"--output {folder}: is a file; name a folder")
-    if path.is_dir() and not force and any(path.iterdir()):
-        raise ConfigError(f"--output {folder}: is not empty; name another folder, or --force")
+    try:
+        if path.exists() and not path.is_dir():
+            raise ConfigError(f"--output {folder}: is a file; name a folder")
+        if path.is_dir() and not force and any(path.iterdir()):
+            raise ConfigError(f"--output {folder}: is not empty; name another folder, or --force")
+    except OSError as error:
+        raise ConfigError(f"--output {folder}: {error.strerror}") from None
 
 
 def write_folder(result: Result, folder: str, *, force: bool) -> None:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import highspy
 import numpy as np
 
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import (
@@ -21,6 +21,7 @@ from tgospa_eval.solvers.kernels import (
     incidence,
     settled,
 )
+from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import Block, States
 from tgospa_eval.timing import Stopwatch
@@ -48,9 +49,10 @@ class Certified:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "gap", real_number("gap", self.gap))
         if not 0 <= self.gap < np.inf:
             raise ConfigError(f"gap is {self.gap:g}: must be finite and 0 or more")
-        check_time_limit(self.time_limit)
+        object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
         """Solve every block exactly, or as far as the time limit allows."""
@@ -69,6 +71,7 @@ class Certified:
                 stopped += not proposal.finished
         if stopped:
             weights = better(states, weights, best_paths(states, prices))
+        weights, prices = polish(states, weights, prices)
         status = f"stopped early on {stopped} of {len(left)} components" if stopped else "solved"
         return Solution(
             weights=weights,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import ONE, best_values, changes, events, repair
 from tgospa_eval.states import Block, Slots, States
@@ -42,13 +42,11 @@ def paths(states: States, value: Floats) -> Floats:
             hub[at[better]] = top[better] - price[step + 1]
             hub_from[at[better]] = closing[first[better]]
 
-    final = np.full(states.nodes, -1)
-    final_value = hub
     for_pairs = np.lexsort((current, row))  # the last of each row is its best
     last = for_pairs[np.flatnonzero(np.diff(row[for_pairs], append=-1))]
     at = row[last]
-    ends_on_pair = current[last] > final_value[at]
-    final[:] = hub_from
+    ends_on_pair = current[last] > hub[at]
+    final = hub_from.copy()
     final[at[ends_on_pair]] = states.pair_first[last[ends_on_pair] + 1] - 1
 
     weights = np.zeros(len(value))
@@ -95,20 +93,35 @@ def dual_values(states: States, prices: Floats) -> Floats:
     return sum_by(states.node_block, best, blocks) + sum_by(slot_block, prices, blocks)
 
 
-def block_values(states: States, weights: Floats) -> Floats:
-    """What a proposed assignment gains in each block once it is made feasible, (B,)."""
+def block_costs(states: States, weights: Floats) -> Floats:
+    """Cost of each block under a proposed assignment, once that is made feasible, (B,).
+
+    In cost form: gains lose the digits of small costs. Objects without a pair are left out.
+    """
+    problem = states.problem
     whole = repair(states, weights)
-    of_state = states.pair_block[states.pair]
     blocks = len(states.block_begin)
+    used = np.flatnonzero((states.entry >= 0) & (whole > 0))
+    entry, block = states.entry[used], states.pair_block[states.pair[used]]
+    total = sum_by(block, whole[used] / ONE * problem.cost[entry], blocks)
     changed, amount = changes(states, whole)
-    paid = states.problem.crossing_price[states.begin[changed]] * amount
-    gained = sum_by(of_state, whole / ONE * states.gain, blocks)
-    return gained - sum_by(of_state[changed], paid, blocks)
+    paid = problem.crossing_price[states.begin[changed]] * amount
+    total += sum_by(states.pair_block[states.pair[changed]], paid, blocks)
+    for side, count in (("truth", problem.truths), ("estimate", problem.estimates)):
+        home = np.full(count, -1)
+        home[getattr(states, f"pair_{side}")] = states.pair_block
+        track = getattr(problem, f"{side}_track")
+        free = np.full(len(track), ONE)
+        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], whole[used])
+        at = home[track]
+        price = free / ONE * getattr(problem, f"{side}_price")
+        total += sum_by(at[at >= 0], price[at >= 0], blocks)
+    return total
 
 
 def better(states: States, first: Floats, second: Floats) -> Floats:
     """Block by block the better of two proposed assignments."""
-    wins = block_values(states, second) > block_values(states, first)
+    wins = block_costs(states, second) < block_costs(states, first)
     return np.where(wins[states.pair_block[states.pair]], second, first)
 
 
@@ -121,13 +134,17 @@ def incidence(slots: Slots, states: slice, own: slice) -> tuple[Ints, Ints]:
     return np.repeat(begin - own.start, length) + offset, state
 
 
-def check_time_limit(seconds: float | None) -> None:
-    """A time limit must be finite and positive; None is no limit.
+def check_time_limit(seconds: float | None) -> float | None:
+    """The limit as a float; it must be finite and positive, None is no limit.
 
     Raises
     ------
     ConfigError
         It is not.
     """
-    if seconds is not None and not 0 < seconds < np.inf:
+    if seconds is None:
+        return None
+    seconds = real_number("time limit", seconds)
+    if not 0 < seconds < np.inf:
         raise ConfigError(f"time limit is {seconds:g} s: must be finite and more than 0")
+    return seconds

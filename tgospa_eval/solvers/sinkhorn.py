@@ -13,11 +13,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.kernels import block_values, check_time_limit, dual_values
-from tgospa_eval.solvers.rounding import round_paths
+from tgospa_eval.solvers.kernels import block_costs, check_time_limit, dual_values
+from tgospa_eval.solvers.rounding import polish, round_paths
 from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -58,9 +58,10 @@ class Sinkhorn:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "epsilon", real_number("epsilon", self.epsilon))
         if not (self.epsilon > 0 and np.isfinite(self.epsilon)):
             raise ConfigError(f"epsilon is {self.epsilon:g}: must be finite and more than 0")
-        check_time_limit(self.time_limit)
+        object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
         """Sweep until the columns are full to 1e-6 or the bracket settles, 2,000 times at most."""
@@ -68,6 +69,7 @@ class Sinkhorn:
         with stopwatch.span("solve/preparation"):
             weights, prices, left = solve_trivial(states)
             if not len(left):
+                weights, prices = polish(states, weights, prices)
                 return Solution(weights=weights, prices=prices, status="solved")
             sweeps = _Sweeps(states, left)
             best = _Best(states, weights, prices, left)
@@ -98,9 +100,10 @@ class Sinkhorn:
                     sweeps.drop(NEGLIGIBLE)
                     continue
                 break
+        weights, prices = polish(states, best.weights, best.prices)
         return Solution(
-            weights=best.weights,
-            prices=best.prices,
+            weights=weights,
+            prices=prices,
             status=status,
             iterations=count,
             finished=finished,
@@ -118,15 +121,17 @@ class _Best:
     def __init__(self, states: States, weights: Floats, prices: Floats, left: Ints) -> None:
         self.states, self.weights, self.prices = states, weights, prices
         self.left = left
-        self.gained = block_values(states, weights)
+        self.alone = block_costs(states, np.zeros(len(weights)))
+        self.cost = block_costs(states, weights)
         self.bound = dual_values(states, prices)
         problem = states.problem
-        self.unassigned = float(problem.truth_price.sum() + problem.estimate_price.sum())
+        unassigned = float(problem.truth_price.sum() + problem.estimate_price.sum())
+        self.elsewhere = unassigned - float(self.alone.sum())
         self.history: list[dict[str, float]] = []
 
     def offer(self, sweeps: "_Sweeps", epsilon: float, count: int, violation: float) -> bool:
         """Take what is better, block by block; whether the bracket has become 5 % narrower."""
-        before = float((self.bound - self.gained)[self.left].sum())
+        before = self.gap()
         states = self.states
         soft, prices = sweeps.marginals(), sweeps.slot_prices()
         slot_block = states.node_block[states.columns.node]
@@ -140,25 +145,29 @@ class _Best:
         value = states.gain - states.columns.totals(self.prices)
         state_block = states.pair_block[states.pair]
         for trial in (soft, round_paths(states, value, soft)):
-            gained = block_values(states, trial)
-            wins = gained > self.gained
-            self.gained = np.where(wins, gained, self.gained)
+            cost = block_costs(states, trial)
+            wins = cost < self.cost
+            self.cost = np.where(wins, cost, self.cost)
             self.weights = np.where(wins[state_block], trial, self.weights)
+        upper = self.elsewhere + float(self.cost.sum())
         self.history.append(
             {
                 "sweep": count,
                 "epsilon": epsilon,
                 "violation": float(violation),
-                "lower": max(self.unassigned - float(self.bound.sum()), 0.0),
-                "upper": self.unassigned - float(self.gained.sum()),
+                "lower": min(max(upper - self.gap(), 0.0), upper),
+                "upper": upper,
             }
         )
-        return float((self.bound - self.gained)[self.left].sum()) < 0.95 * before
+        return self.gap() < 0.95 * before
+
+    def gap(self) -> float:
+        """Width of the bracket."""
+        return float((self.cost - (self.alone - self.bound))[self.left].sum())
 
     def met(self) -> bool:
         """Whether nothing is left to gain."""
-        upper = self.unassigned - float(self.gained.sum())
-        return float((self.bound - self.gained)[self.left].sum()) <= 1e-12 * max(upper, 1.0)
+        return self.gap() <= 1e-12 * max(self.elsewhere + float(self.cost.sum()), 1.0)
 
 
 class _Sweeps:
