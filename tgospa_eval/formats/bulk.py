@@ -60,7 +60,7 @@ def read_bulk(
     if any(word in data for word in (b"rue", b"RUE", b"alse", b"ALSE")):
         return None
     frame = None
-    if roles.id == 0:
+    if roles.id == 0 and b"e" not in data and b"E" not in data:  # 10e2 is as long as 1000
         frame = _parse(path, first, delimiter, width, roles, decimal, "int64")
         begins = np.append(start, ends[:-1] + 1)
         if frame is not None and not _plain_integers(data, begins, frame[0], delimiter):
@@ -102,7 +102,7 @@ def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
 
 
 def _plain_integers(data: bytes, begins: Ints, column: Any, delimiter: str) -> bool:
-    """Whether the integers read are the very texts of the first fields: not 007, not 1e3."""
+    """Whether the integers read are the very texts of the first fields: not 007, not 1.0."""
     value = column.to_numpy()
     if len(value) != len(begins) or value.min() < 0:
         return False

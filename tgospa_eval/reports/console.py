@@ -32,7 +32,8 @@ def headline(result: Result) -> str:
     if result.certified:
         # No more than 12 digits, for the last ones are rounding and differ from machine to machine.
         digits = math.floor(-math.log10(max(result.relative_gap, 1e-12)) + 1e-9)
-        return f"TGOSPA = {value}, exact: proven lower and upper bound agree to {digits} digits"
+        agree = f"to {digits} digits" if digits >= 1 else "within rounding"
+        return f"TGOSPA = {value}, exact: proven lower and upper bound agree {agree}"
     low = quantity(result, result.lower_bound)
     return (
         f"TGOSPA is between {low} and {value}, proven "
