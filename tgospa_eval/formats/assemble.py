@@ -55,10 +55,7 @@ def assemble(
     track_ids, track = ids
     moments, step = _number_times(times.value)
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
-    rows = np.argsort(key, kind="stable")
-    if absent:
-        rows = rows[present[rows]]
-    ordered = key[rows]
+    rows, ordered = _by_key(key, np.flatnonzero(present) if absent else None)
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
     if len(again):
         if on_duplicate == "error":
@@ -89,6 +86,21 @@ def assemble(
         labels=labels,
     )
     return trajectories, notices
+
+
+def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
+    """Rows, all or the chosen, in the order of their keys, and the sorted keys."""
+    if chosen is not None:
+        key = key[chosen]
+    if len(key) and key.max() < 4 * len(key):  # nearly a full grid: a table is quicker than sorting
+        table = np.full(int(key.max()) + 1, -1)
+        table[key] = np.arange(len(key))
+        ordered = np.flatnonzero(table >= 0)
+        if len(ordered) == len(key):
+            rows = table[ordered]
+            return (rows if chosen is None else chosen[rows]), ordered
+    rows = np.argsort(key, kind="stable")
+    return (rows if chosen is None else chosen[rows]), key[rows]
 
 
 def _number_times(value: NDArray[Any]) -> tuple[NDArray[Any], Ints]:

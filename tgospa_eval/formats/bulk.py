@@ -57,10 +57,12 @@ def read_bulk(
     # pandas drops one empty field too many in the first row, and takes True for 1.
     if data.count(delimiter.encode(), start, ends[0]) != width - 1:
         return None
-    if any(word in data for word in (b"rue", b"RUE", b"alse", b"ALSE")):
-        return None
+    # (One letter first: that search is ten times as fast.)
+    for letter, word in ((b"u", b"rue"), (b"U", b"RUE"), (b"l", b"alse"), (b"L", b"ALSE")):
+        if letter in data and word in data:
+            return None
     frame = None
-    if roles.id == 0 and b"e" not in data and b"E" not in data:  # 10e2 is as long as 1000
+    if roles.id == 0:
         frame = _parse(path, first, delimiter, width, roles, decimal, "int64")
         begins = np.append(start, ends[:-1] + 1)
         if frame is not None and not _plain_integers(data, begins, frame[0], delimiter):
@@ -108,10 +110,14 @@ def _plain_integers(data: bytes, begins: Ints, column: Any, delimiter: str) -> b
         return False
     digits = np.searchsorted(10 ** np.arange(1, 19), value, side="right") + 1
     view = np.frombuffer(data, np.uint8)
-    head = view[begins]
-    starts = (head >= ord("0")) & (head <= ord("9"))
     ends = begins + digits
-    return bool(starts.all() and ends[-1] < len(view) and (view[ends] == ord(delimiter)).all())
+    if ends[-1] >= len(view) or not (view[ends] == ord(delimiter)).all():
+        return False
+    for place in range(digits.max()):
+        text = view[begins[digits > place] + place]
+        if not ((text >= ord("0")) & (text <= ord("9"))).all():
+            return False
+    return True
 
 
 def _parse(

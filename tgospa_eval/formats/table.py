@@ -27,6 +27,9 @@ from tgospa_eval.trajectories import Floats, Ints
 
 DELIMITERS = ",;\t"
 
+HEAD = 1 << 16
+"""Bytes in which the header of a large file is looked for."""
+
 
 def read_table(path: str, options: ReadOptions) -> Reading:
     """Read a CSV file.
@@ -37,19 +40,24 @@ def read_table(path: str, options: ReadOptions) -> Reading:
         See `tgospa_eval.formats.read`.
     """
     data = _load(path)
-    text = _decode(data, path)
-    header, first, start = _header(text, path)
+    # A large ASCII file needs no decoding unless it takes the careful way.
+    large = len(data) >= SIZE
+    whole = not (large and data.isascii() and b"\n" in data[:HEAD])
+    header, first, _ = _header(_decode(data if whole else data[:HEAD], path), path)
     delimiter = _delimiter(header, options.decimal)
     names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
     roles = find_roles(names, options.columns, f"{path}, line {first - 1}")
     lines: Sequence[int]
     table = None
-    if len(data) >= SIZE:
+    if large:
         table = read_bulk(path, data, first, delimiter, len(names), roles, options.decimal)
     if table is not None:
         lines = range(first, first + len(table[2]))
     else:
-        columns, lines = _tokenise(text[start:], delimiter, len(names), path, first)
+        text = _decode(data, path)
+        columns, lines = _tokenise(
+            text[_header(text, path)[2] :], delimiter, len(names), path, first
+        )
         places = _Places(path=path, lines=lines, names=names)
         table = _convert(columns, roles, options.decimal, places)
     ids, times, state = table
