@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import __version__
-from tgospa_eval.distances import DISTANCES, Norm, near_pairs
+from tgospa_eval.distances import DISTANCES, Norm, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result
-from tgospa_eval.problem import Floats, Parameters, tgospa_problem
-from tgospa_eval.result import certify
+from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
+from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.states import merge_runs
 from tgospa_eval.timing import Stopwatch
@@ -121,42 +121,21 @@ def evaluate_trajectories(
     stopwatch = stopwatch or Stopwatch()
     norm = _distance(distance)
     check_columns(truth, estimate)
-    inputs = {
-        name: {"rows": count, "sha256": digest(side)}
-        for name, side, count in zip(
-            ("truth", "estimate"),
-            (truth, estimate),
-            rows or (len(truth.step), len(estimate.step)),
-            strict=True,
-        )
-    }
+    with stopwatch.span("report"):
+        counts = rows or (len(truth.step), len(estimate.step))
+        inputs = {
+            "truth": {"rows": counts[0], "sha256": digest(truth)},
+            "estimate": {"rows": counts[1], "sha256": digest(estimate)},
+        }
     with stopwatch.span("distances"):
         truth, estimate = align(truth, estimate)
         pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
     with stopwatch.span("solve/preparation"):
-        problem = tgospa_problem(
-            parameters=parameters,
-            steps=len(truth.times),
-            truths=len(truth.ids),
-            estimates=len(estimate.ids),
-            truth_step=truth.step,
-            truth_track=truth.track,
-            estimate_step=estimate.step,
-            estimate_track=estimate.track,
-            truth_row=pairs.truth_row,
-            estimate_row=pairs.estimate_row,
-            distance=pairs.distance,
-        )
+        problem = _problem(truth, estimate, pairs, parameters)
         states = merge_runs(problem)
     solution = solver(states, stopwatch)
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(states, solution)
-    labels = Labels(
-        times=(truth.times if truth.labels is None else truth.labels).tolist(),
-        truths=truth.ids.tolist(),
-        estimates=estimate.ids.tolist(),
-        unit=unit,
-    )
     return Result(
         proof=Proof(
             parameters=parameters,
@@ -165,7 +144,12 @@ def evaluate_trajectories(
             weights=weights,
             breakdown=breakdown,
         ),
-        labels=labels,
+        labels=Labels(
+            times=(truth.times if truth.labels is None else truth.labels).tolist(),
+            truths=truth.ids.tolist(),
+            estimates=estimate.ids.tolist(),
+            unit=unit,
+        ),
         gap=getattr(solver, "gap", GAP),
         settings={
             "cutoff": parameters.cutoff,
@@ -177,18 +161,45 @@ def evaluate_trajectories(
             **solver_settings(solver),
             **(settings or {}),
         },
-        solver={
-            "name": solver.name,
-            "status": solution.status,
-            "finished": solution.finished,
-            "iterations": solution.iterations,
-            "kernel": "numpy",
-            "history": [_scaled(check, parameters) for check in solution.history],
-        },
+        solver=_solver_record(solver, solution, parameters),
         timings=_nested(stopwatch),
         input=inputs,
         version=__version__,
     )
+
+
+def _problem(
+    truth: Trajectories, estimate: Trajectories, pairs: Pairs, parameters: Parameters
+) -> Problem:
+    return tgospa_problem(
+        parameters=parameters,
+        steps=len(truth.times),
+        truths=len(truth.ids),
+        estimates=len(estimate.ids),
+        truth_step=truth.step,
+        truth_track=truth.track,
+        estimate_step=estimate.step,
+        estimate_track=estimate.track,
+        truth_row=pairs.truth_row,
+        estimate_row=pairs.estimate_row,
+        distance=pairs.distance,
+    )
+
+
+def _solver_record(solver: Solver, solution: Solution, parameters: Parameters) -> dict[str, Any]:
+    """What the result says of the solver; the bracket of its history as costs."""
+    scale = parameters.cutoff**parameters.order
+    return {
+        "name": solver.name,
+        "status": solution.status,
+        "finished": solution.finished,
+        "iterations": solution.iterations,
+        "kernel": "numpy",
+        "history": [
+            {**check, "lower": scale * check["lower"], "upper": scale * check["upper"]}
+            for check in solution.history
+        ],
+    }
 
 
 def as_trajectories(side: "Trajectories | pd.DataFrame | Floats", name: str) -> Trajectories:
@@ -244,12 +255,6 @@ def solver_settings(solver: Solver) -> dict[str, Any]:
     """The settings of a solver that change the number."""
     changing = {name: value for name, value in vars(solver).items() if value is not None}
     return {"solver": solver.name, **changing}
-
-
-def _scaled(check: dict[str, float], parameters: Parameters) -> dict[str, float]:
-    """A record of the convergence, its bracket as costs."""
-    scale = parameters.cutoff**parameters.order
-    return {**check, "lower": scale * check["lower"], "upper": scale * check["upper"]}
 
 
 def _solver(solver: str | Solver) -> Solver:

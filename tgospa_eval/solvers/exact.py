@@ -117,8 +117,10 @@ def _build(states: States, block: Block) -> _Programme:
     rows = _matrix(states.rows, block.states, block.row_slots)
     columns = _matrix(states.columns, block.states, block.column_slots)
     limits = [matrix @ weights <= 1 for matrix in (rows, columns) if matrix.shape[0]]
+    problem = cp.Problem(cp.Maximize(objective), limits)
+    problem.get_problem_data(cp.CLARABEL)  # compiled here, and kept: solving is Clarabel alone
     return _Programme(
-        problem=cp.Problem(cp.Maximize(objective), limits),
+        problem=problem,
         weights=weights,
         columns=limits[-1] if columns.shape[0] else None,
     )
