@@ -15,15 +15,16 @@ from scipy import sparse
 from tgospa_eval.errors import SolverError
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import (
+    Limits,
     better,
     capped_price,
     check_time_limit,
-    incidence,
+    limits,
     settled,
 )
 from tgospa_eval.solvers.rounding import polish, round_paths
 from tgospa_eval.solvers.trivial import solve_trivial
-from tgospa_eval.states import Block, Slots, States
+from tgospa_eval.states import Block, States
 from tgospa_eval.timing import Stopwatch
 
 SETTINGS = {
@@ -70,10 +71,9 @@ class Exact:
             statuses.append(status)
             iterations += steps
             if programme.weights.value is not None:
-                price = capped_price(states, block.window, float(states.gain[block.states].max()))
-                weights[block.states] = settled(states, block, price, programme.weights.value)
+                weights[block.states] = settled(states, block, programme.weights.value)
             if programme.columns is not None and programme.columns.dual_value is not None:
-                prices[block.column_slots] = programme.columns.dual_value
+                prices[block.column_slots] = programme.priced.spread(programme.columns.dual_value)
         # "inaccurate" met a looser tolerance; the bracket says how good it is.
         open_ones = [s for s in statuses if s not in ("optimal", "optimal_inaccurate")]
         # An interior point leaves a little of everything everywhere, at full price.
@@ -94,6 +94,7 @@ class _Programme:
     problem: Any  # cvxpy is untyped
     weights: Any
     columns: Any
+    priced: Limits
 
 
 def _build(states: States, block: Block) -> _Programme:
@@ -103,26 +104,33 @@ def _build(states: States, block: Block) -> _Programme:
     gain = states.gain[block.states]
     pair = states.pair[block.states]
     arc = np.flatnonzero(pair[1:] == pair[:-1])
-    price = capped_price(states, block.window, float(gain.max()))
+    price = capped_price(states, block)
     paid = price[states.begin[block.states][arc + 1] - block.window[0]]
-    count = np.arange(len(arc))
+    every = np.arange(len(arc))
     difference = sparse.csr_array(
-        (np.repeat((1.0, -1.0), len(arc)), (np.tile(count, 2), np.concatenate((arc + 1, arc)))),
+        (np.repeat((1.0, -1.0), len(arc)), (np.tile(every, 2), np.concatenate((arc + 1, arc)))),
         shape=(len(arc), len(gain)),
     )
     weights = cp.Variable(len(gain), nonneg=True)
     objective = gain @ weights
     if len(arc):
         objective = objective - paid @ cp.abs(difference @ weights)
-    rows = _matrix(states.rows, block.states, block.row_slots)
-    columns = _matrix(states.columns, block.states, block.column_slots)
-    limits = [matrix @ weights <= 1 for matrix in (rows, columns) if matrix.shape[0]]
-    problem = cp.Problem(cp.Maximize(objective), limits)
+    chosen = np.arange(block.states.start, block.states.stop)
+    constraints = []
+    for slots, own in ((states.rows, block.row_slots), (states.columns, block.column_slots)):
+        priced = limits(slots, chosen, own, np.zeros(len(slots.node), np.int64))
+        count = len(priced.room)
+        matrix = sparse.csr_array(
+            (np.ones(len(priced.limit)), (priced.limit, priced.state)), shape=(count, len(gain))
+        )
+        constraints.append(matrix @ weights <= 1 if count else None)
+    problem = cp.Problem(cp.Maximize(objective), [c for c in constraints if c is not None])
     problem.get_problem_data(cp.CLARABEL)  # compiled here, and kept: solving is Clarabel alone
     return _Programme(
         problem=problem,
         weights=weights,
-        columns=limits[-1] if columns.shape[0] else None,
+        columns=constraints[-1],
+        priced=priced,
     )
 
 
@@ -143,9 +151,3 @@ def _solve(programme: _Programme, deadline: float | None) -> tuple[str, int]:
     if problem.status in ("infeasible", "unbounded", "infeasible_inaccurate"):
         raise SolverError(f"Clarabel calls a programme {problem.status} that is neither")
     return str(problem.status), int(problem.solver_stats.num_iters or 0)
-
-
-def _matrix(slots: Slots, states: slice, own: slice) -> "sparse.csr_array[np.float64]":
-    row, column = incidence(slots, states, own)
-    shape = (own.stop - own.start, states.stop - states.start)
-    return sparse.csr_array((np.ones(len(row)), (row, column)), shape=shape)

@@ -1,5 +1,7 @@
 """What solvers share: best paths at given prices, capacities as a matrix, prices cut to size."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, real_number
@@ -58,24 +60,26 @@ def paths(states: States, value: Floats) -> Floats:
     return weights
 
 
-def capped_price(states: States, window: tuple[int, int], most: float) -> Floats:
-    """Switch prices into each step of a window, cut where a higher one cannot matter.
+def capped_price(states: States, block: Block) -> Floats:
+    """Switch prices into each step of the window of a block, cut where more cannot matter.
 
-    An assignment that is held for n steps gains at most n times the largest gain `most`: at any
-    higher price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
+    An assignment that is held for n steps gains at most n times the largest gain: at any higher
+    price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
     """
-    begin, end = window
+    begin, end = block.window
+    most = float(states.gain[block.states].max())
     prices = states.problem.crossing_price[begin : end + 1]
     return np.minimum(prices, 2.0 * (end - begin + 1) * most)
 
 
-def settled(states: States, block: Block, price: Floats, weights: Floats) -> Floats:
+def settled(states: States, block: Block, weights: Floats) -> Floats:
     """The weights of a block, averaged over time for each pair where every price was cut.
 
     There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
     at the true price. The average over time is as feasible as what it averages.
     """
     begin, end = block.window
+    price = capped_price(states, block)
     if not np.all(states.problem.crossing_price[begin + 1 : end + 1] > price[1:]):
         return weights
     pair = states.pair[block.states] - block.pairs.start
@@ -125,13 +129,66 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
     return np.where(wins[states.pair_block[states.pair]], second, first)
 
 
-def incidence(slots: Slots, states: slice, own: slice) -> tuple[Ints, Ints]:
-    """(slot, state) of every state in every slot it covers, numbered within the block."""
-    begin, end = slots.begin[states], slots.end[states]
-    length = end - begin
-    state = np.repeat(np.arange(len(length)), length)
-    offset = np.arange(len(state)) - np.repeat(np.cumsum(length) - length, length)
-    return np.repeat(begin - own.start, length) + offset, state
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Capacity constraints on some states: sum of the states of each limit <= room.
+
+    Parameters
+    ----------
+    limit, state : (nnz,) int arrays
+        Limit and position among the chosen states of every entry.
+    room : (L,) float array
+        What the others leave.
+    of_slot : (K,) int array
+        Limit of each slot of the block, -1 where none is needed.
+    """
+
+    limit: Ints
+    state: Ints
+    room: Floats
+    of_slot: Ints
+
+    def spread(self, price: Floats) -> Floats:
+        """Prices of the limits (L,), spread evenly over their slots, (K,)."""
+        counts = np.bincount(self.of_slot[self.of_slot >= 0], minlength=len(price))
+        each = np.append(price / np.maximum(counts, 1), 0.0)
+        return np.asarray(each[self.of_slot], np.float64)
+
+
+def limits(slots: Slots, chosen: Ints, own: slice, load: Ints) -> Limits:
+    """The constraints of the chosen states of a block, where others fill `load` (K,) of the slots.
+
+    Neighbouring slots with the same states and the same load are one; slots with room for their
+    only pair are left out.
+    """
+    begin, end = slots.begin[chosen] - own.start, slots.end[chosen] - own.start
+    count = own.stop - own.start
+    node, held = slots.node[own], load[own]
+    state = np.flatnonzero(end > begin)
+    begin, end = begin[state], end[state]
+    fresh = np.zeros(count, bool)
+    fresh[begin] = True
+    fresh[:1] = True
+    fresh[1:] |= (np.diff(node) != 0) | (np.diff(held) != 0)
+    group = np.cumsum(fresh) - 1
+    covers = np.zeros(count + 1, np.int64)
+    np.add.at(covers, begin, 1)
+    np.subtract.at(covers, end, 1)
+    covers = np.cumsum(covers[:-1])
+    first = np.flatnonzero(fresh)
+    needed = (covers[first] > 1) | ((covers[first] > 0) & (held[first] > 0))
+    number = np.where(needed, np.cumsum(needed) - 1, -1)
+
+    length = group[end - 1] + 1 - group[begin]
+    entry = np.repeat(state, length)
+    offset = np.arange(len(entry)) - np.repeat(np.cumsum(length) - length, length)
+    limit = number[np.repeat(group[begin], length) + offset]
+    return Limits(
+        limit=limit[limit >= 0],
+        state=entry[limit >= 0],
+        room=1.0 - held[first[needed]].astype(np.float64),
+        of_slot=number[group] if count else np.zeros(0, np.int64),
+    )
 
 
 def check_time_limit(seconds: float | None) -> float | None:
