@@ -136,7 +136,7 @@ class Problem:
     @property
     def entry_step(self) -> Ints:
         """Step of each entry, (N,)."""
-        return self.truth_step[self.truth_row]
+        return self.truth_step[self.truth_row].astype(np.int32, copy=False)
 
     @property
     def crossing_price(self) -> Floats:

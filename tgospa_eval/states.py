@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, Problem
 
 
@@ -21,38 +22,60 @@ from tgospa_eval.problem import Floats, Ints, Problem
 class Slots:
     """The capacity constraints on one side, rows or columns.
 
-    Nodes with one pair have none: the bound of the other side implies it.
+    Nodes with one pair have none: the bound of the other side implies it. A state covers the slots
+    from its own first to the one before the first of the next state of its pair.
 
     Parameters
     ----------
-    node, step : (K,) int arrays
-        Node and first step of each slot, sorted.
-    begin, end : (S,) int arrays
-        The slots that each state covers, half-open.
+    first : (nodes + 1,) int array
+        First slot of each node; its slots follow in time.
+    step : (K,) int array
+        First step of each slot.
+    begin : (S,) int array
+        First slot of each state.
+    pair_first, pair_node : (P + 1,), (P,) int arrays
+        First state and node of each pair.
     """
 
-    node: Ints
+    first: Ints
     step: Ints
     begin: Ints
-    end: Ints
+    pair_first: Ints
+    pair_node: Ints
+
+    @property
+    def node(self) -> Ints:
+        """Node of each slot, (K,)."""
+        return np.repeat(np.arange(len(self.first) - 1, dtype=np.int32), np.diff(self.first))
+
+    @property
+    def end(self) -> Ints:
+        """The slot after the last of each state, (S,)."""
+        end = np.empty_like(self.begin)
+        end[:-1] = self.begin[1:]
+        end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
+        return end
 
     def sums(self, weight: Ints) -> Ints:
         """Exact sum of the integer weights (S,) of the states over each slot, (K,)."""
-        change = np.zeros(len(self.node) + 1, np.int64)
-        np.add.at(change, self.begin, weight)
-        np.subtract.at(change, self.end, weight)
+        change = np.zeros(len(self.step) + 1, np.int64)
+        used = np.flatnonzero(weight)
+        np.add.at(change, self.begin[used], weight[used])
+        np.subtract.at(change, self.end[used], weight[used])
         return np.cumsum(change[:-1])
 
     def totals(self, price: Floats) -> Floats:
         """Sum of the prices (K,) over the slots of each state, (S,)."""
-        single = self.end - self.begin == 1
+        end = self.end
+        length = end - self.begin
+        single = length == 1
         total = np.zeros(len(self.begin))
         total[single] = price[self.begin[single]]
-        many = np.flatnonzero(~single & (self.end > self.begin))
+        many = np.flatnonzero(length > 1)
         if len(many):
             # Within one node, so that a small sum never loses its digits to distant large prices.
             order = many[np.argsort(self.begin[many], kind="stable")]
-            bounds = np.stack((self.begin[order], self.end[order]), axis=1).ravel()
+            bounds = np.stack((self.begin[order], end[order]), axis=1).ravel()
             total[order] = np.add.reduceat(np.append(price, 0.0), bounds)[::2]
         return total
 
@@ -88,8 +111,8 @@ class States:
         First state of each pair; its states follow in time.
     pair_truth, pair_estimate : (P,) int arrays
         Tracks.
-    pair, begin, end : (S,) int arrays
-        Pair of each state, first and last step (inclusive).
+    begin : (S,) int array
+        First step of each state.
     entry : (S,) int array
         Entry of the problem that a gain comes from, -1 for a run without gain.
     rows, columns : Slots
@@ -109,11 +132,8 @@ class States:
     pair_first: Ints
     pair_truth: Ints
     pair_estimate: Ints
-    pair: Ints
     begin: Ints
-    end: Ints
     entry: Ints
-    gain: Floats
     rows: Slots
     columns: Slots
     node_block: Ints
@@ -126,6 +146,78 @@ class States:
         """Number of nodes."""
         return len(self.node_block)
 
+    @property
+    def pair(self) -> Ints:
+        """Pair of each state, (S,)."""
+        return np.repeat(np.arange(len(self.pair_row), dtype=np.int32), np.diff(self.pair_first))
+
+    @property
+    def end(self) -> Ints:
+        """Last step of each state, inclusive, (S,)."""
+        end = np.empty_like(self.begin)
+        end[:-1] = self.begin[1:] - 1
+        end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
+        return end
+
+    @property
+    def gain(self) -> Floats:
+        """Gain of each state, 0 for a run, (S,)."""
+        gain = np.zeros(len(self.begin))
+        gains = np.flatnonzero(self.entry >= 0)
+        gain[gains] = self.problem.gain[self.entry[gains]]
+        return gain
+
+    def take(self, wanted: Ints) -> tuple["States", Ints, Ints]:
+        """The blocks of the given numbers, ascending, as a problem of their own.
+
+        Returns
+        -------
+        states : States
+            On the same `problem`.
+        state, slot : int arrays
+            Where its states and its column slots are here.
+        """
+        chosen = np.zeros(len(self.block_begin), bool)
+        chosen[wanted] = True
+        number = np.cumsum(chosen, dtype=np.int32) - 1
+        nodes, pairs = chosen[self.node_block], chosen[self.pair_block]
+        node_number = np.cumsum(nodes, dtype=np.int32) - 1
+        length = np.diff(self.pair_first)
+        state = np.flatnonzero(np.repeat(pairs, length))
+        pair_first = np.concatenate(([0], np.cumsum(length[pairs]))).astype(np.int32)
+        sides = []
+        for slots, pair_node in ((self.rows, self.pair_row), (self.columns, self.pair_column)):
+            counts = np.diff(slots.first)
+            kept = np.repeat(nodes, counts)
+            place = np.cumsum(kept, dtype=np.int32) - kept
+            sides.append(
+                Slots(
+                    first=np.concatenate(([0], np.cumsum(counts[nodes]))).astype(np.int32),
+                    step=slots.step[kept],
+                    begin=np.append(place, np.int32(kept.sum()))[slots.begin[state]],
+                    pair_first=pair_first,
+                    pair_node=node_number[pair_node[pairs]],
+                )
+            )
+        states = States(
+            problem=self.problem,
+            pair_row=sides[0].pair_node,
+            pair_column=sides[1].pair_node,
+            pair_block=number[self.pair_block[pairs]],
+            pair_first=pair_first,
+            pair_truth=self.pair_truth[pairs],
+            pair_estimate=self.pair_estimate[pairs],
+            begin=self.begin[state],
+            entry=self.entry[state],
+            rows=sides[0],
+            columns=sides[1],
+            node_block=number[self.node_block[nodes]],
+            block_begin=self.block_begin[chosen],
+            block_end=self.block_end[chosen],
+            transposed=self.transposed[chosen],
+        )
+        return states, state, np.flatnonzero(np.repeat(nodes, np.diff(self.columns.first)))
+
     def blocks(self, wanted: Ints | None = None) -> list[Block]:
         """The blocks of the given numbers, all by default."""
         count = len(self.block_begin)
@@ -136,8 +228,8 @@ class States:
         is_column = np.zeros(self.nodes, bool)
         is_column[self.pair_column] = True
         middle = nodes[:-1] + np.bincount(self.node_block[~is_column], minlength=count)
-        row_slots = np.searchsorted(self.rows.node, nodes)
-        column_slots = np.searchsorted(self.columns.node, nodes)
+        row_slots = self.rows.first[nodes]
+        column_slots = self.columns.first[nodes]
         states = self.pair_first[pairs]
         return [
             Block(
@@ -160,11 +252,7 @@ def merge_runs(problem: Problem) -> States:
     before the first and after the last gain of a component are gone; runs without gain are one
     state each, border runs included. With time-varying switch prices a run stays one state a step.
     """
-    track = problem.truth_track[problem.truth_row].astype(np.int64)
-    track *= problem.estimates
-    track += problem.estimate_track[problem.estimate_row]
-    pair_key, pair_of = np.unique(track, return_inverse=True)
-    truth, estimate = np.divmod(pair_key, max(problem.estimates, 1))
+    pair_of, truth, estimate = _number_pairs(problem)
     component = connected_components(
         truth, estimate + problem.truths, problem.truths + problem.estimates
     )
@@ -179,35 +267,33 @@ def merge_runs(problem: Problem) -> States:
     node_block, (row, column) = _number_nodes(row, column, block)
 
     order = np.lexsort((column, row))
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
+    rank = np.empty(len(order), np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
     pair_of = rank[pair_of]
-    row, column, block = row[order], column[order], block[order]
+    row, column, block = (part[order].astype(np.int32) for part in (row, column, block))
 
     entry_step = problem.entry_step
-    window = np.zeros((2, blocks), np.int64)
-    window[0] = problem.steps
-    np.minimum.at(window[0], block[pair_of], entry_step)
-    np.maximum.at(window[1], block[pair_of], entry_step)
-    pair, begin, end, entry = _split(problem, pair_of, window[0][block], window[1][block])
-
-    gain = np.zeros(len(pair))
-    gain[entry >= 0] = problem.gain[entry[entry >= 0]]
+    window = _windows(block[pair_of], entry_step, blocks)
+    runs_are_one = isinstance(problem.switch_price, float)
+    pair_first, begin, entry = _split(
+        pair_of, entry_step, window[0][block], window[1][block], single=not runs_are_one
+    )
+    in_time = _in_time(begin, problem.steps)
+    rows, columns = (
+        _slots(in_time, begin, pair_first, node, len(node_block)) for node in (row, column)
+    )
     return States(
         problem=problem,
         pair_row=row,
         pair_column=column,
         pair_block=block,
-        pair_first=np.searchsorted(pair, np.arange(len(pair_key) + 1)),
+        pair_first=pair_first,
         pair_truth=truth[order],
         pair_estimate=estimate[order],
-        pair=pair,
         begin=begin,
-        end=end,
         entry=entry,
-        gain=gain,
-        rows=_slots(row, pair, begin, end, problem.steps, len(node_block)),
-        columns=_slots(column, pair, begin, end, problem.steps, len(node_block)),
+        rows=rows,
+        columns=columns,
         node_block=node_block,
         block_begin=window[0],
         block_end=window[1],
@@ -215,12 +301,32 @@ def merge_runs(problem: Problem) -> States:
     )
 
 
+def _number_pairs(problem: Problem) -> tuple[Ints, Ints, Ints]:
+    """Pair of each entry, in any order; truth and estimate of each pair."""
+    truth = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
+    estimate = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
+    if kernels:
+        found: tuple[Ints, Ints, Ints] = kernels.number_pairs(
+            truth, estimate, problem.truths, problem.estimates
+        )
+        return found
+    width = max(problem.estimates, 1)
+    key, pair_of = np.unique(truth * np.int64(width) + estimate, return_inverse=True)
+    truth, estimate = np.divmod(key, width)
+    return pair_of, truth.astype(np.int32), estimate.astype(np.int32)
+
+
 def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
     """Smallest node of the component of each node, of a graph with the edges (a, b).
 
-    Hooking and pointer jumping. SciPy has the same, but importing it costs more than most
-    evaluations take.
+    Without kernels: hooking and pointer jumping. SciPy has the same, but importing it costs more
+    than most evaluations take.
     """
+    if kernels:
+        found: Ints = kernels.components(
+            a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
+        )
+        return found
     root = np.arange(nodes)
     while True:
         low = np.minimum(root[a], root[b])
@@ -256,13 +362,28 @@ def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Int
     return node_block[order], (number[row_of], number[len(row_ids) + col_of])
 
 
-def _split(problem: Problem, pair_of: Ints, first: Ints, last: Ints) -> tuple[Ints, ...]:
-    """Pair, begin, end and entry of every state, sorted by (pair, begin).
+def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
+    """First and last step with a gain of each block, (2, B); `block` is that of each entry."""
+    window = np.zeros((2, blocks), np.int32)
+    # Entries come in order of time: the last assignment to a place wins.
+    window[1][block] = step
+    window[0][block[::-1]] = step[::-1]
+    return window
 
-    `pair_of` is the pair of each entry; `first` and `last` the window of each pair.
+
+def _split(
+    pair_of: Ints, step: Ints, first: Ints, last: Ints, *, single: bool
+) -> tuple[Ints, Ints, Ints]:
+    """First state of every pair, begin and entry of every state, sorted by (pair, begin).
+
+    `pair_of`, `step` are those of each entry, in order of time; `first` and `last` the window of
+    each pair. With `single` a run is one state for each step.
     """
+    if kernels:
+        found: tuple[Ints, Ints, Ints] = kernels.split(pair_of, step, first, last, single)
+        return found
     order = np.argsort(pair_of, kind="stable")
-    pair, step = pair_of[order], problem.entry_step[order].astype(np.int64)
+    pair, step = pair_of[order], step[order]
     opens = np.ones(len(pair), bool)
     opens[1:] = pair[1:] != pair[:-1]
     closes = np.roll(opens, -1)
@@ -272,28 +393,47 @@ def _split(problem: Problem, pair_of: Ints, first: Ints, last: Ints) -> tuple[In
     run_pair = np.concatenate((pair[head], pair[tail]))
     run_begin = np.concatenate((before[head], step[tail] + 1))
     run_end = np.concatenate((step[head] - 1, last[pair[tail]]))
-    if not isinstance(problem.switch_price, float):
+    if single:
         length = run_end - run_begin + 1
         offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
         run_pair = np.repeat(run_pair, length)
-        run_begin = run_end = np.repeat(run_begin, length) + offset
+        run_begin = np.repeat(run_begin, length) + offset
     pair = np.concatenate((pair, run_pair))
     begin = np.concatenate((step, run_begin))
-    end = np.concatenate((step, run_end))
     entry = np.concatenate((order, np.full(len(run_pair), -1)))
     order = np.lexsort((begin, pair))
-    return pair[order], begin[order], end[order], entry[order]
+    pair_first = np.searchsorted(pair[order], np.arange(len(first) + 1))
+    return (
+        pair_first.astype(np.int32),
+        begin[order].astype(np.int32),
+        entry[order].astype(np.int32),
+    )
 
 
-def _slots(node: Ints, pair: Ints, begin: Ints, end: Ints, steps: int, nodes: int) -> Slots:
-    """The slots of the nodes that several pairs share; `node` is that of each pair."""
-    shared = (np.bincount(node, minlength=nodes) > 1)[node][pair]
-    of_state = node[pair[shared]]
-    key = of_state * steps + begin[shared]
-    slots = np.unique(key)
-    slot_begin = np.zeros(len(pair), np.int64)
-    slot_end = np.zeros(len(pair), np.int64)
-    slot_begin[shared] = np.searchsorted(slots, key)
-    slot_end[shared] = np.searchsorted(slots, of_state * steps + end[shared], side="right")
-    slot_node, slot_step = np.divmod(slots, max(steps, 1))
-    return Slots(node=slot_node, step=slot_step, begin=slot_begin, end=slot_end)
+def _in_time(begin: Ints, steps: int) -> Ints:
+    """The states by (begin, number)."""
+    if kernels:
+        found: Ints = kernels.in_time(begin, steps)
+        return found
+    return np.argsort(begin, kind="stable")
+
+
+def _slots(in_time: Ints, begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int) -> Slots:
+    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair."""
+    shared = np.bincount(pair_node, minlength=nodes) > 1
+    if kernels:
+        first, step, slot = kernels.slots(
+            in_time, begin, pair_first, pair_node, shared.view(np.uint8)
+        )
+    else:
+        node = np.repeat(pair_node, np.diff(pair_first))[in_time]
+        known = shared[node]
+        order = np.flatnonzero(known)[np.argsort(node[known], kind="stable")]
+        chosen, node = in_time[order], node[order]
+        fresh = np.ones(len(order), bool)
+        fresh[1:] = (np.diff(node) != 0) | (np.diff(begin[chosen]) != 0)
+        step = begin[chosen[fresh]]
+        first = np.searchsorted(node[fresh], np.arange(nodes + 1)).astype(np.int32)
+        slot = np.repeat(first[pair_node], np.diff(pair_first))
+        slot[chosen] = np.cumsum(fresh) - 1
+    return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)

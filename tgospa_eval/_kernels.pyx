@@ -1,0 +1,911 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
+# cython: initializedcheck=False, embedsignature=True
+"""Loops that NumPy cannot do without large temporaries; each says what its NumPy twin is.
+
+All arrays are contiguous; indices are 32-bit. Everything runs without the interpreter lock, and
+never on the same rows in two threads, so that many threads give the bytes of one.
+"""
+
+import numpy as np
+
+from libc.math cimport exp, fabs, log, sqrt
+
+ctypedef int i32
+ctypedef unsigned char u8
+
+cdef double NOTHING = -1e300
+
+
+# --- merging of runs: the twin is tgospa_eval.states ---------------------------------------------
+
+
+def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
+    """Pair of each entry, and truth and estimate of each pair, in order of truth and appearance.
+
+    The entries of one truth are visited together, so that a stamp for each estimate is enough.
+    """
+    cdef Py_ssize_t N = truth.shape[0], e, a
+    cdef i32 i, j, pairs = 0
+    cdef i32[::1] at = np.zeros(truths + 1, np.int32)
+    cdef i32[::1] order = np.empty(N, np.int32)
+    cdef i32[::1] pair_of = np.empty(N, np.int32)
+    cdef i32[::1] stamp = np.full(max(estimates, 1), -1, np.int32)
+    cdef i32[::1] number = np.empty(max(estimates, 1), np.int32)
+    cdef i32[::1] begin
+    with nogil:
+        for e in range(N):
+            at[truth[e] + 1] += 1
+        for i in range(truths):
+            at[i + 1] += at[i]
+        for e in range(N):
+            order[at[truth[e]]] = <i32>e
+            at[truth[e]] += 1
+        for a in range(N):
+            e = order[a]
+            j = estimate[e]
+            if stamp[j] != truth[e]:
+                stamp[j] = truth[e]
+                number[j] = pairs
+                pairs += 1
+            pair_of[e] = number[j]
+    pair_truth = np.empty(pairs, np.int32)
+    pair_estimate = np.empty(pairs, np.int32)
+    cdef i32[::1] pt = pair_truth, pe = pair_estimate
+    with nogil:
+        for e in range(N):
+            pt[pair_of[e]] = truth[e]
+            pe[pair_of[e]] = estimate[e]
+    return np.asarray(pair_of), pair_truth, pair_estimate
+
+
+def components(const i32[::1] a, const i32[::1] b, int nodes):
+    """Smallest node of the component of each node: union and find with halving."""
+    root_array = np.arange(nodes, dtype=np.int32)
+    cdef i32[::1] root = root_array
+    cdef Py_ssize_t e
+    cdef i32 x, y
+    with nogil:
+        for e in range(a.shape[0]):
+            x, y = a[e], b[e]
+            while root[x] != x:
+                root[x] = root[root[x]]
+                x = root[x]
+            while root[y] != y:
+                root[y] = root[root[y]]
+                y = root[y]
+            if x < y:
+                root[y] = x
+            elif y < x:
+                root[x] = y
+        for x in range(nodes):
+            root[x] = root[root[x]]
+    return root_array
+
+
+def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
+          bint single):
+    """States of every pair in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
+
+    `first`, `last` (P,): the window of each pair. With `single` a run is one state for each step.
+    Entries come in order of time.
+    """
+    cdef Py_ssize_t N = pair_of.shape[0], e, a, P = first.shape[0], p, n = 0
+    cdef i32 k, next_step
+    at_array = np.zeros(P + 1, np.int32)
+    cdef i32[::1] at = at_array
+    cdef i32[::1] order = np.empty(N, np.int32)
+    pair_first = np.zeros(P + 1, np.int32)
+    cdef i32[::1] pf = pair_first
+    with nogil:
+        for e in range(N):
+            at[pair_of[e] + 1] += 1
+        for p in range(P):
+            at[p + 1] += at[p]
+        for e in range(N):
+            p = pair_of[e]
+            order[at[p]] = <i32>e
+            at[p] += 1
+        a = 0
+        for p in range(P):
+            next_step = first[p]
+            while a < at[p]:
+                k = step[order[a]]
+                if k > next_step:
+                    n += k - next_step if single else 1
+                n += 1
+                next_step = k + 1
+                a += 1
+            if next_step <= last[p]:
+                n += last[p] - next_step + 1 if single else 1
+            pf[p + 1] = <i32>n
+    begin = np.empty(n, np.int32)
+    entry = np.empty(n, np.int32)
+    cdef i32[::1] begins = begin, entries = entry
+    with nogil:
+        n = 0
+        a = 0
+        for p in range(P):
+            next_step = first[p]
+            while True:
+                k = step[order[a]] if a < at[p] else last[p] + 1
+                if k > next_step:
+                    begins[n], entries[n] = next_step, -1
+                    n += 1
+                    if single:
+                        for next_step in range(next_step + 1, k):
+                            begins[n], entries[n] = next_step, -1
+                            n += 1
+                if a == at[p]:
+                    break
+                begins[n], entries[n] = k, order[a]
+                n += 1
+                a += 1
+                next_step = k + 1
+    return pair_first, begin, entry
+
+
+def in_time(const i32[::1] begin, int steps):
+    """The states by (begin, number): a stable counting sort."""
+    cdef Py_ssize_t S = begin.shape[0], s
+    cdef int k
+    order = np.empty(S, np.int32)
+    cdef i32[::1] out = order
+    cdef i32[::1] at = np.zeros(steps + 1, np.int32)
+    with nogil:
+        for s in range(S):
+            at[begin[s] + 1] += 1
+        for k in range(steps):
+            at[k + 1] += at[k]
+        for s in range(S):
+            out[at[begin[s]]] = <i32>s
+            at[begin[s]] += 1
+    return order
+
+
+def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
+          const i32[::1] pair_node, const u8[::1] shared):
+    """Slots of the shared nodes: first slot of each node, step of each, and of each state its first.
+
+    `order` has the states in time. States of nodes that are not shared get the (empty) place of
+    their node.
+    """
+    cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
+    cdef i32 node, total = 0, place
+    cdef i32[::1] node_of = np.empty(S, np.int32)
+    cdef i32[::1] latest = np.full(nodes, -1, np.int32)
+    node_first = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] first = node_first
+    slot_begin = np.empty(S, np.int32)
+    cdef i32[::1] begins = slot_begin
+    with nogil:
+        for p in range(P):
+            for s in range(pair_first[p], pair_first[p + 1]):
+                node_of[s] = pair_node[p]
+        for a in range(S):
+            s = order[a]
+            node = node_of[s]
+            if shared[node] and latest[node] != begin[s]:
+                latest[node] = begin[s]
+                first[node + 1] += 1
+        for node in range(nodes):
+            first[node + 1] += first[node]
+            latest[node] = -1
+    step = np.empty(first[nodes], np.int32)
+    cdef i32[::1] steps = step
+    cdef i32[::1] filled = node_first.copy()
+    with nogil:
+        for a in range(S):
+            s = order[a]
+            node = node_of[s]
+            if not shared[node]:
+                begins[s] = first[node]
+                continue
+            if latest[node] != begin[s]:
+                latest[node] = begin[s]
+                steps[filled[node]] = begin[s]
+                filled[node] += 1
+            begins[s] = filled[node] - 1
+    return node_first, step, slot_begin
+
+
+def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_row, int nodes):
+    """The states by (row, begin, number), and the place of the first of each node, (nodes + 1,)."""
+    cdef Py_ssize_t S = order.shape[0], P = pair_row.shape[0], s, p, a
+    cdef i32 node
+    row_first = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] first = row_first
+    cdef i32[::1] row_of = np.empty(S, np.int32)
+    ordered = np.empty(S, np.int32)
+    cdef i32[::1] out = ordered
+    with nogil:
+        for p in range(P):
+            first[pair_row[p] + 1] += pair_first[p + 1] - pair_first[p]
+            for s in range(pair_first[p], pair_first[p + 1]):
+                row_of[s] = pair_row[p]
+        for node in range(nodes):
+            first[node + 1] += first[node]
+    cdef i32[::1] at = row_first.copy()
+    with nogil:
+        for a in range(S):
+            s = order[a]
+            out[at[row_of[s]]] = <i32>s
+            at[row_of[s]] += 1
+    return ordered, row_first
+
+
+# --- best paths: the twin is tgospa_eval.result.best_values ---------------------------------------
+
+
+def reprice(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
+            const i32[::1] row_first, const double[::1] gain, const i32[::1] slot_begin,
+            const i32[::1] slot_end, const double[::1] price, double[::1] before,
+            double[::1] value):
+    """value = gain - sum of the prices of the slots, for the states of the rows.
+
+    `before` (K,) is work space: the sum of the prices of the earlier slots of each column.
+    """
+    cdef Py_ssize_t r, s, t
+    cdef i32 b, e
+    cdef double total
+    with nogil:
+        for r in range(columns.shape[0]):
+            total = 0.0
+            for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
+                before[t] = total
+                total += price[t]
+        for r in range(rows.shape[0]):
+            for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
+                b, e = slot_begin[s], slot_end[s]
+                if e == b:
+                    value[s] = gain[s]
+                elif e == b + 1:
+                    value[s] = gain[s] - price[b]
+                else:
+                    value[s] = gain[s] - (before[e - 1] + price[e - 1] - before[b])
+
+
+cdef double row_forward(const i32[::1] order, const i32[::1] begin, const double[::1] crossing,
+                        const double[::1] value, double[::1] forward, i32[::1] came,
+                        double[::1] none, Py_ssize_t low, Py_ssize_t high,
+                        i32* final) noexcept nogil:
+    """Best value of a path up to each state of one row, and the state that it came from (or -1).
+
+    A group of states that begin together is entered from the state before each or from the hub
+    ("none"), into which the states before them may have left at the same transition. Returns the
+    value of the best path; its last state goes to `final`.
+    """
+    cdef Py_ssize_t a = low, c
+    cdef i32 s, k, hub_from = -1
+    cdef double hub = 0.0, price, enter, best
+    if low == high:
+        final[0] = -1
+        return 0.0
+    k = begin[order[low]]
+    while a < high and begin[order[a]] == k:
+        s = order[a]
+        forward[s] = value[s]
+        none[s] = 0.0
+        came[s] = -1
+        a += 1
+    while a < high:
+        k = begin[order[a]]
+        price = crossing[k]
+        c = a
+        while c < high and begin[order[c]] == k:
+            s = order[c] - 1
+            if forward[s] - price > hub:
+                hub = forward[s] - price
+                hub_from = s
+            c += 1
+        enter = hub - price
+        while a < c:
+            s = order[a]
+            if forward[s - 1] >= enter:
+                forward[s] = forward[s - 1] + value[s]
+                came[s] = s - 1
+            else:
+                forward[s] = enter + value[s]
+                came[s] = hub_from
+            none[s] = hub
+            a += 1
+    best = hub
+    final[0] = hub_from
+    k = begin[low]
+    for s in range(low, high):
+        if (s + 1 == high or begin[s + 1] == k) and forward[s] > best:
+            best = forward[s]
+            final[0] = s
+    return best
+
+
+def forward_pass(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+                 const i32[::1] begin, const double[::1] crossing, const double[::1] value,
+                 double[::1] forward, i32[::1] came, double[::1] none, double[::1] best,
+                 i32[::1] final):
+    """Best value of a path up to each state of the rows, and of a whole path of each row.
+
+    `came` is the state before (-1 for none), `none` the best value of a path that is in no state
+    when the state begins, `final` the last state of the best path of each row.
+    """
+    cdef Py_ssize_t r
+    cdef i32 i
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            best[i] = row_forward(order, begin, crossing, value, forward, came, none,
+                                  row_first[i], row_first[i + 1], &final[i])
+
+
+def trace(const i32[::1] rows, const i32[::1] row_first, const i32[::1] came,
+          const i32[::1] final, double[::1] weight):
+    """Weights 0 and 1 of the best paths that `forward_pass` found."""
+    cdef Py_ssize_t r
+    cdef i32 s, i
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            weight[row_first[i]:row_first[i + 1]] = 0.0
+            s = final[i]
+            while s >= 0:
+                weight[s] = 1.0
+                s = came[s]
+
+
+def backward_pass(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+                  const i32[::1] begin, const double[::1] crossing, const double[::1] value,
+                  const double[::1] forward, const double[::1] best, double[::1] none,
+                  double[::1] slack):
+    """Slack: what the best path of the row has over the best one through each state.
+
+    `none` becomes the same for the paths that are in no state when the state begins.
+
+    Within a group the best continuation of every state is known before the states before them get
+    theirs, which `slack` holds on the way.
+    """
+    cdef Py_ssize_t r, a, c, low, high
+    cdef i32 i, s, k
+    cdef double hub, price, top, after
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
+            if low == high:
+                continue
+            k = begin[low]
+            for s in range(low, high):
+                if s + 1 == high or begin[s + 1] == k:
+                    slack[s] = 0.0
+            hub = 0.0
+            a = high
+            while a > low:
+                k = begin[order[a - 1]]
+                price = crossing[k]
+                c = a
+                top = NOTHING
+                while a > low and begin[order[a - 1]] == k:
+                    a -= 1
+                    s = order[a]
+                    none[s] = best[i] - (none[s] + hub)
+                    if value[s] + slack[s] > top:
+                        top = value[s] + slack[s]
+                if a == low:
+                    break
+                if top - price > hub:
+                    hub = top - price
+                while c > a:
+                    c -= 1
+                    s = order[c]
+                    after = value[s] + slack[s]
+                    if hub - price > after:
+                        after = hub - price
+                    slack[s - 1] = after
+            for s in range(low, high):
+                slack[s] = best[i] - (forward[s] + slack[s])
+
+
+def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] begin,
+               const double[::1] crossing, const double[::1] value, const double[::1] weight,
+               double[::1] own):
+    """Value of the assignment of each row: sum of weight x value, less its changes."""
+    cdef Py_ssize_t r
+    cdef i32 s, i, k
+    cdef double total
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            total = 0.0
+            if row_first[i] < row_first[i + 1]:
+                k = begin[row_first[i]]
+                for s in range(row_first[i], row_first[i + 1]):
+                    total += weight[s] * value[s]
+                    if begin[s] != k and weight[s] != weight[s - 1]:
+                        total -= crossing[begin[s]] * fabs(weight[s] - weight[s - 1])
+            own[i] = total
+
+
+def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+            const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
+            const double[::1] crossing, const double[::1] gain, i32[::1] load,
+            double[::1] value, double[::1] forward, i32[::1] came, double[::1] none,
+            double[::1] weight):
+    """Each row in turn takes its best path through what the others leave; how many changed.
+
+    `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
+    `value`, `forward`, `came`, `none` are work space.
+    """
+    cdef Py_ssize_t r, t
+    cdef i32 s, i, final, changed = 0
+    cdef double kept, best
+    cdef bint free
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            kept = 0.0
+            for s in range(row_first[i], row_first[i + 1]):
+                if begin[s] != begin[row_first[i]] and weight[s] != weight[s - 1]:
+                    kept -= crossing[begin[s]]
+                if weight[s] > 0.0:
+                    kept += gain[s]
+                    for t in range(slot_begin[s], slot_end[s]):
+                        load[t] -= 1
+            for s in range(row_first[i], row_first[i + 1]):
+                value[s] = gain[s]
+                for t in range(slot_begin[s], slot_end[s]):
+                    if load[t] > 0:
+                        value[s] = NOTHING
+                        break
+            best = row_forward(order, begin, crossing, value, forward, came, none, row_first[i],
+                               row_first[i + 1], &final)
+            if best > kept + 1e-12:
+                changed += 1
+                weight[row_first[i]:row_first[i + 1]] = 0.0
+                s = final
+                while s >= 0:
+                    weight[s] = 1.0
+                    s = came[s]
+            for s in range(row_first[i], row_first[i + 1]):
+                if weight[s] > 0.0:
+                    for t in range(slot_begin[s], slot_end[s]):
+                        load[t] += 1
+    return changed
+
+
+# --- entropic sweeps ------------------------------------------------------------------------------
+
+cdef enum:
+    INSIDE = 1  # goes on with the state of the link before: no way in or out between them
+    FIRST = 2   # begins with the window: nothing came before
+    LEAVES = 4  # the state ends with this link
+
+
+cdef class Chain:
+    """The working set as a chain of links, and messages along it (docs/theory, "Sinkhorn").
+
+    A *node* is a row at a step where something happens to it: a state of the working set begins or
+    has just ended, or a stretch of slots begins for which a state of it competes. It has a *link*
+    for each state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0
+    stands for "none before" and "none after" and holds 0; constraint 0 for "no price".
+
+    Parameters
+    ----------
+    rows, columns : (R,), (C,) int arrays
+        Nodes of the problem that take part.
+    chosen : (S,) uint8 array
+        The working set.
+    price : (K,) float array
+        Prices at the start, absorbed into the kernel.
+    others : arrays of `tgospa_eval.solvers.ascent.Arrays`
+    """
+
+    cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
+    cdef double[::1] crossing, value, kernel, none_kernel, ahead, behind, passed, share
+    cdef double[::1] none_ahead, none_behind
+    cdef double[::1] price, slack, u, load, stay
+    cdef double[::1] row_none, row_all, row_hub, row_stay
+    cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
+    cdef i32[::1] step_constraint, slot_first, slot_count
+    cdef u8[::1] kind
+
+    def __init__(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
+                 const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
+                 const i32[::1] column_first, const i32[::1] slot_step, const i32[::1] slot_begin,
+                 const i32[::1] slot_end, const u8[::1] chosen, const double[::1] gain,
+                 const double[::1] price, const double[::1] crossing):
+        cdef Py_ssize_t K = slot_step.shape[0], l
+        self.crossing = crossing.copy()
+        self.steps = crossing.shape[0]
+        self.rows = rows.shape[0]
+        cdef i32[::1] constraint_of = np.zeros(K + 1, np.int32)
+        cdef i32[::1] after = np.empty(K + 1, np.int32)
+        self._constrain(rows, columns, row_first, column_first, slot_step, slot_begin, slot_end,
+                        chosen, price, constraint_of, after)
+
+        cdef i32[::1] node_at = np.zeros(self.steps + 1, np.int32)
+        cdef i32[::1] link_at = np.zeros(self.steps + 1, np.int32)
+        self._emit(False, rows, row_first, order, begin, window_end, slot_step, slot_begin,
+                   slot_end, chosen, constraint_of, after, node_at, link_at)
+        nodes, links = np.asarray(node_at), np.asarray(link_at)
+        self.nodes, self.links = int(nodes.sum()), int(links.sum())
+        node_at = np.concatenate(([0], np.cumsum(nodes[:-1]))).astype(np.int32)
+        link_at = np.concatenate(([1], 1 + np.cumsum(links[:-1]))).astype(np.int32)
+        self.step_node = np.append(np.asarray(node_at)[:self.steps], self.nodes).astype(np.int32)
+        self.state = np.zeros(self.links + 1, np.int32)
+        self.previous = np.zeros(self.links + 1, np.int32)
+        self.next = np.zeros(self.links + 1, np.int32)
+        self.constraint = np.zeros(self.links + 1, np.int32)
+        self.kind = np.zeros(self.links + 1, np.uint8)
+        self.node_row = np.empty(self.nodes, np.int32)
+        self.node_link = np.empty(self.nodes + 1, np.int32)
+        self.node_link[self.nodes] = <i32>(self.links + 1)
+        self._emit(True, rows, row_first, order, begin, window_end, slot_step, slot_begin,
+                   slot_end, chosen, constraint_of, after, node_at, link_at)
+
+        self.value = np.zeros(self.links + 1)
+        with nogil:
+            for l in range(1, self.links + 1):
+                if not self.kind[l] & INSIDE:
+                    self.value[l] = gain[self.state[l]]
+        self.kernel = np.zeros(self.links + 1)
+        self.ahead = np.zeros(self.links + 1)
+        self.behind = np.zeros(self.links + 1)
+        self.passed = np.zeros(self.links + 1)
+        self.share = np.zeros(self.links + 1)
+        self.none_kernel = np.zeros(self.nodes)
+        self.none_ahead = np.zeros(self.nodes)
+        self.none_behind = np.zeros(self.nodes)
+        self.slack = np.ones(self.constraints + 1)
+        self.u = np.ones(self.constraints + 1)
+        self.load = np.zeros(self.constraints + 1)
+        self.stay = np.empty(self.steps)
+        self.row_none = np.empty(self.rows)
+        self.row_all = np.empty(self.rows)
+        self.row_hub = np.empty(self.rows)
+        self.row_stay = np.empty(self.rows)
+
+    def _constrain(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
+                   const i32[::1] column_first, const i32[::1] slot_step,
+                   const i32[::1] slot_begin, const i32[::1] slot_end, const u8[::1] chosen,
+                   const double[::1] price, i32[::1] constraint_of, i32[::1] after):
+        """Stretches of slots with the same chosen states; those that need a price, by step.
+
+        A stretch is priced where two states compete, or where a price has to come down again.
+        """
+        cdef Py_ssize_t r, s, K = slot_step.shape[0], t, n = 0
+        cdef i32 c, active, start, last
+        cdef double total
+        cdef i32[::1] opens = np.zeros(K + 1, np.int32)
+        cdef i32[::1] closes = np.zeros(K + 1, np.int32)
+        cdef u8[::1] cut = np.zeros(K + 1, np.uint8)
+        cdef i32[::1] at = np.zeros(self.steps + 1, np.int32)
+        cdef i32[::1] found = np.empty(K, np.int32)
+        cdef i32[::1] count = np.empty(K, np.int32)
+        cdef double[::1] sums = np.empty(K)
+        with nogil:
+            for r in range(rows.shape[0]):
+                for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
+                    if chosen[s] and slot_end[s] > slot_begin[s]:
+                        opens[slot_begin[s]] += 1
+                        closes[slot_end[s] - 1] += 1
+                        cut[slot_begin[s]] = 1
+                        cut[slot_end[s]] = 1
+            for r in range(columns.shape[0]):
+                c = columns[r]
+                active = 0
+                t = column_first[c]
+                while t < column_first[c + 1]:
+                    active += opens[t]
+                    start = <i32>t
+                    total = price[t]
+                    t += 1
+                    while t < column_first[c + 1] and not cut[t]:
+                        total += price[t]
+                        t += 1
+                    if active > 1 or (active == 1 and total > 0.0):
+                        found[n], count[n], sums[n] = start, <i32>t - start, total
+                        at[slot_step[start] + 1] += 1
+                        n += 1
+                    active -= closes[t - 1]
+            for t in range(self.steps):
+                at[t + 1] += at[t]
+        self.constraints = n
+        self.step_constraint = np.append(1, np.asarray(at) + 1).astype(np.int32)
+        self.slot_first = np.zeros(n + 1, np.int32)
+        self.slot_count = np.ones(n + 1, np.int32)
+        self.price = np.zeros(n + 1)
+        cdef i32[::1] place = self.step_constraint[1:]  # ends as the place of the next step
+        with nogil:
+            for t in range(n):
+                r = place[slot_step[found[t]]]
+                place[slot_step[found[t]]] += 1
+                self.slot_first[r] = found[t]
+                self.slot_count[r] = count[t]
+                self.price[r] = sums[t]
+                constraint_of[found[t]] = <i32>r
+            last = <i32>K
+            for t in range(K, -1, -1):
+                if constraint_of[t]:
+                    last = <i32>t
+                after[t] = last
+
+    def _emit(self, bint fill, const i32[::1] rows, const i32[::1] row_first,
+              const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
+              const i32[::1] slot_step, const i32[::1] slot_begin, const i32[::1] slot_end,
+              const u8[::1] chosen, const i32[::1] constraint_of, const i32[::1] after,
+              i32[::1] node_at, i32[::1] link_at):
+        """Walk the rows in time; count nodes and links of every step, or write them."""
+        cdef Py_ssize_t r, a, c, low, high, x, y, width = 1
+        cdef i32 i, s, k, e, first, active, link
+        cdef bint event
+        with nogil:
+            for r in range(rows.shape[0]):
+                i = rows[r]
+                low, high = row_first[i], row_first[i + 1]
+                x = 0
+                for a in range(low, high):
+                    if begin[a] == begin[low]:
+                        x += 1
+                if x > width:
+                    width = x
+        cdef i32[::1] held = np.empty(width, np.int32)    # states that the row could be in
+        cdef i32[::1] cursor = np.empty(width, np.int32)  # the next slot that they compete for
+        cdef i32[::1] latest = np.empty(width, np.int32)  # their latest link
+        cdef i32[::1] link_of = np.zeros(begin.shape[0] if fill else 0, np.int32)
+        with nogil:
+            for r in range(rows.shape[0]):
+                i = rows[r]
+                low, high = row_first[i], row_first[i + 1]
+                if low == high:
+                    continue
+                first = begin[low]
+                active = 0
+                a = low
+                while True:
+                    k = begin[order[a]] if a < high else window_end[i] + 1
+                    while active:
+                        e = k
+                        for x in range(active):
+                            if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] < e:
+                                e = slot_step[cursor[x]]
+                        if e == k:
+                            break
+                        self._node(fill, r, e, active, held, cursor, latest, slot_step, slot_end,
+                                   constraint_of, after, node_at, link_at)
+                    if a == high:
+                        break
+                    event = False
+                    c = a
+                    while c < high and begin[order[c]] == k:
+                        s = order[c]
+                        if chosen[s] or (k > first and chosen[s - 1]):
+                            event = True
+                        c += 1
+                    if not event:
+                        a = c
+                        continue
+                    y = 0
+                    for x in range(active):
+                        s = held[x]
+                        if s + 1 < high and begin[s + 1] == k:
+                            if fill:
+                                self.kind[latest[x]] |= LEAVES
+                                link_of[s] = latest[x]
+                        else:
+                            held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
+                            y += 1
+                    active = <i32>y
+                    link = self._node(fill, r, k, active, held, cursor, latest, slot_step,
+                                      slot_end, constraint_of, after, node_at, link_at)
+                    while a < c:
+                        s = order[a]
+                        a += 1
+                        if not chosen[s]:
+                            continue
+                        held[active] = s
+                        cursor[active] = after[slot_begin[s]]
+                        if slot_begin[s] == slot_end[s]:
+                            cursor[active] = slot_end[s]
+                        if fill:
+                            link = link_at[k]
+                            self.state[link] = s
+                            if k == first:
+                                self.kind[link] = FIRST
+                            elif chosen[s - 1]:
+                                self.previous[link] = link_of[s - 1]
+                                self.next[link_of[s - 1]] = link
+                            latest[active] = link
+                        if cursor[active] < slot_end[s] and slot_step[cursor[active]] == k:
+                            if fill:
+                                self.constraint[link] = constraint_of[cursor[active]]
+                            cursor[active] = after[cursor[active] + 1]
+                        link_at[k] += 1
+                        active += 1
+
+    cdef i32 _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, i32[::1] held,
+                   i32[::1] cursor, i32[::1] latest, const i32[::1] slot_step,
+                   const i32[::1] slot_end, const i32[::1] constraint_of, const i32[::1] after,
+                   i32[::1] node_at, i32[::1] link_at) noexcept nogil:
+        """A node of row r at step k, with a link for each state that goes on."""
+        cdef Py_ssize_t x
+        cdef i32 link
+        if fill:
+            self.node_row[node_at[k]] = <i32>r
+            self.node_link[node_at[k]] = link_at[k]
+        node_at[k] += 1
+        for x in range(active):
+            link = link_at[k]
+            if fill:
+                self.state[link] = held[x]
+                self.kind[link] = INSIDE
+                self.previous[link] = latest[x]
+                self.next[latest[x]] = link
+                latest[x] = link
+            if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] == k:
+                if fill:
+                    self.constraint[link] = constraint_of[cursor[x]]
+                cursor[x] = after[cursor[x] + 1]
+            link_at[k] += 1
+        return link_at[k]
+
+    def heat(self, double epsilon):
+        """Absorb the prices into the kernel at a temperature; messages begin anew."""
+        cdef Py_ssize_t n, l, c, k
+        cdef double top, value
+        with nogil:
+            for c in range(1, self.constraints + 1):
+                self.u[c] = 1.0
+                self.slack[c] = exp(-self.price[c] / epsilon)
+            for k in range(self.steps):
+                self.stay[k] = exp(-self.crossing[k] / epsilon)
+                if self.stay[k] < 1e-70:
+                    self.stay[k] = 1e-70
+            for n in range(self.nodes):
+                top = 0.0
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    value = self.value[l] - self.price[self.constraint[l]]
+                    self.kernel[l] = value
+                    if value > top:
+                        top = value
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    value = (self.kernel[l] - top) / epsilon
+                    self.kernel[l] = exp(value) if value > -450.0 else 3.7e-196
+                self.none_kernel[n] = exp(-top / epsilon) if top < 450.0 * epsilon else 3.7e-196
+            self._pass(True, False)
+
+    def sweep(self, int count):
+        """Sweep forward and backward; the largest violation of a column in the last sweep."""
+        cdef double violation = 0.0, second
+        cdef int n
+        with nogil:
+            for n in range(count):
+                violation = self._pass(False, True)
+                second = self._pass(True, True)
+                if second > violation:
+                    violation = second
+        return violation
+
+    def cool(self, double epsilon):
+        """Take the changes of the prices out of the messages into `price`."""
+        cdef Py_ssize_t c
+        with nogil:
+            for c in range(1, self.constraints + 1):
+                self.price[c] -= epsilon * log(self.u[c])
+                if self.price[c] < 0.0:
+                    self.price[c] = 0.0
+                self.u[c] = 1.0
+
+    def write_prices(self, double[::1] price):
+        """Prices of the stretches as prices of their slots: more on the first, or all less."""
+        cdef Py_ssize_t c, t
+        cdef double total
+        with nogil:
+            for c in range(1, self.constraints + 1):
+                total = 0.0
+                for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
+                    total += price[t]
+                if self.price[c] >= total:
+                    price[self.slot_first[c]] += self.price[c] - total
+                else:
+                    for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
+                        price[t] *= self.price[c] / total
+
+    def write_marginals(self, double[::1] weight):
+        """Share of every state of the working set, as the last sweep left it."""
+        cdef Py_ssize_t l
+        with nogil:
+            for l in range(1, self.links + 1):
+                if not self.kind[l] & INSIDE:
+                    weight[self.state[l]] = self.share[l]
+
+    cdef double _pass(self, bint reverse, bint update) noexcept nogil:
+        """One direction: renew its messages node by node, and the prices step by step.
+
+        With S the sum over the states and S' over those that may pass the hub, a0 for "none",
+        q = exp(-lambda / epsilon), r = 1 / (a0 + S):
+        none' = r (a0 + q S'), state' = r ((1 - q^2) state + q a0 + q^2 S').
+        """
+        cdef Py_ssize_t step, k, n, l, c
+        cdef i32 row
+        cdef u8 barred = LEAVES if reverse else INSIDE
+        cdef double a0, r, q, total, none, hub, keep, bound, violation = 0.0, rho, most
+        cdef double[::1] ahead = self.behind if reverse else self.ahead
+        cdef double[::1] behind = self.ahead if reverse else self.behind
+        cdef double[::1] none_ahead = self.none_behind if reverse else self.none_ahead
+        cdef double[::1] none_behind = self.none_ahead if reverse else self.none_behind
+        cdef i32[::1] source = self.next if reverse else self.previous
+        cdef double[::1] kernel = self.kernel, u = self.u, passed = self.passed, share = self.share
+        cdef double[::1] load = self.load
+        cdef i32[::1] constraint = self.constraint
+        cdef u8[::1] kind = self.kind
+        for row in range(self.rows):
+            self.row_none[row] = 1.0
+            self.row_all[row] = 0.0
+            self.row_hub[row] = 0.0
+            self.row_stay[row] = -1.0
+        for step in range(self.steps):
+            k = self.steps - 1 - step if reverse else step
+            for c in range(self.step_constraint[k], self.step_constraint[k + 1]):
+                load[c] = 0.0
+            for n in range(self.step_node[k], self.step_node[k + 1]):
+                row = self.node_row[n]
+                a0 = self.row_none[row]
+                r = 1.0 / (a0 + self.row_all[row])
+                none = r * self.row_hub[row]
+                a0 *= r
+                q = self.row_stay[row] if reverse else self.stay[k]
+                if q < 0.0:  # the end of the window: nothing to pay
+                    for l in range(self.node_link[n], self.node_link[n + 1]):
+                        ahead[l] = 1.0
+                    none_ahead[n] = 1.0
+                else:
+                    hub = q * (a0 + q * none)
+                    keep = r * (1.0 - q * q)
+                    none_ahead[n] = a0 + q * none
+                    for l in range(self.node_link[n], self.node_link[n + 1]):
+                        if reverse:
+                            if kind[l] & LEAVES:
+                                ahead[l] = keep * passed[source[l]] + hub
+                            else:
+                                ahead[l] = r * passed[source[l]]
+                        elif kind[l] & INSIDE:
+                            ahead[l] = r * passed[source[l]]
+                        elif kind[l] & FIRST:
+                            ahead[l] = 1.0
+                        else:
+                            ahead[l] = keep * passed[source[l]] + hub
+                if update:
+                    total = none_ahead[n] * self.none_kernel[n] * none_behind[n]
+                    for l in range(self.node_link[n], self.node_link[n + 1]):
+                        share[l] = ahead[l] * kernel[l] * u[constraint[l]] * behind[l]
+                        total += share[l]
+                    total = 1.0 / total
+                    for l in range(self.node_link[n], self.node_link[n + 1]):
+                        share[l] *= total
+                        load[constraint[l]] += share[l]
+            if update:
+                for c in range(self.step_constraint[k], self.step_constraint[k + 1]):
+                    # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
+                    bound = u[c] * self.slack[c] + load[c]
+                    if fabs(bound - 1.0) > violation:
+                        violation = fabs(bound - 1.0)
+                    if bound < 1e-40:
+                        bound = 1e-40
+                    rho = u[c] / (bound * sqrt(bound))
+                    most = 1e100 if self.slack[c] < 1e-100 else 1.0 / self.slack[c]
+                    u[c] = most if rho > most else (1e-60 if rho < 1e-60 else rho)
+            for n in range(self.step_node[k], self.step_node[k + 1]):
+                row = self.node_row[n]
+                total = 0.0
+                hub = 0.0
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    passed[l] = ahead[l] * kernel[l] * u[constraint[l]]
+                    total += passed[l]
+                    if reverse:
+                        if not kind[l] & INSIDE:
+                            hub += passed[l]
+                    elif kind[l] & LEAVES:
+                        hub += passed[l]
+                self.row_none[row] = none_ahead[n] * self.none_kernel[n]
+                self.row_all[row] = total
+                self.row_hub[row] = hub
+                self.row_stay[row] = self.stay[k]
+        return violation
