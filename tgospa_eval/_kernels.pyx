@@ -473,9 +473,105 @@ def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
 # --- entropic sweeps ------------------------------------------------------------------------------
 
 cdef enum:
-    INSIDE = 1  # goes on with the state of the link before: no way in or out between them
-    FIRST = 2   # begins with the window: nothing came before
-    LEAVES = 4  # the state ends with this link
+    INSIDE = 1   # of a link: the state goes on from the link before, no way in between them
+    GOES_ON = 2  # of a link: the state goes on with the next link, no way out between them
+    FIRST = 4    # of a node: the window begins
+    BOUND = 8    # of a node and its state: before it the row was surely in this pair
+    FINAL = 16   # of a node and its state: after it the row is surely in this pair
+
+
+def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+                const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
+                const double[::1] slack, const double[::1] none, const double[::1] weight,
+                const double[::1] price, double threshold, u8[::1] chosen):
+    """Choose the states that a chain is built of; 1 = chosen, with BOUND and FINAL at its ends.
+
+    Chosen are the states with slack up to the threshold and those in use. Where a row has one
+    option only, and nobody contests it, there is nothing to find out: such stretches are left out
+    but for their ends, and so are rows without any contest.
+    """
+    cdef Py_ssize_t r, a, c, low, high, t, K = price.shape[0]
+    cdef i32 i, s, k, first, group, active, crowded
+    cdef bint contested
+    cdef i32[::1] change = np.zeros(K + 1, np.int32)
+    cdef i32[::1] rivals = np.zeros(K + 1, np.int32)
+    cdef i32[::1] since = np.empty(begin.shape[0], np.int32)
+    with nogil:
+        for r in range(rows.shape[0]):
+            for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
+                chosen[s] = slack[s] <= threshold or weight[s] > 0.0
+                if chosen[s]:
+                    change[slot_begin[s]] += 1
+                    change[slot_end[s]] -= 1
+        active = 0
+        for t in range(K):
+            active += change[t]
+            rivals[t + 1] = rivals[t] + (active > 1 or (active == 1 and price[t] > 0.0))
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
+            if low == high:
+                continue
+            contested = False
+            for s in range(low, high):
+                if chosen[s] and rivals[slot_end[s]] > rivals[slot_begin[s]]:
+                    contested = True
+                    break
+            if not contested:
+                chosen[low:high] = 0
+                continue
+            # A state is sure (2) if no other is chosen while it lasts, nor "none", nor a rival.
+            first = begin[low]
+            active = 0
+            group = 0
+            crowded = -1
+            a = low
+            while a < high:
+                k = begin[order[a]]
+                c = a
+                while c < high and begin[order[c]] == k:
+                    s = order[c]
+                    if k > first and chosen[s - 1]:
+                        active -= 1
+                        if crowded < since[s - 1] and is_sure(s - 1, slack, none, rivals,
+                                                              slot_begin, slot_end, threshold):
+                            chosen[s - 1] = 2
+                    if chosen[s]:
+                        active += 1
+                        since[s] = group
+                    c += 1
+                if active > 1:
+                    crowded = group
+                group += 1
+                a = c
+            for s in range(low, high):
+                if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
+                        crowded < since[s]) and is_sure(s, slack, none, rivals, slot_begin,
+                                                        slot_end, threshold):
+                    chosen[s] = 2
+            # Sure states stay where a neighbour in time is not sure; 3 is left out.
+            for s in range(low, high):
+                if chosen[s] == 2 and (begin[s] == first or chosen[s - 1] >= 2) and (
+                        s + 1 == high or begin[s + 1] == first or chosen[s + 1] == 2):
+                    chosen[s] = 3
+            for s in range(low, high):
+                if chosen[s] == 2:
+                    chosen[s] = 1
+                    if begin[s] != first and chosen[s - 1] == 3:
+                        chosen[s] |= BOUND
+                    if s + 1 < high and begin[s + 1] != first and chosen[s + 1] == 3:
+                        chosen[s] |= FINAL
+            for s in range(low, high):
+                if chosen[s] == 3:
+                    chosen[s] = 0
+
+
+cdef bint is_sure(i32 s, const double[::1] slack, const double[::1] none, const i32[::1] rivals,
+                  const i32[::1] slot_begin, const i32[::1] slot_end,
+                  double threshold) noexcept nogil:
+    """Whether leaving the state costs more than the threshold and nobody else wants its column."""
+    return none[s] > threshold and slack[s] <= threshold and (
+        rivals[slot_end[s]] == rivals[slot_begin[s]])
 
 
 cdef class Chain:
@@ -491,20 +587,21 @@ cdef class Chain:
     rows, columns : (R,), (C,) int arrays
         Nodes of the problem that take part.
     chosen : (S,) uint8 array
-        The working set.
+        The working set, from `working_set`.
     price : (K,) float array
         Prices at the start, absorbed into the kernel.
     others : arrays of `tgospa_eval.solvers.ascent.Arrays`
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
-    cdef double[::1] crossing, value, kernel, none_kernel, ahead, behind, passed, share
+    cdef double[::1] crossing, value, kernel, none_kernel, ahead, behind, passed, total, into
     cdef double[::1] none_ahead, none_behind
     cdef double[::1] price, slack, u, load, stay
-    cdef double[::1] row_none, row_all, row_hub, row_stay
+    cdef double[::1] row
     cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
     cdef i32[::1] step_constraint, slot_first, slot_count
-    cdef u8[::1] kind
+    cdef i32[::1] node_of
+    cdef u8[::1] kind, ends
 
     def __init__(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
                  const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
@@ -533,8 +630,10 @@ cdef class Chain:
         self.previous = np.zeros(self.links + 1, np.int32)
         self.next = np.zeros(self.links + 1, np.int32)
         self.constraint = np.zeros(self.links + 1, np.int32)
+        self.node_of = np.zeros(self.links + 1, np.int32)
         self.kind = np.zeros(self.links + 1, np.uint8)
-        self.node_row = np.empty(self.nodes, np.int32)
+        self.ends = np.zeros(self.nodes + 1, np.uint8)
+        self.node_row = np.empty(self.nodes + 1, np.int32)
         self.node_link = np.empty(self.nodes + 1, np.int32)
         self.node_link[self.nodes] = <i32>(self.links + 1)
         self._emit(True, rows, row_first, order, begin, window_end, slot_step, slot_begin,
@@ -549,18 +648,16 @@ cdef class Chain:
         self.ahead = np.zeros(self.links + 1)
         self.behind = np.zeros(self.links + 1)
         self.passed = np.zeros(self.links + 1)
-        self.share = np.zeros(self.links + 1)
-        self.none_kernel = np.zeros(self.nodes)
-        self.none_ahead = np.zeros(self.nodes)
-        self.none_behind = np.zeros(self.nodes)
+        self.total = np.empty(self.nodes + 1)
+        self.into = np.empty(3 * (self.nodes + 1))
+        self.none_kernel = np.zeros(self.nodes + 1)
+        self.none_ahead = np.zeros(self.nodes + 1)
+        self.none_behind = np.zeros(self.nodes + 1)
         self.slack = np.ones(self.constraints + 1)
         self.u = np.ones(self.constraints + 1)
         self.load = np.zeros(self.constraints + 1)
         self.stay = np.empty(self.steps)
-        self.row_none = np.empty(self.rows)
-        self.row_all = np.empty(self.rows)
-        self.row_hub = np.empty(self.rows)
-        self.row_stay = np.empty(self.rows)
+        self.row = np.empty(4 * max(self.rows, 1))
 
     def _constrain(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
                    const i32[::1] column_first, const i32[::1] slot_step,
@@ -676,8 +773,13 @@ cdef class Chain:
                     c = a
                     while c < high and begin[order[c]] == k:
                         s = order[c]
-                        if chosen[s] or (k > first and chosen[s - 1]):
+                        if chosen[s]:
                             event = True
+                        elif k > first and chosen[s - 1]:
+                            if chosen[s - 1] & FINAL:
+                                active = 0
+                            else:
+                                event = True
                         c += 1
                     if not event:
                         a = c
@@ -687,7 +789,6 @@ cdef class Chain:
                         s = held[x]
                         if s + 1 < high and begin[s + 1] == k:
                             if fill:
-                                self.kind[latest[x]] |= LEAVES
                                 link_of[s] = latest[x]
                         else:
                             held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
@@ -707,9 +808,11 @@ cdef class Chain:
                         if fill:
                             link = link_at[k]
                             self.state[link] = s
+                            self.node_of[link] = node_at[k] - 1
+                            self.ends[node_at[k] - 1] |= chosen[s] & (BOUND | FINAL)
                             if k == first:
-                                self.kind[link] = FIRST
-                            elif chosen[s - 1]:
+                                self.ends[node_at[k] - 1] |= FIRST
+                            elif chosen[s - 1] and not chosen[s] & BOUND:
                                 self.previous[link] = link_of[s - 1]
                                 self.next[link_of[s - 1]] = link
                             latest[active] = link
@@ -735,7 +838,9 @@ cdef class Chain:
             link = link_at[k]
             if fill:
                 self.state[link] = held[x]
-                self.kind[link] = INSIDE
+                self.node_of[link] = node_at[k] - 1
+                self.kind[link] |= INSIDE
+                self.kind[latest[x]] |= GOES_ON
                 self.previous[link] = latest[x]
                 self.next[latest[x]] = link
                 latest[x] = link
@@ -756,8 +861,8 @@ cdef class Chain:
                 self.slack[c] = exp(-self.price[c] / epsilon)
             for k in range(self.steps):
                 self.stay[k] = exp(-self.crossing[k] / epsilon)
-                if self.stay[k] < 1e-70:
-                    self.stay[k] = 1e-70
+                if self.stay[k] < 1e-60:
+                    self.stay[k] = 1e-60
             for n in range(self.nodes):
                 top = 0.0
                 for l in range(self.node_link[n], self.node_link[n + 1]):
@@ -809,103 +914,113 @@ cdef class Chain:
                         price[t] *= self.price[c] / total
 
     def write_marginals(self, double[::1] weight):
-        """Share of every state of the working set, as the last sweep left it."""
-        cdef Py_ssize_t l
+        """Share of every state of the working set in the paths of its row."""
+        cdef Py_ssize_t n, l
+        cdef double total
         with nogil:
-            for l in range(1, self.links + 1):
-                if not self.kind[l] & INSIDE:
-                    weight[self.state[l]] = self.share[l]
+            for n in range(self.nodes):
+                total = self.none_ahead[n] * self.none_kernel[n] * self.none_behind[n]
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    self.passed[l] = (self.ahead[l] * self.kernel[l]
+                                      * self.u[self.constraint[l]] * self.behind[l])
+                    total += self.passed[l]
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    if not self.kind[l] & INSIDE:
+                        weight[self.state[l]] = self.passed[l] / total
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.
 
-        With S the sum over the states and S' over those that may pass the hub, a0 for "none",
-        q = exp(-lambda / epsilon), r = 1 / (a0 + S):
-        none' = r (a0 + q S'), state' = r ((1 - q^2) state + q a0 + q^2 S').
+        With S' the sum over the states that may pass the hub, a0 for "none" and
+        q = exp(-lambda / epsilon): none' = a0 + q S', state' = (1 - q^2) state + q a0 + q^2 S'.
+        All are scaled by r where they have grown or shrunk too much.
         """
-        cdef Py_ssize_t step, k, n, l, c
+        cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row
-        cdef u8 barred = LEAVES if reverse else INSIDE
-        cdef double a0, r, q, total, none, hub, keep, bound, violation = 0.0, rho, most
-        cdef double[::1] ahead = self.behind if reverse else self.ahead
-        cdef double[::1] behind = self.ahead if reverse else self.behind
-        cdef double[::1] none_ahead = self.none_behind if reverse else self.none_ahead
-        cdef double[::1] none_behind = self.none_ahead if reverse else self.none_behind
-        cdef i32[::1] source = self.next if reverse else self.previous
-        cdef double[::1] kernel = self.kernel, u = self.u, passed = self.passed, share = self.share
-        cdef double[::1] load = self.load
-        cdef i32[::1] constraint = self.constraint
-        cdef u8[::1] kind = self.kind
+        cdef double r, q, none, hub, keep, bound, rho, most, part, violation = 0.0
+        cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
+        cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
+        cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
+        cdef double* none_behind = &self.none_ahead[0] if reverse else &self.none_behind[0]
+        cdef i32* source = &self.next[0] if reverse else &self.previous[0]
+        cdef double* kernel = &self.kernel[0]
+        cdef double* none_kernel = &self.none_kernel[0]
+        cdef double* u = &self.u[0]
+        cdef double* slack = &self.slack[0]
+        cdef double* passed = &self.passed[0]
+        cdef double* load = &self.load[0]
+        cdef double* stay = &self.stay[0]
+        cdef double* total = &self.total[0]
+        cdef double* into = &self.into[0]  # of each node: from the hub, and the factors of staying
+        cdef double* at = &self.row[0]     # of each row: none, all, those that pass the hub, q
+        cdef double* here
+        cdef i32* constraint = &self.constraint[0]
+        cdef i32* node_link = &self.node_link[0]
+        cdef i32* node_row = &self.node_row[0]
+        cdef i32* node_of = &self.node_of[0]
+        cdef i32* step_node = &self.step_node[0]
+        cdef i32* step_constraint = &self.step_constraint[0]
+        cdef u8* kind = &self.kind[0]
+        cdef u8* ends = &self.ends[0]
+        cdef u8 straight = GOES_ON if reverse else INSIDE  # no hub between the link and its source
+        cdef u8 held = INSIDE if reverse else GOES_ON      # no hub after it
+        cdef u8 start = FINAL if reverse else FIRST | BOUND
+        cdef u8 sure = FINAL if reverse else BOUND
         for row in range(self.rows):
-            self.row_none[row] = 1.0
-            self.row_all[row] = 0.0
-            self.row_hub[row] = 0.0
-            self.row_stay[row] = -1.0
+            at[4 * row], at[4 * row + 1], at[4 * row + 2], at[4 * row + 3] = 1.0, 0.0, 0.0, -1.0
         for step in range(self.steps):
             k = self.steps - 1 - step if reverse else step
-            for c in range(self.step_constraint[k], self.step_constraint[k + 1]):
+            low, high = step_node[k], step_node[k + 1]
+            if low == high:
+                continue
+            for c in range(step_constraint[k], step_constraint[k + 1]):
                 load[c] = 0.0
-            for n in range(self.step_node[k], self.step_node[k + 1]):
-                row = self.node_row[n]
-                a0 = self.row_none[row]
-                r = 1.0 / (a0 + self.row_all[row])
-                none = r * self.row_hub[row]
-                a0 *= r
-                q = self.row_stay[row] if reverse else self.stay[k]
-                if q < 0.0:  # the end of the window: nothing to pay
-                    for l in range(self.node_link[n], self.node_link[n + 1]):
-                        ahead[l] = 1.0
-                    none_ahead[n] = 1.0
+            for n in range(low, high):
+                here = at + 4 * node_row[n]
+                q = here[3] if reverse else stay[k]
+                if q < 0.0 or ends[n] & start:  # nothing to pay
+                    none, hub, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
                 else:
-                    hub = q * (a0 + q * none)
+                    r = here[0] + here[1]
+                    r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
+                    none = r * (here[0] + q * here[2])
+                    hub = q * none
                     keep = r * (1.0 - q * q)
-                    none_ahead[n] = a0 + q * none
-                    for l in range(self.node_link[n], self.node_link[n + 1]):
-                        if reverse:
-                            if kind[l] & LEAVES:
-                                ahead[l] = keep * passed[source[l]] + hub
-                            else:
-                                ahead[l] = r * passed[source[l]]
-                        elif kind[l] & INSIDE:
-                            ahead[l] = r * passed[source[l]]
-                        elif kind[l] & FIRST:
-                            ahead[l] = 1.0
-                        else:
-                            ahead[l] = keep * passed[source[l]] + hub
-                if update:
-                    total = none_ahead[n] * self.none_kernel[n] * none_behind[n]
-                    for l in range(self.node_link[n], self.node_link[n + 1]):
-                        share[l] = ahead[l] * kernel[l] * u[constraint[l]] * behind[l]
-                        total += share[l]
-                    total = 1.0 / total
-                    for l in range(self.node_link[n], self.node_link[n + 1]):
-                        share[l] *= total
-                        load[constraint[l]] += share[l]
+                none_ahead[n] = none
+                none *= none_kernel[n]
+                here[0], here[1], here[2], here[3] = none, 0.0, 0.0, stay[k]
+                into[3 * n], into[3 * n + 1], into[3 * n + 2] = hub, keep, r
+                total[n] = none * none_behind[n]
+            for l in range(node_link[low], node_link[high]):
+                n = node_of[l]
+                part = passed[source[l]]
+                part = into[3 * n + 2] * part if kind[l] & straight else (
+                    into[3 * n + 1] * part + into[3 * n])
+                ahead[l] = part
+                part *= kernel[l]
+                passed[l] = part
+                total[n] += part * u[constraint[l]] * behind[l]
             if update:
-                for c in range(self.step_constraint[k], self.step_constraint[k + 1]):
+                for n in range(low, high):
+                    total[n] = 1.0 / total[n]
+                for l in range(node_link[low], node_link[high]):
+                    c = constraint[l]
+                    load[c] += passed[l] * u[c] * behind[l] * total[node_of[l]]
+                for c in range(step_constraint[k], step_constraint[k + 1]):
                     # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
-                    bound = u[c] * self.slack[c] + load[c]
+                    bound = u[c] * slack[c] + load[c]
                     if fabs(bound - 1.0) > violation:
                         violation = fabs(bound - 1.0)
                     if bound < 1e-40:
                         bound = 1e-40
                     rho = u[c] / (bound * sqrt(bound))
-                    most = 1e100 if self.slack[c] < 1e-100 else 1.0 / self.slack[c]
+                    most = 1e100 if slack[c] < 1e-100 else 1.0 / slack[c]
                     u[c] = most if rho > most else (1e-60 if rho < 1e-60 else rho)
-            for n in range(self.step_node[k], self.step_node[k + 1]):
-                row = self.node_row[n]
-                total = 0.0
-                hub = 0.0
-                for l in range(self.node_link[n], self.node_link[n + 1]):
-                    passed[l] = ahead[l] * kernel[l] * u[constraint[l]]
-                    total += passed[l]
-                    if reverse:
-                        if not kind[l] & INSIDE:
-                            hub += passed[l]
-                    elif kind[l] & LEAVES:
-                        hub += passed[l]
-                self.row_none[row] = none_ahead[n] * self.none_kernel[n]
-                self.row_all[row] = total
-                self.row_hub[row] = hub
-                self.row_stay[row] = self.stay[k]
+            for l in range(node_link[low], node_link[high]):
+                here = at + 4 * node_row[node_of[l]]
+                part = passed[l] * u[constraint[l]]
+                passed[l] = part
+                here[1] += part
+                if not kind[l] & held:
+                    here[2] += part
         return violation

@@ -218,6 +218,55 @@ class States:
         )
         return states, state, np.flatnonzero(np.repeat(nodes, np.diff(self.columns.first)))
 
+    def between(self, low: int, high: int) -> tuple["States", slice, slice]:
+        """The blocks from `low` to before `high` as a problem of their own; copies little.
+
+        Returns
+        -------
+        states : States
+            On the same `problem`.
+        state, slot : slice
+            Where its states and its column slots are here.
+        """
+        if (low, high) == (0, len(self.block_begin)):
+            return self, slice(0, len(self.begin)), slice(0, len(self.columns.step))
+        pairs = slice(*np.searchsorted(self.pair_block, (low, high)))
+        nodes = slice(*np.searchsorted(self.node_block, (low, high)))
+        state = slice(*self.pair_first[[pairs.start, pairs.stop]])
+        pair_first = self.pair_first[pairs.start : pairs.stop + 1] - np.int32(state.start)
+        sides, cuts = [], []
+        for slots, pair_node in ((self.rows, self.pair_row), (self.columns, self.pair_column)):
+            cut = slice(*slots.first[[nodes.start, nodes.stop]])
+            sides.append(
+                Slots(
+                    first=slots.first[nodes.start : nodes.stop + 1] - np.int32(cut.start),
+                    step=slots.step[cut],
+                    begin=slots.begin[state] - np.int32(cut.start),
+                    pair_first=pair_first,
+                    pair_node=pair_node[pairs] - np.int32(nodes.start),
+                )
+            )
+            cuts.append(cut)
+        rows, columns = sides
+        states = States(
+            problem=self.problem,
+            pair_row=rows.pair_node,
+            pair_column=columns.pair_node,
+            pair_block=self.pair_block[pairs] - np.int32(low),
+            pair_first=pair_first,
+            pair_truth=self.pair_truth[pairs],
+            pair_estimate=self.pair_estimate[pairs],
+            begin=self.begin[state],
+            entry=self.entry[state],
+            rows=rows,
+            columns=columns,
+            node_block=self.node_block[nodes] - np.int32(low),
+            block_begin=self.block_begin[low:high],
+            block_end=self.block_end[low:high],
+            transposed=self.transposed[low:high],
+        )
+        return states, state, cuts[1]
+
     def blocks(self, wanted: Ints | None = None) -> list[Block]:
         """The blocks of the given numbers, all by default."""
         count = len(self.block_begin)
@@ -359,7 +408,7 @@ def _number_nodes(row: Ints, column: Ints, block: Ints) -> tuple[Ints, tuple[Int
     order = np.lexsort((side, node_block))
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
-    return node_block[order], (number[row_of], number[len(row_ids) + col_of])
+    return node_block[order].astype(np.int32), (number[row_of], number[len(row_ids) + col_of])
 
 
 def _windows(block: Ints, step: Ints, blocks: int) -> Ints:

@@ -17,6 +17,10 @@ class Stopwatch:
     ----------
     spans : dict
         Seconds by name.
+    work : int
+        States times half sweeps that were done.
+    busy : float
+        Seconds of all threads together that they took.
     stage : str
         Name of the innermost span that is open, for progress.
     """
@@ -25,6 +29,8 @@ class Stopwatch:
         self._clock = clock
         self._start = clock()
         self.spans: dict[str, float] = {}
+        self.work = 0
+        self.busy = 0.0
         self.stage = ""
 
     @contextmanager
@@ -36,7 +42,11 @@ class Stopwatch:
             yield
         finally:
             self.stage = outer
-            self.spans[name] = self.spans.get(name, 0.0) + self._clock() - begin
+            self.add(name, self._clock() - begin)
+
+    def add(self, name: str, seconds: float) -> None:
+        """Add seconds that were measured elsewhere."""
+        self.spans[name] = self.spans.get(name, 0.0) + seconds
 
     def elapsed(self) -> float:
         """Seconds since this stopwatch was made."""

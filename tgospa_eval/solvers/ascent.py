@@ -6,17 +6,22 @@ Bounds here steer the solvers; those that are reported are made anew by `tgospa_
 """
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import block_costs
-from tgospa_eval.states import States
+from tgospa_eval.solvers.kernels import block_costs, in_rows, price_cap
+from tgospa_eval.states import Slots, States, connected_components
 
 THRESHOLDS = (1.0, 0.0, 3.0)
 """Prices below these multiples of the temperature are tried at 0: nobody contests those columns."""
+
+
+REGRET = 1e-11
+"""What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
 
 
 class Ascent:
@@ -25,7 +30,9 @@ class Ascent:
     Parameters
     ----------
     states : States
-        The blocks; all take part until `keep` says otherwise.
+        The blocks.
+    wanted : (B,) bool array
+        Those that take part until `keep` leaves more out.
 
     Attributes
     ----------
@@ -41,26 +48,22 @@ class Ascent:
         At the prices last looked at: what a path loses that passes the state, or that is in no
         state when it begins.
     work : int
-        Links times half sweeps done.
+        States, those of being in none included, times half sweeps done.
     seconds : dict
         Time by kind of work.
     """
 
-    def __init__(self, states: States) -> None:
+    def __init__(self, states: States, wanted: NDArray[np.bool_]) -> None:
         self.states = states
         size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
-        self.crossing = states.problem.crossing_price
+        cap = float(price_cap(states)[wanted].max())
+        self.crossing = np.minimum(states.problem.crossing_price, cap)
         self.gain = states.gain
         self.slot_end = states.columns.end
         self.slot_block = states.node_block[states.columns.node]
         self.state_block = states.pair_block[states.pair]
         self.window_end = states.block_end[states.node_block]
-        self.order, self.row_first = kernels.by_row(
-            kernels.in_time(states.begin, states.problem.steps),
-            states.pair_first,
-            states.pair_row,
-            nodes,
-        )
+        self.order, self.row_first = in_rows(states)
         self.value, self.forward, self.slack, self.none = (np.empty(size) for _ in range(4))
         self.came = np.empty(size, np.int32)
         self.final = np.full(nodes, -1, np.int32)
@@ -68,7 +71,7 @@ class Ascent:
         self.before = np.empty(slots)
         self.work, self.seconds = 0, {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
-        self.keep(np.ones(len(states.block_begin), bool))
+        self.keep(wanted)
         self.soft, self.prices = np.zeros(slots), np.zeros(slots)
         self.bound = self.look(self.prices, slack=True)
         self.weights = np.zeros(size)
@@ -92,7 +95,9 @@ class Ascent:
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & (self.gap > np.maximum(gap * (self.alone - self.worth), 1e-14 * self.alone))
+        return self.open & (
+            self.gap > np.maximum(gap * (self.alone - self.worth), 1e-14 * self.alone)
+        )
 
     def look(self, prices: Floats, *, slack: bool = False) -> Floats:
         """Bound of each block at the prices, (B,); best paths stay, and slacks if asked for."""
@@ -138,7 +143,7 @@ class Ascent:
         self.weights = np.where(wins[self.state_block], weights, self.weights)
 
     def stage(
-        self, epsilon: float, sweeps: int, threshold: float, deadline: float | None
+        self, epsilon: float, sweeps: int, threshold: float, late: Callable[[], bool]
     ) -> float:
         """Sweep at a temperature and judge; the largest violation of a column at the end.
 
@@ -146,26 +151,30 @@ class Ascent:
         """
         begin = time.perf_counter()
         self.look(self.soft, slack=True)
-        chosen = ((self.slack <= threshold) | (self.weights > 0)) & self.open[self.state_block]
         s = self.states
+        shares = np.zeros(len(s.begin))
+        kernels.trace(self.rows, self.row_first, self.came, self.final, shares)
+        chosen = np.zeros(len(s.begin), np.uint8)
+        kernels.working_set(
+            self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
+            self.slack, self.none, self.weights, self.soft, threshold, chosen,
+        )  # fmt: skip
         chain = kernels.Chain(
             self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
             s.columns.first, s.columns.step, s.columns.begin, self.slot_end,
-            chosen.view(np.uint8), self.gain, self.soft, self.crossing,
+            chosen, self.gain, self.soft, self.crossing,
         )  # fmt: skip
         chain.heat(epsilon)
-        swept = time.perf_counter()
         violation = np.inf
         for _ in range(sweeps):
             violation = chain.sweep(1)
-            self.work += 2 * chain.links
-            if deadline is not None and time.monotonic() > deadline:
+            self.work += 2 * (chain.links + chain.nodes)
+            if late():
                 break
-        chain.cool(epsilon)
-        rounded = time.perf_counter()
-        chain.write_prices(self.soft)
-        shares = np.zeros(len(s.begin))
         chain.write_marginals(shares)
+        chain.cool(epsilon)
+        chain.write_prices(self.soft)
+        rounded = time.perf_counter()
         for cut in THRESHOLDS:
             self.offer_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
         judged = time.perf_counter()
@@ -192,6 +201,61 @@ class Ascent:
                 break
         return weights
 
+    def undecided(self, reach: float, also: NDArray[np.bool_]) -> Ints:
+        """States that a programme has to decide for the bracket to close, at the prices looked at.
+
+        Near are the states with slack up to `reach`, those in use and those in `also`. Where a row
+        has one of them only, and cannot well do without, it is decided. What is left falls apart
+        into components through shared slots and transitions; wanted are those with a seed: by the
+        identity of the gap a row with regret, or a price on a column that is not full.
+        """
+        s = self.states
+        near = ((self.slack <= reach) | (self.weights > 0) | also) & self.open[self.state_block]
+        crowd = np.concatenate(([0], np.cumsum(_cover(s.rows, np.flatnonzero(near)) > 1)))
+        alone = crowd[s.rows.end] == crowd[s.rows.begin]
+        decided = (self.weights > 1 - 1e-9) & alone & (self.none > reach)
+        free = np.flatnonzero(near & ~decided)
+        return free[self._seeded(free)]
+
+    def _seeded(self, free: Ints) -> NDArray[np.bool_]:
+        """Which of the free states are in a component with a seed."""
+        s = self.states
+        kernels.own_values(
+            self.rows, self.row_first, s.begin, self.crossing, self.value, self.weights, self.own
+        )
+        regret = np.zeros(s.nodes, bool)
+        regret[self.rows] = (self.best - self.own)[self.rows] > REGRET
+        changes = np.zeros(len(self.weights), bool)
+        changes[1:] = np.diff(self.weights) != 0
+        changes[:-1] |= changes[1:]
+        seed = ((self.weights > 0) & (self.slack > REGRET)) | changes
+        path = np.zeros(len(self.weights))
+        kernels.trace(self.rows, self.row_first, self.came, self.final, path)
+        seed |= path > self.weights
+        seed &= np.repeat(regret[s.pair_row], np.diff(s.pair_first))
+        used = np.flatnonzero(self.weights)
+        idle = self.prices * (1.0 - _cover(s.columns, used, self.weights[used])) > REGRET
+        lost = np.concatenate(([0], np.cumsum(idle)))
+        seed |= lost[self.slot_end] > lost[s.columns.begin]
+
+        size = len(free)
+        number = np.zeros(len(seed), np.int32)
+        number[free] = np.arange(size)
+        joined = free[:-1][np.diff(free) == 1]
+        joined = joined[s.begin[joined + 1] > s.begin[joined]]  # of one pair
+        one, other, nodes = [number[joined]], [number[joined + 1]], size
+        for slots in (s.rows, s.columns):
+            begin = slots.begin[free]
+            length = slots.end[free] - begin
+            offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+            one.append(np.repeat(np.arange(size), length))
+            other.append(nodes + np.repeat(begin, length) + offset)
+            nodes += len(slots.step)
+        component = connected_components(np.concatenate(one), np.concatenate(other), nodes)[:size]
+        wanted = np.zeros(nodes, bool)
+        wanted[component[seed[free]]] = True
+        return wanted[component]
+
     def _clashing(self, weights: Floats) -> Ints:
         """States in use on a slot, of a row or a column, that is used twice."""
         used = np.flatnonzero(weights)
@@ -201,3 +265,11 @@ class Ascent:
             over = np.concatenate(([0], np.cumsum(slots.sums(whole) > 1)))
             clash |= over[slots.end[used]] > over[slots.begin[used]]
         return used[clash]
+
+
+def _cover(slots: Slots, chosen: Ints, weight: Floats | None = None) -> Floats:
+    """Sum of the weights of the chosen states (their number by default) over each slot, (K,)."""
+    size = len(slots.step) + 1
+    change = np.bincount(slots.begin[chosen], weight, size)
+    change = change - np.bincount(slots.end[chosen], weight, size)
+    return np.cumsum(change)[:-1]

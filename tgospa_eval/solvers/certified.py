@@ -1,11 +1,9 @@
-"""The exact solver: prices by entropic ascent, then the linear programme of what is left open.
+"""The exact solver: prices by entropic ascent, a linear programme for what they leave open.
 
 Whatever happens here only proposes; the bracket is made by `tgospa_eval.result.certify`.
 """
 
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,20 +11,146 @@ import numpy as np
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem import Ints
 from tgospa_eval.result import ONE, Solution, repair
 from tgospa_eval.solvers.ascent import Ascent
-from tgospa_eval.solvers.kernels import capped_price, check_time_limit, settled
+from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.contest import solve_contest
+from tgospa_eval.solvers.kernels import check_time_limit
 from tgospa_eval.solvers.residual import residual
-from tgospa_eval.solvers.rounding import polish
-from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
-STAGES = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002)
-SWEEPS = 16
+STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
 
-ROUNDS = ((0.03, 0.03), (0.1, 0.03), (0.3, 0.1), (0.3, 0.1), (1.0, 0.3), (np.inf, np.inf))
+EASY = 0.01
+"""A bracket that is narrower than this fraction of the cost may skip a stage."""
+
+EARLY = 0.02
+"""From this temperature on a small programme is tried after each stage."""
+
 FEW = 3000
-BATCH = 20_000
+"""States of a small programme."""
+
+ROUNDS = ((0.2, 0.03), (0.2, 0.03), (0.2, 0.03), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
+"""Slack of the states that enter a programme, and how far it may move prices."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Certified:
+    """Exact, with proof (docs/theory, "The certified solver").
+
+    Parameters
+    ----------
+    gap : float
+        Relative gap of the total that counts as exact.
+    time_limit : float, optional
+        Seconds; what is reached by then is bracketed and returned.
+    jobs : int, optional
+        Threads; all cores by default. The result does not depend on it.
+
+    Raises
+    ------
+    ConfigError
+        A setting is out of its range.
+    """
+
+    name: ClassVar[str] = "certified"
+    gap: float = 1e-9
+    time_limit: float | None = None
+    jobs: int | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gap", real_number("gap", self.gap))
+        if not 0 <= self.gap < np.inf:
+            raise ConfigError(f"gap is {self.gap:g}: must be finite and 0 or more")
+        object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
+        object.__setattr__(self, "jobs", check_jobs(self.jobs))
+
+    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+        """Solve every block exactly, or as far as the time limit allows."""
+        return solve_in_batches(
+            states,
+            self._ascend if kernels else solve_contest,
+            stopwatch,
+            conflict_free=True,
+            time_limit=self.time_limit,
+            jobs=self.jobs,
+        )
+
+    def _ascend(self, batch: Batch) -> Answer:
+        """Stages of sweeps, then programmes, until no bracket is wide."""
+        begin = time.perf_counter()
+        ascent = Ascent(batch.states, batch.wanted)
+        preparation = time.perf_counter() - begin
+        half = 0.5 * min(float(ascent.crossing.max()), 1.0)
+        iterations, skip = 0, False
+        programmes = _Programmes(ascent, batch)
+        ascent.keep(ascent.wide(self.gap))
+        for epsilon, sweeps in STAGES:
+            if not ascent.open.any() or batch.late():
+                break
+            if skip:
+                skip = False
+                continue
+            ascent.stage(epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.late)
+            iterations += sweeps
+            ascent.keep(ascent.wide(self.gap))
+            cost = (ascent.alone - ascent.worth)[ascent.open].sum()
+            skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
+            if epsilon <= EARLY:
+                programmes.run(ROUNDS[:3], self.gap, most=FEW)
+        programmes.run(ROUNDS, self.gap, most=None)
+        wide = ascent.wide(self.gap)
+        return Answer(
+            weights=ascent.weights,
+            prices=ascent.prices,
+            iterations=iterations + programmes.iterations,
+            status=("stopped by the time limit" if batch.late() else "not solved")
+            if wide.any()
+            else "solved",
+            open=int(np.count_nonzero(wide)),
+            work=ascent.work,
+            seconds={"preparation": preparation, **ascent.seconds, "lp": programmes.seconds},
+        )
+
+
+class _Programmes:
+    """Linear programmes on the states that the ascent left undecided."""
+
+    def __init__(self, ascent: Ascent, batch: Batch) -> None:
+        self.ascent, self.batch = ascent, batch
+        self.tempted = np.zeros(len(ascent.states.begin), bool)
+        self.iterations, self.seconds = 0, 0.0
+
+    def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
+        """One programme a round until the brackets are met, or it would be larger than `most`."""
+        ascent = self.ascent
+        begin = time.perf_counter()
+        for reach, box in rounds:
+            if self.batch.late() or not ascent.open.any():
+                break
+            ascent.look(ascent.prices, slack=True)
+            free = ascent.undecided(reach, self.tempted)
+            if most is not None and len(free) > most:
+                break
+            self._solve(free, box)
+            ascent.keep(ascent.wide(gap))
+        self.seconds += time.perf_counter() - begin
+
+    def _solve(self, free: Ints, box: float) -> None:
+        """Propose what is best for the free states; mixtures of prices may be better."""
+        ascent = self.ascent
+        before = ascent.prices
+        weights, prices, iterations, _ = residual(
+            ascent.states, free, ascent.weights, before, ascent.crossing,
+            np.full(len(before), box), self.batch.left(),
+        )  # fmt: skip
+        self.iterations += iterations
+        ascent.offer_weights(repair(ascent.states, weights) / ONE)
+        ascent.offer_prices(prices)
+        ascent.look(prices, slack=True)
+        self.tempted |= ascent.slack <= 1e-6
+        for share in (0.5, 0.2):
+            ascent.offer_prices(share * prices + (1 - share) * before)

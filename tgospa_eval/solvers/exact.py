@@ -17,14 +17,14 @@ from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import (
     Limits,
     better,
-    capped_price,
     check_time_limit,
     limits,
+    price_cap,
     settled,
 )
 from tgospa_eval.solvers.rounding import polish, round_paths
 from tgospa_eval.solvers.trivial import solve_trivial
-from tgospa_eval.states import Block, States
+from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
 SETTINGS = {
@@ -63,17 +63,20 @@ class Exact:
             weights, prices, left = solve_trivial(states)
         statuses: list[str] = []
         iterations = 0
-        for block in states.blocks(left):
+        for block in left.tolist():
+            part, state, slot = states.between(block, block + 1)
             with stopwatch.span("solve/build"):
-                programme = _build(states, block)
+                programme = _build(part)
             with stopwatch.span("solve/lp"):
                 status, steps = _solve(programme, deadline)
             statuses.append(status)
             iterations += steps
             if programme.weights.value is not None:
-                weights[block.states] = settled(states, block, programme.weights.value)
+                weights[state] = settled(part, programme.weights.value)
             if programme.columns is not None and programme.columns.dual_value is not None:
-                prices[block.column_slots] = programme.priced.spread(programme.columns.dual_value)
+                prices[slot] = programme.priced.spread(
+                    programme.columns.dual_value, np.zeros(len(part.columns.step))
+                )
         # "inaccurate" met a looser tolerance; the bracket says how good it is.
         open_ones = [s for s in statuses if s not in ("optimal", "optimal_inaccurate")]
         # An interior point leaves a little of everything everywhere, at full price.
@@ -97,15 +100,14 @@ class _Programme:
     priced: Limits
 
 
-def _build(states: States, block: Block) -> _Programme:
-    """Maximise gain w - price |D w| over w >= 0 with every slot at most full."""
+def _build(states: States) -> _Programme:
+    """Maximise gain w - price |D w| over w >= 0 with every slot at most full; of one block."""
     import cvxpy as cp  # here: importing it takes longer than most evaluations
 
-    gain = states.gain[block.states]
-    pair = states.pair[block.states]
+    gain, pair = states.gain, states.pair
     arc = np.flatnonzero(pair[1:] == pair[:-1])
-    price = capped_price(states, block)
-    paid = price[states.begin[block.states][arc + 1] - block.window[0]]
+    price = np.minimum(states.problem.crossing_price, price_cap(states)[0])
+    paid = price[states.begin[arc + 1]]
     every = np.arange(len(arc))
     difference = sparse.csr_array(
         (np.repeat((1.0, -1.0), len(arc)), (np.tile(every, 2), np.concatenate((arc + 1, arc)))),
@@ -115,10 +117,11 @@ def _build(states: States, block: Block) -> _Programme:
     objective = gain @ weights
     if len(arc):
         objective = objective - paid @ cp.abs(difference @ weights)
-    chosen = np.arange(block.states.start, block.states.stop)
+    every = np.arange(len(gain))
     constraints = []
-    for slots, own in ((states.rows, block.row_slots), (states.columns, block.column_slots)):
-        priced = limits(slots, chosen, own, np.zeros(len(slots.node), np.int64))
+    for slots in (states.rows, states.columns):
+        nothing = np.zeros(len(slots.step))
+        priced = limits(slots, every, np.zeros(len(gain)), nothing, nothing)
         count = len(priced.room)
         matrix = sparse.csr_array(
             (np.ones(len(priced.limit)), (priced.limit, priced.state)), shape=(count, len(gain))

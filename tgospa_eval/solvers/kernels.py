@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import ONE, best_values, changes, events, repair
-from tgospa_eval.states import Block, Slots, States
+from tgospa_eval.states import Slots, States
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
@@ -21,6 +22,8 @@ def paths(states: States, value: Floats) -> Floats:
     The Viterbi recursion of `tgospa_eval.result.best_values` with back pointers: the state from
     which each state is reached, and the state from which the hub of each row got its value.
     """
+    if kernels:
+        return _compiled_paths(states, value)
     price = states.problem.crossing_price
     row = states.pair_row
     hub = np.zeros(states.nodes)
@@ -60,33 +63,60 @@ def paths(states: States, value: Floats) -> Floats:
     return weights
 
 
-def capped_price(states: States, block: Block) -> Floats:
-    """Switch prices into each step of the window of a block, cut where more cannot matter.
+def _compiled_paths(states: States, value: Floats) -> Floats:
+    size = len(states.begin)
+    order, row_first = in_rows(states)
+    rows = np.unique(states.pair_row)
+    forward, none, weights = np.empty(size), np.empty(size), np.zeros(size)
+    came, final = np.empty(size, np.int32), np.empty(states.nodes, np.int32)
+    kernels.forward_pass(
+        rows, row_first, order, states.begin, states.problem.crossing_price, value,
+        forward, came, none, np.empty(states.nodes), final,
+    )  # fmt: skip
+    kernels.trace(rows, row_first, came, final, weights)
+    return weights
+
+
+def in_rows(states: States) -> tuple[Ints, Ints]:
+    """The states by (row, begin, number), and the place of the first of each node."""
+    found: tuple[Ints, Ints] = kernels.by_row(
+        kernels.in_time(states.begin, states.problem.steps),
+        states.pair_first,
+        states.pair_row,
+        states.nodes,
+    )
+    return found
+
+
+def price_cap(states: States) -> Floats:
+    """Switch price of each block beyond which more cannot matter, (B,).
 
     An assignment that is held for n steps gains at most n times the largest gain: at any higher
     price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
     """
-    begin, end = block.window
-    most = float(states.gain[block.states].max())
-    prices = states.problem.crossing_price[begin : end + 1]
-    return np.minimum(prices, 2.0 * (end - begin + 1) * most)
+    most = np.zeros(len(states.block_begin))
+    np.maximum.at(most, states.pair_block[states.pair], states.gain)
+    return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 
-def settled(states: States, block: Block, weights: Floats) -> Floats:
-    """The weights of a block, averaged over time for each pair where every price was cut.
+def settled(states: States, weights: Floats) -> Floats:
+    """The weights, averaged over time for each pair of a block where every price was cut.
 
     There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
     at the true price. The average over time is as feasible as what it averages.
     """
-    begin, end = block.window
-    price = capped_price(states, block)
-    if not np.all(states.problem.crossing_price[begin + 1 : end + 1] > price[1:]):
+    blocks = len(states.block_begin)
+    cheapest = np.full(blocks, np.inf)
+    moves = np.flatnonzero(states.begin != states.block_begin[states.pair_block][states.pair])
+    paid = states.problem.crossing_price[states.begin[moves]]
+    np.minimum.at(cheapest, states.pair_block[states.pair[moves]], paid)
+    held = (cheapest > price_cap(states)) & np.isfinite(cheapest)
+    if not held.any():
         return weights
-    pair = states.pair[block.states] - block.pairs.start
-    length = states.end[block.states] - states.begin[block.states] + 1
-    pairs = block.pairs.stop - block.pairs.start
-    mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length.astype(float), pairs)
-    return np.asarray(mean[pair], np.float64)
+    length = (states.end - states.begin + 1).astype(np.float64)
+    pair, pairs = states.pair, len(states.pair_row)
+    mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length, pairs)
+    return np.where(held[states.pair_block[pair]], mean[pair], weights)
 
 
 def dual_values(states: States, prices: Floats) -> Floats:
@@ -136,47 +166,64 @@ class Limits:
     Parameters
     ----------
     limit, state : (nnz,) int arrays
-        Limit and position among the chosen states of every entry.
+        Limit, and position among the chosen states, of every entry.
     room : (L,) float array
-        What the others leave.
+        What the held states leave.
+    price, box : (L,) float arrays
+        Sum of the prices of its slots, and how far it may move.
     of_slot : (K,) int array
-        Limit of each slot of the block, -1 where none is needed.
+        Limit of each slot, -1 where none is needed.
     """
 
     limit: Ints
     state: Ints
     room: Floats
+    price: Floats
+    box: Floats
     of_slot: Ints
 
-    def spread(self, price: Floats) -> Floats:
-        """Prices of the limits (L,), spread evenly over their slots, (K,)."""
-        counts = np.bincount(self.of_slot[self.of_slot >= 0], minlength=len(price))
-        each = np.append(price / np.maximum(counts, 1), 0.0)
-        return np.asarray(each[self.of_slot], np.float64)
+    def spread(self, new: Floats, prices: Floats) -> Floats:
+        """Slot prices for new prices of the limits: the rise on the first slot, or all scaled."""
+        slots = np.flatnonzero(self.of_slot >= 0)
+        limit = self.of_slot[slots]
+        spread = prices.copy()
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factor = np.where(new < self.price, new / self.price, 1.0)
+        spread[slots] *= factor[limit]
+        first = slots[np.flatnonzero(np.diff(limit, prepend=-1))]
+        spread[first] += np.maximum(new - self.price, 0.0)
+        return spread
 
 
-def limits(slots: Slots, chosen: Ints, own: slice, load: Ints) -> Limits:
-    """The constraints of the chosen states of a block, where others fill `load` (K,) of the slots.
+def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats, box: Floats) -> Limits:
+    """The constraints of the chosen states where `held` (S,) of the others use the slots up.
 
-    Neighbouring slots with the same states and the same load are one; slots with room for their
-    only pair are left out.
+    Neighbouring slots with the same states and the same room are one. Slots without a price that
+    have room for their only state are left out.
     """
-    begin, end = slots.begin[chosen] - own.start, slots.end[chosen] - own.start
-    count = own.stop - own.start
-    node, held = slots.node[own], load[own]
+    count = len(slots.step)
+    end = slots.end
+    used = np.flatnonzero(held)
+    load = np.cumsum(
+        np.bincount(slots.begin[used], held[used], count + 1)
+        - np.bincount(end[used], held[used], count + 1)
+    )[:count]
+    begin, end = slots.begin[chosen], end[chosen]
     state = np.flatnonzero(end > begin)
     begin, end = begin[state], end[state]
-    fresh = np.zeros(count, bool)
-    fresh[begin] = True
-    fresh[:1] = True
-    fresh[1:] |= (np.diff(node) != 0) | (np.diff(held) != 0)
+    room = np.clip(1.0 - load, 0.0, 1.0)
+    fresh = np.zeros(count + 1, bool)
+    fresh[begin] = fresh[end] = fresh[slots.first] = True
+    fresh = fresh[:count]
+    fresh[1:] |= (np.abs(np.diff(room)) > 1e-12) | (box[1:] != box[:-1])
     group = np.cumsum(fresh) - 1
-    covers = np.zeros(count + 1, np.int64)
-    np.add.at(covers, begin, 1)
-    np.subtract.at(covers, end, 1)
-    covers = np.cumsum(covers[:-1])
+    covers = np.cumsum(
+        np.bincount(begin, minlength=count + 1) - np.bincount(end, minlength=count + 1)
+    )
     first = np.flatnonzero(fresh)
-    needed = (covers[first] > 1) | ((covers[first] > 0) & (held[first] > 0))
+    covers, room = covers[first], room[first]
+    price = np.bincount(group, prices, len(first))
+    needed = (covers > 1) | ((covers > 0) & ((room < 1) | (price > 0)))
     number = np.where(needed, np.cumsum(needed) - 1, -1)
 
     length = group[end - 1] + 1 - group[begin]
@@ -186,7 +233,9 @@ def limits(slots: Slots, chosen: Ints, own: slice, load: Ints) -> Limits:
     return Limits(
         limit=limit[limit >= 0],
         state=entry[limit >= 0],
-        room=1.0 - held[first[needed]].astype(np.float64),
+        room=room[needed],
+        price=price[needed],
+        box=box[first[needed]],
         of_slot=number[group] if count else np.zeros(0, np.int64),
     )
 

@@ -3,90 +3,12 @@
 HiGHS only proposes; bounds are evaluated on all states afterwards.
 """
 
-from dataclasses import dataclass
-
 import highspy
 import numpy as np
 
 from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.states import Slots, States
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """Capacity constraints on some states: sum of the states of each limit <= room.
-
-    Parameters
-    ----------
-    limit, state : (nnz,) int arrays
-        Limit, and position among the chosen states, of every entry.
-    room : (L,) float array
-        What the held states leave.
-    price : (L,) float array
-        Sum of the prices of its slots.
-    of_slot : (K,) int array
-        Limit of each slot, -1 where none is needed.
-    """
-
-    limit: Ints
-    state: Ints
-    room: Floats
-    price: Floats
-    of_slot: Ints
-
-    def spread(self, new: Floats, prices: Floats) -> Floats:
-        """Slot prices for new prices of the limits: the rise on the first slot, or all scaled."""
-        slots = np.flatnonzero(self.of_slot >= 0)
-        limit = self.of_slot[slots]
-        spread = prices.copy()
-        with np.errstate(invalid="ignore", divide="ignore"):
-            factor = np.where(new < self.price, new / self.price, 1.0)
-        spread[slots] *= factor[limit]
-        first = slots[np.flatnonzero(np.diff(limit, prepend=-1))]
-        spread[first] += np.maximum(new - self.price, 0.0)
-        return spread
-
-
-def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats) -> Limits:
-    """The constraints of the chosen states where `held` (S,) of the others use the slots up.
-
-    Neighbouring slots with the same states and the same room are one. Slots without a price that
-    have room for their only state are left out.
-    """
-    count = len(slots.step)
-    end = slots.end
-    used = np.flatnonzero(held)
-    load = np.cumsum(
-        np.bincount(slots.begin[used], held[used], count + 1)
-        - np.bincount(end[used], held[used], count + 1)
-    )[:count]
-    begin, end = slots.begin[chosen], end[chosen]
-    state = np.flatnonzero(end > begin)
-    begin, end = begin[state], end[state]
-    room = np.clip(1.0 - load, 0.0, 1.0)
-    fresh = np.zeros(count + 1, bool)
-    fresh[begin] = fresh[end] = fresh[slots.first] = True
-    fresh = fresh[:count]
-    fresh[1:] |= np.abs(np.diff(room)) > 1e-12
-    group = np.cumsum(fresh) - 1
-    covers = np.cumsum(np.bincount(begin, minlength=count + 1) - np.bincount(end, minlength=count + 1))
-    first = np.flatnonzero(fresh)
-    covers, room = covers[first], room[first]
-    price = np.bincount(group, prices, len(first))
-    needed = (covers > 1) | ((covers > 0) & ((room < 1) | (price > 0)))
-    number = np.where(needed, np.cumsum(needed) - 1, -1)
-
-    length = group[end - 1] + 1 - group[begin]
-    entry = np.repeat(state, length)
-    offset = np.arange(len(entry)) - np.repeat(np.cumsum(length) - length, length)
-    limit = number[np.repeat(group[begin], length) + offset]
-    return Limits(
-        limit=limit[limit >= 0],
-        state=entry[limit >= 0],
-        room=room[needed],
-        price=price[needed],
-        of_slot=number[group] if count else np.zeros(0, np.int64),
-    )
+from tgospa_eval.solvers.kernels import limits
+from tgospa_eval.states import States
 
 
 def residual(
@@ -95,7 +17,7 @@ def residual(
     weights: Floats,
     prices: Floats,
     crossing: Floats,
-    box: float,
+    box: Floats,
     seconds: float | None,
 ) -> tuple[Floats, Floats, int, bool]:
     """Weights and prices that are best for the free states, the others held at their weights.
@@ -135,12 +57,13 @@ def residual(
     arcs = np.flatnonzero(both | part)
     rising, falling = np.where(both, b, own)[arcs], a[arcs]
 
-    rows = limits(states.rows, free, held, np.zeros(len(states.rows.step)))
-    columns = limits(states.columns, free, held, prices)
+    unpriced = np.zeros(len(states.rows.step))
+    rows = limits(states.rows, free, held, unpriced, unpriced)
+    columns = limits(states.columns, free, held, prices, box)
     nr, nc, na = len(rows.room), len(columns.room), len(arcs)
-    low = np.maximum(columns.price - box, 0.0)
+    low = np.maximum(columns.price - columns.box, 0.0)
     idle = np.flatnonzero(low > 0)
-    over = np.arange(nc if np.isfinite(box) else 0)
+    over = np.flatnonzero(np.isfinite(columns.box))
     rise = nr + nc + np.arange(na)
     two = both[arcs]
     row = np.concatenate(
@@ -162,7 +85,9 @@ def residual(
     begin = len(rows.limit) + len(columns.limit) + na
     entry[begin : begin + two.sum() + na] = -1.0
     entry[len(row) - len(over) :] = -1.0
-    reward = np.concatenate((reward, -2.0 * paid[arcs], low[idle], -(columns.price + box)[over]))
+    reward = np.concatenate(
+        (reward, -2.0 * paid[arcs], low[idle], -(columns.price + columns.box)[over])
+    )
     full = np.concatenate((rows.room, columns.room, np.where(two, 0.0, constant[arcs])))
     upper = np.full(len(reward), np.inf)
     bare = np.ones(size, bool)
@@ -174,6 +99,10 @@ def residual(
         highs.setOptionValue("time_limit", max(seconds, 0.0))
     highs.run()
     status = highs.getModelStatus()
+    if status not in (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kTimeLimit):
+        highs.setOptionValue("solver", "ipm")
+        highs.run()
+        status = highs.getModelStatus()
     answer = highs.getSolution()
     if not (answer.value_valid and answer.dual_valid):
         return weights, prices, 0, False

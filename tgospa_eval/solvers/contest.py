@@ -1,0 +1,84 @@
+"""Where no kernel was built: the linear programme of the rows that compete, by HiGHS alone."""
+
+import time
+
+import numpy as np
+
+from tgospa_eval.problem import Floats, sum_by
+from tgospa_eval.result import best_values
+from tgospa_eval.solvers.batches import Answer, Batch
+from tgospa_eval.solvers.kernels import best_paths, better, price_cap
+from tgospa_eval.solvers.residual import residual
+from tgospa_eval.states import States
+
+ROUNDS = 30
+MOST = 0.6
+"""After so many rounds, or with so large a share of its rows active, a block is solved whole."""
+
+REGRET = 1e-11
+"""A row that could gain no more than this by leaving its path stays; sums round to 1e-12."""
+
+
+def solve_contest(batch: Batch) -> Answer:
+    """Solve each block of a batch on the rows that matter."""
+    begin = time.perf_counter()
+    weights = np.zeros(len(batch.states.begin))
+    prices = np.zeros(len(batch.states.columns.step))
+    iterations = unsolved = 0
+    for number in np.flatnonzero(batch.wanted).tolist():
+        part, state, slot = batch.states.between(number, number + 1)
+        weights[state], prices[slot], steps, solved = _solve(part, batch)
+        iterations += steps
+        unsolved += not solved
+    late = "stopped by the time limit" if batch.late() else "HiGHS failed"
+    return Answer(
+        weights=weights,
+        prices=prices,
+        iterations=iterations,
+        status=late if unsolved else "solved",
+        open=unsolved,
+        seconds={"lp": time.perf_counter() - begin},
+    )
+
+
+def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool]:
+    """Rows that clash on their best paths are *active* and go into a linear programme.
+
+    The others keep their paths, which use up columns. At the prices of the programme a row that
+    would rather leave its path becomes active too, and the programme is solved again. When no such
+    row is left the certificate closes: no row has regret, and priced columns are full.
+    """
+    slots = states.columns
+    prices = np.zeros(len(slots.step))
+    unlimited = np.full(len(prices), np.inf)
+    crossing = np.minimum(states.problem.crossing_price, price_cap(states)[0])
+    row = states.pair_row[states.pair]
+    paths = best_paths(states, prices)
+    clash = np.concatenate(([0], np.cumsum(slots.sums(paths.astype(np.int64)) > 1)))
+    active = np.zeros(states.nodes, bool)
+    active[row[(paths > 0) & (clash[slots.end] > clash[slots.begin])]] = True
+    is_row = np.zeros(states.nodes, bool)
+    is_row[states.pair_row] = True
+
+    iterations = 0
+    for attempt in range(ROUNDS + 1):
+        if attempt == ROUNDS or active.sum() > MOST * is_row.sum():
+            active |= is_row
+        free = np.flatnonzero(active[row])
+        held = np.where(active[row], 0.0, paths)
+        weights, prices, steps, solved = residual(
+            states, free, held, np.zeros(len(prices)), crossing, unlimited, batch.left()
+        )
+        iterations += steps
+        if not solved:
+            return better(states, weights, best_paths(states, prices)), prices, iterations, False
+        value = states.gain - slots.totals(prices)
+        own = sum_by(row, paths * value, states.nodes)
+        follows = states.pair[1:] == states.pair[:-1]
+        moved = np.flatnonzero(follows & (np.diff(paths) != 0)) + 1
+        own -= sum_by(row[moved], states.problem.crossing_price[states.begin[moved]], states.nodes)
+        late = (best_values(states, value) - own > REGRET) & ~active & is_row
+        if not late.any():
+            break
+        active |= late
+    return weights, prices, iterations, True
