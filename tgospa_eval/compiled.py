@@ -1,10 +1,10 @@
 """The compiled kernels where they were built; everything works without them, more slowly."""
 
 import os
-from types import ModuleType
+from typing import Any
 
 
-def _load() -> ModuleType | None:
+def _load() -> Any:
     if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
         return None
     try:
@@ -14,7 +14,7 @@ def _load() -> ModuleType | None:
     return _kernels
 
 
-kernels = _load()
+kernels: Any = _load()
 """The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` leaves it aside, for comparison."""
 
 KERNEL = "compiled" if kernels else "numpy"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import __version__
+from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Norm, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result
@@ -150,7 +151,7 @@ def evaluate_trajectories(
             estimates=estimate.ids.tolist(),
             unit=unit,
         ),
-        gap=getattr(solver, "gap", GAP),
+        gap=getattr(solver, "gap", GAP) if solver.name == "certified" else GAP,
         settings={
             "cutoff": parameters.cutoff,
             "order": parameters.order,
@@ -194,7 +195,7 @@ def _solver_record(solver: Solver, solution: Solution, parameters: Parameters) -
         "status": solution.status,
         "finished": solution.finished,
         "iterations": solution.iterations,
-        "kernel": "numpy",
+        "kernel": KERNEL,
         "history": [
             {**check, "lower": scale * check["lower"], "upper": scale * check["upper"]}
             for check in solution.history
@@ -253,7 +254,9 @@ def digest(side: Trajectories) -> str:
 
 def solver_settings(solver: Solver) -> dict[str, Any]:
     """The settings of a solver that change the number."""
-    changing = {name: value for name, value in vars(solver).items() if value is not None}
+    changing = {
+        name: value for name, value in vars(solver).items() if value is not None and name != "jobs"
+    }
     return {"solver": solver.name, **changing}
 
 
@@ -283,4 +286,6 @@ def _nested(stopwatch: Stopwatch) -> dict[str, Any]:
             solve[part] = seconds
         else:
             timings[stage] = seconds
+    if stopwatch.work:
+        solve["nanoseconds_per_state"] = stopwatch.nanoseconds
     return {**timings, "solve": solve, "total": stopwatch.elapsed()}

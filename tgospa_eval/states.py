@@ -319,23 +319,26 @@ def merge_runs(problem: Problem) -> States:
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order), dtype=np.int32)
     pair_of = rank[pair_of]
-    row, column, block = (part[order].astype(np.int32) for part in (row, column, block))
+    pair_row, pair_column, pair_block = (
+        part[order].astype(np.int32) for part in (row, column, block)
+    )
 
     entry_step = problem.entry_step
-    window = _windows(block[pair_of], entry_step, blocks)
+    window = _windows(pair_block[pair_of], entry_step, blocks)
     runs_are_one = isinstance(problem.switch_price, float)
     pair_first, begin, entry = _split(
-        pair_of, entry_step, window[0][block], window[1][block], single=not runs_are_one
+        pair_of, entry_step, window[0][pair_block], window[1][pair_block], single=not runs_are_one
     )
     in_time = _in_time(begin, problem.steps)
     rows, columns = (
-        _slots(in_time, begin, pair_first, node, len(node_block)) for node in (row, column)
+        _slots(in_time, begin, pair_first, node, len(node_block))
+        for node in (pair_row, pair_column)
     )
     return States(
         problem=problem,
-        pair_row=row,
-        pair_column=column,
-        pair_block=block,
+        pair_row=pair_row,
+        pair_column=pair_column,
+        pair_block=pair_block,
         pair_first=pair_first,
         pair_truth=truth[order],
         pair_estimate=estimate[order],
@@ -376,7 +379,7 @@ def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
             a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
         )
         return found
-    root = np.arange(nodes)
+    root: Ints = np.arange(nodes)
     while True:
         low = np.minimum(root[a], root[b])
         high = np.maximum(root[a], root[b])

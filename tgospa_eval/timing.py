@@ -20,7 +20,7 @@ class Stopwatch:
     work : int
         States times half sweeps that were done.
     busy : float
-        Seconds of all threads together that they took.
+        Seconds of all threads together that the sweeps took.
     stage : str
         Name of the innermost span that is open, for progress.
     """
@@ -47,6 +47,11 @@ class Stopwatch:
     def add(self, name: str, seconds: float) -> None:
         """Add seconds that were measured elsewhere."""
         self.spans[name] = self.spans.get(name, 0.0) + seconds
+
+    @property
+    def nanoseconds(self) -> float:
+        """Time of a state in half a sweep."""
+        return 1e9 * self.busy / self.work if self.work else 0.0
 
     def elapsed(self) -> float:
         """Seconds since this stopwatch was made."""

@@ -65,7 +65,8 @@ EVALUATION = (
     ),
     option(
         "--gap", type=float, default=1e-9,
-        help="Relative gap of the total that counts as exact (certified).",
+        help="Relative gap of the total that counts as exact (certified), or at which to stop "
+        "early (sinkhorn).",
     ),
     option(
         "--epsilon", type=float, default=0.03,
@@ -74,6 +75,10 @@ EVALUATION = (
     option(
         "--time-limit", type=float, metavar="SECONDS",
         help="Stop solving after so long; the bracket reached is printed, exit 4.",
+    ),
+    option(
+        "--jobs", type=click.IntRange(min=1), metavar="N",
+        help="Threads; the result does not depend on it.  [default: all cores]",
     ),
     option(
         "--on-duplicate", type=click.Choice(("error", "first", "last")), default="error",

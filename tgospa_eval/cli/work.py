@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from tgospa_eval.cli.progress import run
+from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
@@ -75,6 +76,12 @@ def evaluate_files(
     if verbose:
         for name, seconds in stopwatch.spans.items():
             click.echo(f"{name:<20} {seconds:9.3f} s", err=True)
+        if stopwatch.work:
+            click.echo(
+                f"{'one state':<20} {stopwatch.nanoseconds:9.1f} ns in half a sweep, of "
+                f"{stopwatch.work} done",
+                err=True,
+            )
         for check in result.solver["history"]:
             click.echo(
                 f"sweep {check['sweep']:5d}  epsilon {check['epsilon']:<7g} "
@@ -118,6 +125,8 @@ def _evaluate(
     say(f"{common} of {steps} steps are in both files")
     if steps and common < FEW * steps:
         say(f"warning: only {100 * common / steps:.0f} % of the steps are in both files")
+    if KERNEL == "numpy" and solver.name != "exact":
+        say("no compiled kernels, slower: installing with a C compiler at hand builds them")
     if not all(given.values()) and not options["quiet"]:
         say(_default_notice(aligned, options, given))
     return evaluate_trajectories(
@@ -150,9 +159,9 @@ def make_solver(options: dict[str, Any]) -> Solver:
     """The solver that the options ask for."""
     name = options["solver"]
     settings: dict[str, Any] = {"time_limit": options["time_limit"]}
-    if name == "certified":
-        settings["gap"] = options["gap"]
-    elif name == "sinkhorn":
+    if name != "exact":
+        settings |= {"gap": options["gap"], "jobs": options["jobs"]}
+    if name == "sinkhorn":
         settings["epsilon"] = options["epsilon"]
     return solver_class(name)(**settings)
 

@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import block_costs, in_rows, price_cap
+from tgospa_eval.solvers.kernels import THRESHOLDS, block_costs, in_rows, is_wide, price_cap
 from tgospa_eval.states import Slots, States, connected_components
-
-THRESHOLDS = (1.0, 0.0, 3.0)
-"""Prices below these multiples of the temperature are tried at 0: nobody contests those columns."""
-
 
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
@@ -47,8 +43,8 @@ class Ascent:
     slack, none : (S,) float arrays
         At the prices last looked at: what a path loses that passes the state, or that is in no
         state when it begins.
-    work : int
-        States, those of being in none included, times half sweeps done.
+    work, sweeping : int, float
+        States, those of being in none included, times half sweeps; the seconds that they took.
     seconds : dict
         Time by kind of work.
     """
@@ -69,7 +65,8 @@ class Ascent:
         self.final = np.full(nodes, -1, np.int32)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.before = np.empty(slots)
-        self.work, self.seconds = 0, {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
+        self.work, self.sweeping = 0, 0.0
+        self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
         self.keep(wanted)
         self.soft, self.prices = np.zeros(slots), np.zeros(slots)
@@ -95,9 +92,7 @@ class Ascent:
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & (
-            self.gap > np.maximum(gap * (self.alone - self.worth), 1e-14 * self.alone)
-        )
+        return self.open & is_wide(self.bound, self.worth, self.alone, gap)
 
     def look(self, prices: Floats, *, slack: bool = False) -> Floats:
         """Bound of each block at the prices, (B,); best paths stay, and slacks if asked for."""
@@ -165,12 +160,14 @@ class Ascent:
             chosen, self.gain, self.soft, self.crossing,
         )  # fmt: skip
         chain.heat(epsilon)
+        hot = time.perf_counter()
         violation = np.inf
         for _ in range(sweeps):
             violation = chain.sweep(1)
             self.work += 2 * (chain.links + chain.nodes)
             if late():
                 break
+        self.sweeping += time.perf_counter() - hot
         chain.write_marginals(shares)
         chain.cool(epsilon)
         chain.write_prices(self.soft)
@@ -272,4 +269,4 @@ def _cover(slots: Slots, chosen: Ints, weight: Floats | None = None) -> Floats:
     size = len(slots.step) + 1
     change = np.bincount(slots.begin[chosen], weight, size)
     change = change - np.bincount(slots.end[chosen], weight, size)
-    return np.cumsum(change)[:-1]
+    return np.cumsum(change, dtype=np.float64)[:-1]

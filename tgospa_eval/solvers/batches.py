@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.kernels import settled
+from tgospa_eval.solvers.kernels import block_costs, settled
 from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import States
@@ -63,8 +63,8 @@ class Answer:
         How it ended, for the user.
     open : int
         Blocks that were not solved.
-    work : int
-        States times half sweeps.
+    work, sweeping : int, float
+        States times half sweeps, and the seconds that they took.
     seconds : dict
         Time by kind of work.
     history : tuple of dict
@@ -78,6 +78,7 @@ class Answer:
     status: str = "solved"
     open: int = 0
     work: int = 0
+    sweeping: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
     history: tuple[dict[str, float], ...] = field(default=())
 
@@ -140,6 +141,9 @@ def solve_in_batches(
         _book(stopwatch, answers, time.perf_counter() - begin)
     with stopwatch.span("solve/rounding"):
         weights, prices = polish(states, weights, prices)
+    history: tuple[dict[str, float], ...] = ()
+    if any(answer.history for answer in answers):
+        history = _merge([a.history for a in answers], _elsewhere(states, weights, left))
     missing = sum(answer.open for answer in answers)
     status = next((a.status for a in answers if a.open or not missing), "solved")
     return Solution(
@@ -148,7 +152,7 @@ def solve_in_batches(
         status=f"{status} ({missing} of {len(left)} components)" if missing else status,
         iterations=sum(answer.iterations for answer in answers),
         finished=not missing,
-        history=_merge([answer.history for answer in answers]),
+        history=history,
     )
 
 
@@ -174,13 +178,24 @@ def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
         for name, spent in answer.seconds.items():
             seconds[name] = seconds.get(name, 0.0) + spent
         stopwatch.work += answer.work
+        stopwatch.busy += answer.sweeping
     total = sum(seconds.values())
-    stopwatch.busy += total
     for name, spent in seconds.items():
         stopwatch.add(f"solve/{name}", elapsed * spent / total if total else 0.0)
 
 
-def _merge(histories: list[tuple[dict[str, float], ...]]) -> tuple[dict[str, float], ...]:
+def _elsewhere(states: States, weights: Floats, left: Ints) -> float:
+    """Cost of all that is outside the blocks that were left."""
+    problem = states.problem
+    alone = block_costs(states, np.zeros(len(weights)))
+    saved = alone - block_costs(states, weights)
+    saved[left] = alone[left]
+    return float(problem.truth_price.sum() + problem.estimate_price.sum() - saved.sum())
+
+
+def _merge(
+    histories: list[tuple[dict[str, float], ...]], elsewhere: float
+) -> tuple[dict[str, float], ...]:
     """Histories side by side: costs add up, the last of a shorter one stays."""
     merged = []
     for k in range(max(map(len, histories), default=0)):
@@ -190,8 +205,8 @@ def _merge(histories: list[tuple[dict[str, float], ...]]) -> tuple[dict[str, flo
                 "sweep": max(check["sweep"] for check in at),
                 "epsilon": min(check["epsilon"] for check in at),
                 "violation": max(check["violation"] for check in at),
-                "lower": sum(check["lower"] for check in at),
-                "upper": sum(check["upper"] for check in at),
+                "lower": elsewhere + sum(check["lower"] for check in at),
+                "upper": elsewhere + sum(check["upper"] for check in at),
             }
         )
     return tuple(merged)

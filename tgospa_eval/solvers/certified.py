@@ -10,13 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from tgospa_eval.compiled import kernels
-from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Ints
 from tgospa_eval.result import ONE, Solution, repair
 from tgospa_eval.solvers.ascent import Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.contest import solve_contest
-from tgospa_eval.solvers.kernels import check_time_limit
+from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.residual import residual
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -62,9 +61,7 @@ class Certified:
     jobs: int | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gap", real_number("gap", self.gap))
-        if not 0 <= self.gap < np.inf:
-            raise ConfigError(f"gap is {self.gap:g}: must be finite and 0 or more")
+        object.__setattr__(self, "gap", check_gap(self.gap))
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
@@ -112,6 +109,7 @@ class Certified:
             else "solved",
             open=int(np.count_nonzero(wide)),
             work=ascent.work,
+            sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds, "lp": programmes.seconds},
         )
 

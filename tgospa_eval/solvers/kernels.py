@@ -3,12 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import ONE, best_values, changes, events, repair
 from tgospa_eval.states import Slots, States
+
+THRESHOLDS = (1.0, 0.0, 3.0)
+"""Prices below these multiples of the temperature are tried at 0: nobody contests those columns."""
 
 
 def best_paths(states: States, prices: Floats) -> Floats:
@@ -222,7 +226,7 @@ def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats, box: Floats
     )
     first = np.flatnonzero(fresh)
     covers, room = covers[first], room[first]
-    price = np.bincount(group, prices, len(first))
+    price = sum_by(group, prices, len(first))
     needed = (covers > 1) | ((covers > 0) & ((room < 1) | (price > 0)))
     number = np.where(needed, np.cumsum(needed) - 1, -1)
 
@@ -238,6 +242,25 @@ def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats, box: Floats
         box=box[first[needed]],
         of_slot=number[group] if count else np.zeros(0, np.int64),
     )
+
+
+def is_wide(bound: Floats, worth: Floats, alone: Floats, gap: float) -> NDArray[np.bool_]:
+    """Whether the bracket of each block is wider than `gap`, relative, and than rounding allows."""
+    return bound - worth > np.maximum(gap * (alone - worth), 1e-14 * alone)
+
+
+def check_gap(gap: float) -> float:
+    """The gap as a float; it must be finite and 0 or more.
+
+    Raises
+    ------
+    ConfigError
+        It is not.
+    """
+    gap = real_number("gap", gap)
+    if not 0 <= gap < np.inf:
+        raise ConfigError(f"gap is {gap:g}: must be finite and 0 or more")
+    return gap
 
 
 def check_time_limit(seconds: float | None) -> float | None:

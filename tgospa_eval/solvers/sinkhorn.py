@@ -1,10 +1,9 @@
-"""The approximation: entropy on the paths, block coordinate ascent in the dual, in NumPy.
+"""The approximation: entropy on the paths, block coordinate ascent in the dual.
 
 After Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the TGOSPA metric for multiple
 target tracking via unbalanced optimal transport", with one path per truth (docs/theory,
-"Sinkhorn"): a sweep is linear in the states. Messages are kept as logarithms, so that any
-temperature works. What is reported is the bracket of the prices and of the rounded assignment, not
-the entropic value, which is no bound.
+"Sinkhorn"): a sweep is linear in the states. What is reported is the bracket of the prices and of
+the rounded assignment, not the entropic value, which is no bound.
 """
 
 import time
@@ -13,12 +12,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.kernels import block_costs, check_time_limit, dual_values
-from tgospa_eval.solvers.rounding import polish, round_paths
-from tgospa_eval.solvers.trivial import solve_trivial
+from tgospa_eval.solvers.ascent import Ascent
+from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.kernels import check_gap, check_time_limit
+from tgospa_eval.solvers.plain import PlainAscent
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -26,14 +26,13 @@ SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM` sweeps."""
 
 WARM = 12
-VIOLATION = 1e-6
-MOST_SWEEPS = 2000
 CHECK = 24
 """Sweeps between two looks at the bracket."""
 
-NEGLIGIBLE = 1e-12
-CHAIN = 2_000_000
-"""States of one step that the sweeps may have; eight for each gain if that is more."""
+MOST_SWEEPS = 2000
+VIOLATION = 1e-6
+NEGLIGIBLE = 25.0
+"""States with more slack than so many temperatures have a share below 1e-10 and are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,9 +42,13 @@ class Sinkhorn:
     Parameters
     ----------
     epsilon : float
-        Temperature as a fraction of c^p.
+        Temperature as a fraction of c^p, approached from 0.3 in steps.
+    gap : float
+        Relative gap of the total at which to stop early.
     time_limit : float, optional
         Seconds.
+    jobs : int, optional
+        Threads; all cores by default. The result does not depend on it.
 
     Raises
     ------
@@ -55,298 +58,75 @@ class Sinkhorn:
 
     name: ClassVar[str] = "sinkhorn"
     epsilon: float = 0.03
+    gap: float = 1e-9
     time_limit: float | None = None
+    jobs: int | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "epsilon", real_number("epsilon", self.epsilon))
         if not (self.epsilon > 0 and np.isfinite(self.epsilon)):
             raise ConfigError(f"epsilon is {self.epsilon:g}: must be finite and more than 0")
+        object.__setattr__(self, "gap", check_gap(self.gap))
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
+        object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
-        """Sweep until the columns are full to 1e-6 or the bracket settles, 2,000 times at most."""
-        begin = time.monotonic()
-        with stopwatch.span("solve/preparation"):
-            weights, prices, left = solve_trivial(states)
-            if not len(left):
-                weights, prices = polish(states, weights, prices)
-                return Solution(weights=weights, prices=prices, status="solved")
-            sweeps = _Sweeps(states, left)
-            best = _Best(states, weights, prices, left)
-        status, finished = "reached 2,000 sweeps", True
-        warm = self._warm_up()
-        with stopwatch.span("solve/sweeps"):
-            for count in range(1, MOST_SWEEPS + 1):
-                cold = count > len(warm)
-                epsilon = self.epsilon if cold else warm[count - 1]
-                violation = sweeps.sweep(epsilon)
-                settled = cold and violation <= VIOLATION
-                late = self.time_limit is not None and time.monotonic() - begin > self.time_limit
-                due = count % CHECK == 0 or count == MOST_SWEEPS
-                if not (settled or late or due):
-                    if count % WARM == 0 and count <= len(warm) + WARM:
-                        sweeps.drop(NEGLIGIBLE)
-                    continue
-                stalled = not best.offer(sweeps, epsilon, count, violation) and cold
-                if best.met():
-                    status = "the bracket is met"
-                elif settled:
-                    status = f"columns are full to {VIOLATION:g}"
-                elif late:
-                    status, finished = "stopped by the time limit", False
-                elif stalled:
-                    status = "the bracket has stopped narrowing"
-                else:
-                    sweeps.drop(NEGLIGIBLE)
-                    continue
-                break
-        weights, prices = polish(states, best.weights, best.prices)
-        return Solution(
-            weights=weights,
-            prices=prices,
-            status=status,
-            iterations=count,
-            finished=finished,
-            history=tuple(best.history),
+        """Sweep until the bracket is met or settles, or the columns are full to 1e-6."""
+        return solve_in_batches(
+            states,
+            self._sweep,
+            stopwatch,
+            conflict_free=True,
+            time_limit=self.time_limit,
+            jobs=self.jobs,
         )
 
-    def _warm_up(self) -> list[float]:
-        """The temperatures of the first sweeps."""
-        return [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon for _ in range(WARM)]
-
-
-class _Best:
-    """The best assignment and the best prices of each block so far."""
-
-    def __init__(self, states: States, weights: Floats, prices: Floats, left: Ints) -> None:
-        self.states, self.weights, self.prices = states, weights, prices
-        self.left = left
-        self.alone = block_costs(states, np.zeros(len(weights)))
-        self.cost = block_costs(states, weights)
-        self.bound = dual_values(states, prices)
-        problem = states.problem
-        unassigned = float(problem.truth_price.sum() + problem.estimate_price.sum())
-        self.elsewhere = unassigned - float(self.alone.sum())
-        self.history: list[dict[str, float]] = []
-
-    def offer(self, sweeps: "_Sweeps", epsilon: float, count: int, violation: float) -> bool:
-        """Take what is better, block by block; whether the bracket has become 5 % narrower."""
-        before = self.gap()
-        states = self.states
-        soft, prices = sweeps.marginals(), sweeps.slot_prices()
-        slot_block = states.node_block[states.columns.node]
-        is_left = np.isin(slot_block, self.left)
-        for cut in (0.0, 1.0, 3.0):
-            trial = np.where(is_left, np.where(prices > cut * epsilon, prices, 0.0), self.prices)
-            bound = dual_values(states, trial)
-            wins = bound < self.bound
-            self.bound = np.where(wins, bound, self.bound)
-            self.prices = np.where(wins[slot_block], trial, self.prices)
-        value = states.gain - states.columns.totals(self.prices)
-        state_block = states.pair_block[states.pair]
-        for trial in (soft, round_paths(states, value, soft)):
-            cost = block_costs(states, trial)
-            wins = cost < self.cost
-            self.cost = np.where(wins, cost, self.cost)
-            self.weights = np.where(wins[state_block], trial, self.weights)
-        upper = self.elsewhere + float(self.cost.sum())
-        self.history.append(
-            {
-                "sweep": count,
-                "epsilon": epsilon,
-                "violation": float(violation),
-                "lower": min(max(upper - self.gap(), 0.0), upper),
-                "upper": upper,
-            }
-        )
-        return self.gap() < 0.95 * before
-
-    def gap(self) -> float:
-        """Width of the bracket."""
-        return float((self.cost - (self.alone - self.bound))[self.left].sum())
-
-    def met(self) -> bool:
-        """Whether nothing is left to gain."""
-        return self.gap() <= 1e-12 * max(self.elsewhere + float(self.cost.sum()), 1.0)
-
-
-class _Sweeps:
-    """Messages over the chain of steps of the open blocks.
-
-    A run is a chain of one state a step here. The longest runs are left out where the chain would
-    grow beyond some states for each gain; the bracket does not depend on that.
-    """
-
-    def __init__(self, states: States, left: Ints) -> None:
-        self.states = states
-        state, step = _chain(states, left)
-        order = np.lexsort((states.pair[state], step))  # pairs are sorted by row
-        self.state, self.step = state[order], step[order]
-
-        # A column that a single pair has needs no price: its slot range is empty.
-        slots = states.columns
-        shared = slots.end[self.state] > slots.begin[self.state]
-        column = states.pair_column[states.pair[self.state]]
-        key = np.where(shared, self.step.astype(np.int64) * states.nodes + column, -1)
-        keys, self.priced = np.unique(key, return_inverse=True)
-        self.price = np.zeros(len(keys))
-        self.free = int(keys[0] == -1)  # number 0 stands for "no price"
-        key_step, key_column = np.divmod(keys[self.free :], states.nodes)
-        slot_key = slots.node * states.problem.steps + slots.step
-        sought = key_column * states.problem.steps + key_step
-        self.slot = np.searchsorted(slot_key, sought, side="right") - 1
-        self.steps = np.unique(self.step)
-        ends = np.append(self.steps, self.steps[-1] + 1)
-        self.priced_at = np.searchsorted(keys, ends * states.nodes)
-        self._link()
-
-    def _link(self) -> None:
-        """Neighbours and groups of the states at hand; messages start anew."""
-        states = self.states
-        pair = states.pair[self.state]
-        size = len(pair)
-        by_pair = np.lexsort((self.step, pair))
-        joined = (np.diff(pair[by_pair]) == 0) & (np.diff(self.step[by_pair]) == 1)
-        self.previous = np.full(size, -1)
-        self.next = np.full(size, -1)
-        self.previous[by_pair[1:][joined]] = by_pair[:-1][joined]
-        self.next[by_pair[:-1][joined]] = by_pair[1:][joined]
-        self.first = self.step == states.block_begin[states.pair_block[pair]]
-        self.last = self.step == states.block_end[states.pair_block[pair]]
-        self.gain = states.gain[self.state]
-        self.row = states.pair_row[pair]
-        fresh = np.ones(size, bool)
-        fresh[1:] = (np.diff(self.row) != 0) | (np.diff(self.step) != 0)
-        self.group = np.flatnonzero(fresh)
-        self.group_of = np.cumsum(fresh) - 1
-        self.at = np.searchsorted(self.step, np.append(self.steps, self.steps[-1] + 1))
-        self.group_at = np.searchsorted(self.group, self.at)
-        self.forward = np.zeros(size)
-        self.backward = np.zeros(size)
-        self.mass = np.zeros(size)
-        self.none_forward = np.zeros(len(self.group))
-        self.none_backward = np.zeros(len(self.group))
-        self.fresh = True
-
-    def drop(self, least: float) -> None:
-        """Leave out the states whose mass is below `least`: colder, they have even less."""
-        keep = self.mass >= least
-        if np.count_nonzero(keep) < 0.8 * len(keep):
-            self.state, self.step, self.priced = (
-                self.state[keep],
-                self.step[keep],
-                self.priced[keep],
+    def _sweep(self, batch: Batch) -> Answer:
+        """Sweeps of one batch."""
+        begin = time.perf_counter()
+        ascent = (Ascent if kernels else PlainAscent)(batch.states, batch.wanted)
+        preparation = time.perf_counter() - begin
+        wanted = batch.wanted
+        half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
+        warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
+        history: list[dict[str, float]] = []
+        status, count, open_blocks = "", 0, 0
+        while not status:
+            cold = len(history) >= len(warm)
+            epsilon = self.epsilon if cold else warm[len(history)]
+            sweeps = min(CHECK if cold else WARM, MOST_SWEEPS - count)
+            before = ascent.gap[wanted].sum()
+            violation = ascent.stage(epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.late)
+            count += sweeps
+            after = ascent.gap[wanted].sum()
+            upper = float((ascent.alone - ascent.worth)[wanted].sum())
+            history.append(
+                {
+                    "sweep": count,
+                    "epsilon": epsilon,
+                    "violation": violation,
+                    "lower": min(max(upper - float(after), 0.0), upper),
+                    "upper": upper,
+                }
             )
-            self._link()
-
-    def sweep(self, epsilon: float) -> float:
-        """Once forward and once backward; the largest column violation met on the way."""
-        crossing = self.states.problem.crossing_price / epsilon
-        if self.fresh:
-            self._pass(epsilon, crossing, reverse=True, update=False)
-            self.fresh = False
-        violation = self._pass(epsilon, crossing, reverse=False, update=True)
-        return max(violation, self._pass(epsilon, crossing, reverse=True, update=True))
-
-    def _pass(self, epsilon: float, crossing: Floats, *, reverse: bool, update: bool) -> float:
-        """One direction: renew its messages step by step, and the prices if asked."""
-        ahead, behind = (self.backward, self.forward) if reverse else (self.forward, self.backward)
-        none_ahead, none_behind = (
-            (self.none_backward, self.none_forward)
-            if reverse
-            else (self.none_forward, self.none_backward)
+            if not ascent.wide(self.gap).any():
+                status = "the bracket is met"
+            elif batch.late():
+                status, open_blocks = "stopped by the time limit", int(ascent.wide(self.gap).sum())
+            elif cold and violation <= VIOLATION:
+                status = f"columns are full to {VIOLATION:g}"
+            elif cold and after > 0.95 * before:
+                status = "the bracket has stopped narrowing"
+            elif count >= MOST_SWEEPS:
+                status = "reached 2,000 sweeps"
+        return Answer(
+            weights=ascent.weights,
+            prices=ascent.prices,
+            iterations=count,
+            status=status,
+            open=open_blocks,
+            work=ascent.work,
+            sweeping=ascent.sweeping,
+            seconds={"preparation": preparation, **ascent.seconds},
+            history=tuple(history),
         )
-        source = self.next if reverse else self.previous
-        starts = self.last if reverse else self.first
-        hub = np.zeros(self.states.nodes)
-        violation = 0.0
-        order = range(len(self.steps))
-        for k in reversed(order) if reverse else order:
-            part = slice(self.at[k], self.at[k + 1])
-            if part.start == part.stop:
-                continue
-            groups = slice(self.group_at[k], self.group_at[k + 1])
-            rows = self.row[self.group[groups]]
-            offsets = self.group[groups] - part.start
-            group = self.group_of[part] - groups.start
-            step = int(self.steps[k])
-            paid = crossing[step + 1] if reverse else crossing[step]
-
-            # Arrive: from the same pair (not through the hub), or from the hub.
-            came = ahead[source[part]]
-            came = np.where(source[part] >= 0, came + _log_stay(paid), -np.inf)
-            arrive = np.logaddexp(came, hub[self.row[part]] - paid)
-            arrive = np.where(starts[part], 0.0, arrive)
-            none = hub[rows]
-            weight = (self.gain[part] - self.price[self.priced[part]]) / epsilon
-            ahead[part] = arrive + weight
-            none_ahead[groups] = none
-
-            if update:
-                # `ahead` has the weight of this step, `behind` of the other direction as well
-                # only in what follows: both are messages up to this step, one with its weight.
-                through = ahead[part] + behind[part] - weight
-                share = (
-                    through - _log_sum(through, none + none_behind[groups], offsets, group)[group]
-                )
-                self.mass[part] = np.exp(share)
-                change = self._reprice(k, part, share, epsilon)
-                violation = max(violation, change)
-                weight = (self.gain[part] - self.price[self.priced[part]]) / epsilon
-                ahead[part] = arrive + weight
-            leave = crossing[step] if reverse else crossing[step + 1]
-            hub[rows] = np.logaddexp(none, _log_sum(ahead[part], None, offsets, group) - leave)
-        return violation
-
-    def _reprice(self, k: int, part: slice, share: Floats, epsilon: float) -> float:
-        """New prices of the columns of step k, u = 1 / (1 + mass / u); the violation before."""
-        low, high = self.priced_at[k], self.priced_at[k + 1]
-        if low == high:
-            return 0.0
-        inside = self.priced[part] >= low
-        mass = sum_by(self.priced[part][inside] - low, np.exp(share[inside]), high - low)
-        old = self.price[low:high]
-        with np.errstate(divide="ignore"):
-            self.price[low:high] = epsilon * np.logaddexp(0.0, np.log(mass) + old / epsilon)
-        return float(np.abs(mass + np.exp(-old / epsilon) - 1.0).max())
-
-    def marginals(self) -> Floats:
-        """Weight of every state: the least over its steps (what covers a run, covers it whole)."""
-        weights = np.ones(len(self.states.pair))
-        np.minimum.at(weights, self.state, self.mass)
-        covered = np.bincount(self.state, minlength=len(weights))
-        whole = covered == self.states.end - self.states.begin + 1
-        return np.where(whole, weights, 0.0)
-
-    def slot_prices(self) -> Floats:
-        """Price of every column slot: the sum over its steps."""
-        return sum_by(self.slot, self.price[self.free :], len(self.states.columns.node))
-
-
-def _chain(states: States, left: Ints) -> tuple[Ints, Ints]:
-    """State and step of every link, the longest runs left out where they are too many."""
-    chosen = np.flatnonzero(np.isin(states.pair_block, left)[states.pair])
-    length = states.end[chosen] - states.begin[chosen] + 1
-    order = np.argsort(length, kind="stable")
-    room = max(CHAIN, 8 * len(states.problem.gain))
-    chosen = np.sort(chosen[order[np.cumsum(length[order]) <= room]])
-    length = states.end[chosen] - states.begin[chosen] + 1
-    state = np.repeat(chosen, length)
-    offset = np.arange(len(state)) - np.repeat(np.cumsum(length) - length, length)
-    return state, states.begin[state] + offset
-
-
-def _log_sum(value: Floats, other: Floats | None, offsets: Ints, group: Ints) -> Floats:
-    """Log of the sum of exp over each group, and of `other` with it."""
-    top = np.maximum.reduceat(value, offsets)
-    if other is not None:
-        top = np.maximum(top, other)
-    total = np.add.reduceat(np.exp(value - top[group]), offsets)
-    if other is not None:
-        total = total + np.exp(other - top)
-    return np.asarray(top + np.log(total))
-
-
-def _log_stay(paid: float) -> float:
-    """Log of 1 - q^2, q = exp(-paid): staying, beside leaving and coming back at one transition."""
-    return float(np.log(-np.expm1(-2.0 * paid))) if paid > 0 else -np.inf
