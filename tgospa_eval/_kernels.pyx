@@ -423,6 +423,42 @@ def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] beg
             own[i] = total
 
 
+def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+             const i32[::1] begin, const i32[::1] window_end, const i32[::1] slot_begin,
+             const i32[::1] slot_end, const double[::1] share, double[::1] weight,
+             i32[::1] load):
+    """Feasible weights 0 and 1: states with more than half, unless one before is in their way.
+
+    `load` (K,) must come as zeros and becomes the number of rows on each column slot.
+    """
+    cdef Py_ssize_t r, a, t
+    cdef i32 i, s, high, until
+    cdef bint free
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            high = row_first[i + 1]
+            until = -1
+            for a in range(row_first[i], high):
+                s = order[a]
+                weight[s] = 0.0
+                if share[s] <= 0.5 or begin[s] <= until:
+                    continue
+                free = True
+                for t in range(slot_begin[s], slot_end[s]):
+                    if load[t]:
+                        free = False
+                        break
+                if not free:
+                    continue
+                for t in range(slot_begin[s], slot_end[s]):
+                    load[t] = 1
+                weight[s] = 1.0
+                until = window_end[i]
+                if s + 1 < high and begin[s + 1] > begin[s]:
+                    until = begin[s + 1] - 1
+
+
 def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
             const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
             const double[::1] crossing, const double[::1] gain, i32[::1] load,

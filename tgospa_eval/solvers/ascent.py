@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import THRESHOLDS, block_costs, in_rows, is_wide, price_cap
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, in_rows, is_wide, price_cap
 from tgospa_eval.states import Slots, States, connected_components
 
 REGRET = 1e-11
@@ -71,11 +71,12 @@ class Ascent:
         self.keep(wanted)
         self.soft, self.prices = np.zeros(slots), np.zeros(slots)
         self.bound = self.look(self.prices, slack=True)
+        paths = np.zeros(size)
+        kernels.trace(self.rows, self.row_first, self.came, self.final, paths)
         self.weights = np.zeros(size)
-        kernels.trace(self.rows, self.row_first, self.came, self.final, self.weights)
-        self.weights[self._clashing(self.weights)] = 0.0
+        self._majority(paths, self.weights)
         self.worth = self.value_of(self.weights)
-        self.alone = block_costs(states, np.zeros(size))
+        self.alone = alone_costs(states)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
@@ -185,9 +186,8 @@ class Ascent:
     def round(self, shares: Floats) -> Floats:
         """Majorities of the shares as paths, each then re-optimised given the others."""
         s = self.states
-        weights = (shares > 0.5).astype(np.float64)
-        weights[self._clashing(weights)] = 0.0
-        load = s.columns.sums(weights.astype(np.int64)).astype(np.int32)
+        weights = np.zeros(len(shares))
+        load = self._majority(shares, weights)
         for _ in range(2):
             changed = kernels.improve(
                 self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
@@ -253,15 +253,15 @@ class Ascent:
         wanted[component[seed[free]]] = True
         return wanted[component]
 
-    def _clashing(self, weights: Floats) -> Ints:
-        """States in use on a slot, of a row or a column, that is used twice."""
-        used = np.flatnonzero(weights)
-        whole = weights.astype(np.int64)
-        clash = np.zeros(len(used), bool)
-        for slots in (self.states.rows, self.states.columns):
-            over = np.concatenate(([0], np.cumsum(slots.sums(whole) > 1)))
-            clash |= over[slots.end[used]] > over[slots.begin[used]]
-        return used[clash]
+    def _majority(self, shares: Floats, weights: Floats) -> Ints:
+        """Write feasible weights 0 and 1; what uses each column slot."""
+        s = self.states
+        load = np.zeros(len(s.columns.step), np.int32)
+        kernels.majority(
+            self.rows, self.row_first, self.order, s.begin, self.window_end, s.columns.begin,
+            self.slot_end, shares, weights, load,
+        )  # fmt: skip
+        return load
 
 
 def _cover(slots: Slots, chosen: Ints, weight: Floats | None = None) -> Floats:

@@ -32,8 +32,10 @@ EARLY = 0.02
 FEW = 3000
 """States of a small programme."""
 
+SMALL = ((0.03, 0.03), (0.1, 0.03), (0.2, 0.03))
 ROUNDS = ((0.2, 0.03), (0.2, 0.03), (0.2, 0.03), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
-"""Slack of the states that enter a programme, and how far it may move prices."""
+"""Slack of the states that enter a programme, early and at the end, and how far it may move prices:
+much less, or the states that are left out would win."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +99,7 @@ class Certified:
             cost = (ascent.alone - ascent.worth)[ascent.open].sum()
             skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
             if epsilon <= EARLY:
-                programmes.run(ROUNDS[:3], self.gap, most=FEW)
+                programmes.run(SMALL, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
         wide = ascent.wide(self.gap)
         return Answer(

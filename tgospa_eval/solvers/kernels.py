@@ -131,6 +131,20 @@ def dual_values(states: States, prices: Floats) -> Floats:
     return sum_by(states.node_block, best, blocks) + sum_by(slot_block, prices, blocks)
 
 
+def alone_costs(states: States) -> Floats:
+    """Cost of each block if all its objects stay unassigned, (B,)."""
+    problem = states.problem
+    total = np.zeros(len(states.block_begin))
+    for side, count in (("truth", problem.truths), ("estimate", problem.estimates)):
+        track, price = getattr(problem, f"{side}_track"), getattr(problem, f"{side}_price")
+        of_track = sum_by(track, price, count)
+        home = np.full(count, -1)
+        home[getattr(states, f"pair_{side}")] = states.pair_block
+        known = home >= 0
+        total += sum_by(home[known], of_track[known], len(total))
+    return total
+
+
 def block_costs(states: States, weights: Floats) -> Floats:
     """Cost of each block under a proposed assignment, once that is made feasible, (B,).
 
@@ -139,12 +153,13 @@ def block_costs(states: States, weights: Floats) -> Floats:
     problem = states.problem
     whole = repair(states, weights)
     blocks = len(states.block_begin)
+    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
     used = np.flatnonzero((states.entry >= 0) & (whole > 0))
-    entry, block = states.entry[used], states.pair_block[states.pair[used]]
+    entry, block = states.entry[used], of_state[used]
     total = sum_by(block, whole[used] / ONE * problem.cost[entry], blocks)
     changed, amount = changes(states, whole)
     paid = problem.crossing_price[states.begin[changed]] * amount
-    total += sum_by(states.pair_block[states.pair[changed]], paid, blocks)
+    total += sum_by(of_state[changed], paid, blocks)
     for side, count in (("truth", problem.truths), ("estimate", problem.estimates)):
         home = np.full(count, -1)
         home[getattr(states, f"pair_{side}")] = states.pair_block

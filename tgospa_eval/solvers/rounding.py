@@ -3,7 +3,7 @@
 import numpy as np
 
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import block_costs, paths
+from tgospa_eval.solvers.kernels import alone_costs, block_costs, paths
 from tgospa_eval.states import Block, States
 
 ROUNDS = 12
@@ -58,8 +58,12 @@ def polish(states: States, weights: Floats, prices: Floats) -> tuple[Floats, Flo
     coincident truths each must get its own estimate. A misplaced object or a switch would cost more
     than the whole block, so the optimum is held throughout: one assignment of summed costs.
     """
+    alone = alone_costs(states)
+    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
+    saved = sum_by(of_state, np.clip(weights, 0.0, 1.0) * states.gain, len(alone))
+    if not np.any(alone - saved < 2 * NEARLY_PERFECT * alone):  # without the price of switches
+        return weights, prices
     before = block_costs(states, weights)
-    alone = block_costs(states, np.zeros(len(weights)))
     pairs = np.bincount(states.pair_block, minlength=len(before))
     chosen = np.flatnonzero((before > 0) & (before < NEARLY_PERFECT * alone) & (pairs > 1))
     if not len(chosen):

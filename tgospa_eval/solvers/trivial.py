@@ -4,7 +4,7 @@ import numpy as np
 
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import ONE
-from tgospa_eval.solvers.kernels import best_paths
+from tgospa_eval.solvers.kernels import paths
 from tgospa_eval.states import States, connected_components
 
 
@@ -27,9 +27,9 @@ def solve_trivial(states: States, *, conflict_free: bool = False) -> tuple[Float
     is_row = np.zeros(len(states.node_block), bool)
     is_row[states.pair_row] = True
     done = np.bincount(states.node_block[is_row], minlength=len(one_step)) == 1
-    of_state = states.pair_block[states.pair]
+    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
     if conflict_free or done.any():
-        weights = best_paths(states, prices)
+        weights = paths(states, states.gain)
         if conflict_free:
             claims = states.columns.sums(weights.astype(np.int64))
             clash = states.node_block[states.columns.node[claims > 1]]
