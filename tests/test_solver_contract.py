@@ -122,7 +122,6 @@ def weighted(problem: Problem, w1: np.ndarray, w2: np.ndarray) -> Problem:
             **{name: getattr(problem, name) for name in problem.__dataclass_fields__},
             "truth_price": problem.truth_price * w1[problem.truth_step],
             "estimate_price": problem.estimate_price * w1[problem.estimate_step],
-            "gain": problem.gain * at,
             "cost": problem.cost * at,
             "switch_price": problem.switch_price * w2,
         }

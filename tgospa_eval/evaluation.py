@@ -193,7 +193,7 @@ class Result:
             "estimates": states.problem.estimates,
             "steps": states.problem.steps,
             "candidate_pairs": len(states.pair_row),
-            "pair_steps": len(states.problem.gain),
+            "pair_steps": len(states.problem.cost),
             "components": len(states.block_begin),
         }
 

@@ -95,10 +95,8 @@ class Problem:
         The same for estimates, price B.
     truth_row, estimate_row : (N,) int arrays
         The rows of each entry, sorted by (step, truth, estimate).
-    gain : (N,) float array
-        What assigning the pair saves, A + B - cost > 0.
     cost : (N,) float array
-        What the assigned pair costs. Kept beside the gain, which loses the digits of a small cost.
+        What the assigned pair costs, less than A + B.
     switch_price : float or (T - 1,) float array
         Price of half a switch, for all transitions or for each.
     """
@@ -114,7 +112,6 @@ class Problem:
     estimate_price: Floats
     truth_row: Ints
     estimate_row: Ints
-    gain: Floats
     cost: Floats
     switch_price: float | Floats
 
@@ -126,7 +123,7 @@ class Problem:
                 object.__setattr__(self, name, frozen)
         if np.any(self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]):
             raise ConfigError("an entry pairs a truth and an estimate of different steps")
-        if np.any(~(self.gain > 0)) or np.any(~np.isfinite(self.gain)):
+        if np.any(~(self.gain > 0)) or np.any(~np.isfinite(self.cost)):
             raise ConfigError("gains must be positive and finite")
         if not isinstance(self.switch_price, float) and self.switch_price.shape != (
             max(self.steps - 1, 0),
@@ -137,6 +134,18 @@ class Problem:
     def entry_step(self) -> Ints:
         """Step of each entry, (N,)."""
         return self.truth_step[self.truth_row].astype(np.int32, copy=False)
+
+    @property
+    def gain(self) -> Floats:
+        """What assigning each pair saves, A + B - cost, (N,); small costs lose digits."""
+        return self.gains(slice(None))
+
+    def gains(self, entry: Ints | slice) -> Floats:
+        """The gain of some entries."""
+        price = self.truth_price[self.truth_row[entry]]
+        price += self.estimate_price[self.estimate_row[entry]]
+        price -= self.cost[entry]
+        return price
 
     @property
     def crossing_price(self) -> Floats:
@@ -166,12 +175,11 @@ def tgospa_problem(
     García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in the gain form of docs/theory.
     `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
     """
-    cost = (distance / parameters.cutoff) ** parameters.order
-    gain = 1.0 - cost
-    keep = (distance < parameters.cutoff) & (gain > 0)
+    cost = distance / parameters.cutoff
+    cost **= parameters.order
+    keep = (distance < parameters.cutoff) & (cost < 1.0)
     if not keep.all():
-        truth_row, estimate_row = truth_row[keep], estimate_row[keep]
-        gain, cost = gain[keep], cost[keep]
+        truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
     return Problem(
         steps=steps,
         truths=truths,
@@ -184,7 +192,6 @@ def tgospa_problem(
         estimate_price=np.full(len(estimate_step), 0.5),
         truth_row=truth_row,
         estimate_row=estimate_row,
-        gain=gain,
         cost=cost,
         switch_price=parameters.switch_price,
     )

@@ -80,19 +80,6 @@ class Slots:
         return total
 
 
-@dataclass(frozen=True, kw_only=True)
-class Block:
-    """Where one component lies in the arrays of `States`; all ranges half-open."""
-
-    pairs: slice
-    states: slice
-    rows: slice
-    columns: slice
-    row_slots: slice
-    column_slots: slice
-    window: tuple[int, int]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class States:
     """All states of a problem, with the graph that joins them.
@@ -164,59 +151,19 @@ class States:
         """Gain of each state, 0 for a run, (S,)."""
         gain = np.zeros(len(self.begin))
         gains = np.flatnonzero(self.entry >= 0)
-        gain[gains] = self.problem.gain[self.entry[gains]]
+        gain[gains] = self.problem.gains(self.entry[gains])
         return gain
 
-    def take(self, wanted: Ints) -> tuple["States", Ints, Ints]:
-        """The blocks of the given numbers, ascending, as a problem of their own.
-
-        Returns
-        -------
-        states : States
-            On the same `problem`.
-        state, slot : int arrays
-            Where its states and its column slots are here.
-        """
-        chosen = np.zeros(len(self.block_begin), bool)
-        chosen[wanted] = True
-        number = np.cumsum(chosen, dtype=np.int32) - 1
-        nodes, pairs = chosen[self.node_block], chosen[self.pair_block]
-        node_number = np.cumsum(nodes, dtype=np.int32) - 1
-        length = np.diff(self.pair_first)
-        state = np.flatnonzero(np.repeat(pairs, length))
-        pair_first = np.concatenate(([0], np.cumsum(length[pairs]))).astype(np.int32)
-        sides = []
-        for slots, pair_node in ((self.rows, self.pair_row), (self.columns, self.pair_column)):
-            counts = np.diff(slots.first)
-            kept = np.repeat(nodes, counts)
-            place = np.cumsum(kept, dtype=np.int32) - kept
-            sides.append(
-                Slots(
-                    first=np.concatenate(([0], np.cumsum(counts[nodes]))).astype(np.int32),
-                    step=slots.step[kept],
-                    begin=np.append(place, np.int32(kept.sum()))[slots.begin[state]],
-                    pair_first=pair_first,
-                    pair_node=node_number[pair_node[pairs]],
-                )
-            )
-        states = States(
-            problem=self.problem,
-            pair_row=sides[0].pair_node,
-            pair_column=sides[1].pair_node,
-            pair_block=number[self.pair_block[pairs]],
-            pair_first=pair_first,
-            pair_truth=self.pair_truth[pairs],
-            pair_estimate=self.pair_estimate[pairs],
-            begin=self.begin[state],
-            entry=self.entry[state],
-            rows=sides[0],
-            columns=sides[1],
-            node_block=number[self.node_block[nodes]],
-            block_begin=self.block_begin[chosen],
-            block_end=self.block_end[chosen],
-            transposed=self.transposed[chosen],
-        )
-        return states, state, np.flatnonzero(np.repeat(nodes, np.diff(self.columns.first)))
+    def cuts(self, size: int) -> list[tuple[int, int]]:
+        """Ranges of blocks, for `between`, each but the last with at least `size` states."""
+        blocks = len(self.block_begin)
+        first = self.pair_first[np.searchsorted(self.pair_block, np.arange(blocks + 1))]
+        cuts, low = [], 0
+        while low < blocks:
+            high = min(int(np.searchsorted(first, first[low] + size)), blocks)
+            cuts.append((low, high))
+            low = high
+        return cuts
 
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
         """The blocks from `low` to before `high` as a problem of their own; copies little.
@@ -266,32 +213,6 @@ class States:
             transposed=self.transposed[low:high],
         )
         return states, state, cuts[1]
-
-    def blocks(self, wanted: Ints | None = None) -> list[Block]:
-        """The blocks of the given numbers, all by default."""
-        count = len(self.block_begin)
-        every = np.arange(count + 1)
-        pairs = np.searchsorted(self.pair_block, every)
-        nodes = np.searchsorted(self.node_block, every)
-        # Within a block row nodes come before column nodes.
-        is_column = np.zeros(self.nodes, bool)
-        is_column[self.pair_column] = True
-        middle = nodes[:-1] + np.bincount(self.node_block[~is_column], minlength=count)
-        row_slots = self.rows.first[nodes]
-        column_slots = self.columns.first[nodes]
-        states = self.pair_first[pairs]
-        return [
-            Block(
-                pairs=slice(pairs[b], pairs[b + 1]),
-                states=slice(states[b], states[b + 1]),
-                rows=slice(nodes[b], middle[b]),
-                columns=slice(middle[b], nodes[b + 1]),
-                row_slots=slice(row_slots[b], row_slots[b + 1]),
-                column_slots=slice(column_slots[b], column_slots[b + 1]),
-                window=(int(self.block_begin[b]), int(self.block_end[b])),
-            )
-            for b in (range(count) if wanted is None else wanted.tolist())
-        ]
 
 
 def merge_runs(problem: Problem) -> States:

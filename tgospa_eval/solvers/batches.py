@@ -4,7 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.kernels import block_costs, settled
+from tgospa_eval.solvers.kernels import alone_costs, block_costs, settled
 from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import States
@@ -69,18 +69,21 @@ class Answer:
         Time by kind of work.
     history : tuple of dict
         Convergence, one record per check: ``sweep``, ``epsilon``, ``violation``, and the costs
-        ``lower`` and ``upper`` of the batch.
+        ``lower`` and ``upper`` of the blocks, less those of leaving all unassigned.
+    left : int array
+        Blocks that were not trivial.
     """
 
     weights: Floats
     prices: Floats
-    iterations: int
+    iterations: int = 0
     status: str = "solved"
     open: int = 0
     work: int = 0
     sweeping: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
-    history: tuple[dict[str, float], ...] = field(default=())
+    history: tuple[dict[str, float], ...] = ()
+    left: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 def solve_in_batches(
@@ -91,9 +94,8 @@ def solve_in_batches(
     conflict_free: bool,
     time_limit: float | None,
     jobs: int | None,
-    size: int = SIZE,
 ) -> Solution:
-    """Solve what is not trivial, batch by batch, and put the answers together.
+    """Solve batch by batch, what is trivial first, and put the answers together.
 
     Parameters
     ----------
@@ -109,66 +111,60 @@ def solve_in_batches(
         Seconds.
     jobs : int, optional
         Threads, all cores by default.
-    size : int
-        States of a batch of small blocks.
     """
     deadline = None if time_limit is None else time.monotonic() + time_limit
-    with stopwatch.span("solve/preparation"):
-        weights, prices, left = solve_trivial(states, conflict_free=conflict_free)
-        cuts = _cut(states, left, size)
-    answers: list[Answer] = []
-    if cuts:
-        wanted = np.zeros(len(states.block_begin), bool)
-        wanted[left] = True
+    weights = np.zeros(len(states.begin))
+    prices = np.zeros(len(states.columns.step))
 
-        def work(cut: tuple[int, int]) -> Answer:
-            part, state, slot = states.between(*cut)
-            chosen = wanted[cut[0] : cut[1]]
-            answer = solve(Batch(states=part, wanted=chosen, deadline=deadline))
-            mine = np.repeat(chosen[part.pair_block], np.diff(part.pair_first))
+    def work(cut: tuple[int, int]) -> Answer:
+        part, state, slot = states.between(*cut)
+        begin = time.perf_counter()
+        weights[state], prices[slot], left = solve_trivial(part, conflict_free=conflict_free)
+        preparation = time.perf_counter() - begin
+        answer = Answer(weights=weights[state], prices=prices[slot])
+        if len(left):
+            wanted = np.zeros(len(part.block_begin), bool)
+            wanted[left] = True
+            answer = solve(Batch(states=part, wanted=wanted, deadline=deadline))
+            mine = np.repeat(wanted[part.pair_block], np.diff(part.pair_first))
             weights[state][mine] = settled(part, answer.weights)[mine]
-            mine = np.repeat(chosen[part.node_block], np.diff(part.columns.first))
+            mine = np.repeat(wanted[part.node_block], np.diff(part.columns.first))
             prices[slot][mine] = answer.prices[mine]
-            return answer
+        begin = time.perf_counter()
+        weights[state], prices[slot] = polish(part, weights[state], prices[slot])
+        spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
+        for name, seconds in answer.seconds.items():
+            spent[name] = spent.get(name, 0.0) + seconds
+        return replace(
+            answer,
+            weights=weights[:0],
+            prices=prices[:0],
+            seconds=spent,
+            left=left,
+        )
 
-        begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-        threads = min(jobs or os.cpu_count() or 1, len(cuts))
-        if threads == 1:
-            answers = [work(cut) for cut in cuts]
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                answers = list(pool.map(work, cuts))
-        _book(stopwatch, answers, time.perf_counter() - begin)
-    with stopwatch.span("solve/rounding"):
-        weights, prices = polish(states, weights, prices)
-    history: tuple[dict[str, float], ...] = ()
-    if any(answer.history for answer in answers):
-        history = _merge([a.history for a in answers], _elsewhere(states, weights, left))
+    begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
+    cuts = states.cuts(SIZE)
+    threads = min(jobs or os.cpu_count() or 1, len(cuts))
+    if threads <= 1:
+        answers = [work(cut) for cut in cuts]
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            answers = list(pool.map(work, cuts))
+    _book(stopwatch, answers, time.perf_counter() - begin)
+
     missing = sum(answer.open for answer in answers)
-    status = next((a.status for a in answers if a.open or not missing), "solved")
+    status = next((a.status for a in answers if len(a.left) and (a.open or not missing)), "solved")
     return Solution(
         weights=weights,
         prices=prices,
-        status=f"{status} ({missing} of {len(left)} components)" if missing else status,
+        status=f"{status} ({missing} of {sum(len(a.left) for a in answers)} components)"
+        if missing
+        else status,
         iterations=sum(answer.iterations for answer in answers),
         finished=not missing,
-        history=history,
+        history=_merge(states, cuts, answers, weights),
     )
-
-
-def _cut(states: States, left: Ints, size: int) -> list[tuple[int, int]]:
-    """Ranges of blocks, each with at least one of those left and `size` states of them."""
-    if not len(left):
-        return []
-    length = np.diff(
-        states.pair_first[
-            np.searchsorted(states.pair_block, np.arange(len(states.block_begin) + 1))
-        ]
-    )
-    batch = (np.cumsum(length[left]) - 1) // size
-    starts = np.flatnonzero(np.diff(batch, prepend=-1))
-    ends = np.append(starts[1:], len(left)) - 1
-    return [(int(left[a]), int(left[b]) + 1) for a, b in zip(starts, ends, strict=True)]
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
@@ -184,29 +180,30 @@ def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:
         stopwatch.add(f"solve/{name}", elapsed * spent / total if total else 0.0)
 
 
-def _elsewhere(states: States, weights: Floats, left: Ints) -> float:
-    """Cost of all that is outside the blocks that were left."""
-    problem = states.problem
-    alone = block_costs(states, np.zeros(len(weights)))
-    saved = alone - block_costs(states, weights)
-    saved[left] = alone[left]
-    return float(problem.truth_price.sum() + problem.estimate_price.sum() - saved.sum())
-
-
 def _merge(
-    histories: list[tuple[dict[str, float], ...]], elsewhere: float
+    states: States, cuts: list[tuple[int, int]], answers: list[Answer], weights: Floats
 ) -> tuple[dict[str, float], ...]:
     """Histories side by side: costs add up, the last of a shorter one stays."""
-    merged = []
-    for k in range(max(map(len, histories), default=0)):
-        at = [history[min(k, len(history) - 1)] for history in histories if history]
+    found = [answer for answer in answers if answer.history]
+    merged: list[dict[str, float]] = []
+    if not found:
+        return ()
+    problem = states.problem
+    base = float(problem.truth_price.sum() + problem.estimate_price.sum())
+    for cut, answer in zip(cuts, answers, strict=True):
+        part, state, _ = states.between(*cut)
+        trivial = block_costs(part, weights[state]) - alone_costs(part)
+        trivial[answer.left] = 0.0
+        base += float(trivial.sum())
+    for k in range(max(len(answer.history) for answer in found)):
+        at = [answer.history[min(k, len(answer.history) - 1)] for answer in found]
         merged.append(
             {
                 "sweep": max(check["sweep"] for check in at),
                 "epsilon": min(check["epsilon"] for check in at),
                 "violation": max(check["violation"] for check in at),
-                "lower": elsewhere + sum(check["lower"] for check in at),
-                "upper": elsewhere + sum(check["upper"] for check in at),
+                "lower": base + sum(check["lower"] for check in at),
+                "upper": base + sum(check["upper"] for check in at),
             }
         )
     return tuple(merged)

@@ -14,6 +14,7 @@ from scipy import sparse
 
 from tgospa_eval.errors import SolverError
 from tgospa_eval.result import Solution
+from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.kernels import (
     Limits,
     better,
@@ -22,8 +23,7 @@ from tgospa_eval.solvers.kernels import (
     price_cap,
     settled,
 )
-from tgospa_eval.solvers.rounding import polish, round_paths
-from tgospa_eval.solvers.trivial import solve_trivial
+from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -58,38 +58,51 @@ class Exact:
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
         """Solve every block that is not trivial, each as a fresh problem."""
-        deadline = None if self.time_limit is None else time.monotonic() + self.time_limit
-        with stopwatch.span("solve/preparation"):
-            weights, prices, left = solve_trivial(states)
-        statuses: list[str] = []
-        iterations = 0
-        for block in left.tolist():
-            part, state, slot = states.between(block, block + 1)
-            with stopwatch.span("solve/build"):
-                programme = _build(part)
-            with stopwatch.span("solve/lp"):
-                status, steps = _solve(programme, deadline)
-            statuses.append(status)
-            iterations += steps
-            if programme.weights.value is not None:
-                weights[state] = settled(part, programme.weights.value)
-            if programme.columns is not None and programme.columns.dual_value is not None:
-                prices[slot] = programme.priced.spread(
-                    programme.columns.dual_value, np.zeros(len(part.columns.step))
-                )
-        # "inaccurate" met a looser tolerance; the bracket says how good it is.
-        open_ones = [s for s in statuses if s not in ("optimal", "optimal_inaccurate")]
-        # An interior point leaves a little of everything everywhere, at full price.
-        value = states.gain - states.columns.totals(np.maximum(prices, 0.0))
-        weights = better(states, weights, round_paths(states, value, weights))
-        weights, prices = polish(states, weights, prices)
-        return Solution(
-            weights=weights,
-            prices=prices,
-            status=f"{len(open_ones)} blocks ended as {open_ones[0]}" if open_ones else "solved",
-            iterations=iterations,
-            finished=not open_ones,
+        return solve_in_batches(
+            states,
+            _solve_blocks,
+            stopwatch,
+            conflict_free=False,
+            time_limit=self.time_limit,
+            jobs=1,
         )
+
+
+def _solve_blocks(batch: Batch) -> Answer:
+    """The blocks of a batch, one by one."""
+    states = batch.states
+    weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
+    statuses: list[str] = []
+    iterations = 0
+    seconds = {"build": 0.0, "lp": 0.0}
+    for block in np.flatnonzero(batch.wanted).tolist():
+        part, state, slot = states.between(block, block + 1)
+        begin = time.perf_counter()
+        programme = _build(part)
+        built = time.perf_counter()
+        status, steps = _solve(programme, batch.left())
+        seconds["build"] += built - begin
+        seconds["lp"] += time.perf_counter() - built
+        statuses.append(status)
+        iterations += steps
+        if programme.weights.value is not None:
+            weights[state] = settled(part, programme.weights.value)
+        if programme.columns is not None and programme.columns.dual_value is not None:
+            prices[slot] = programme.priced.spread(
+                programme.columns.dual_value, np.zeros(len(part.columns.step))
+            )
+    # "inaccurate" met a looser tolerance; the bracket says how good it is.
+    open_ones = [s for s in statuses if s not in ("optimal", "optimal_inaccurate")]
+    # An interior point leaves a little of everything everywhere, at full price.
+    value = states.gain - states.columns.totals(np.maximum(prices, 0.0))
+    return Answer(
+        weights=better(states, weights, round_paths(states, value, weights)),
+        prices=prices,
+        iterations=iterations,
+        status=open_ones[0] if open_ones else "solved",
+        open=len(open_ones),
+        seconds=seconds,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,13 +150,13 @@ def _build(states: States) -> _Programme:
     )
 
 
-def _solve(programme: _Programme, deadline: float | None) -> tuple[str, int]:
+def _solve(programme: _Programme, seconds: float | None) -> tuple[str, int]:
     """Run Clarabel; its status, and its iterations."""
     import cvxpy as cp
 
     settings: dict[str, float] = dict(SETTINGS)
-    if deadline is not None:
-        settings["time_limit"] = max(deadline - time.monotonic(), 1e-3)
+    if seconds is not None:
+        settings["time_limit"] = max(seconds, 1e-3)
     problem = programme.problem
     try:
         with warnings.catch_warnings():

@@ -235,7 +235,7 @@ def _chain(states: States, left: Ints) -> tuple[Ints, Ints]:
     chosen = np.flatnonzero(np.isin(states.pair_block, left)[states.pair])
     length = states.end[chosen] - states.begin[chosen] + 1
     order = np.argsort(length, kind="stable")
-    room = max(CHAIN, 8 * len(states.problem.gain))
+    room = max(CHAIN, 8 * len(states.problem.cost))
     chosen = np.sort(chosen[order[np.cumsum(length[order]) <= room]])
     length = states.end[chosen] - states.begin[chosen] + 1
     state = np.repeat(chosen, length)

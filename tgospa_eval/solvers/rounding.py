@@ -4,7 +4,7 @@ import numpy as np
 
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, paths
-from tgospa_eval.states import Block, States
+from tgospa_eval.states import States
 
 ROUNDS = 12
 
@@ -68,6 +68,21 @@ def polish(states: States, weights: Floats, prices: Floats) -> tuple[Floats, Flo
     chosen = np.flatnonzero((before > 0) & (before < NEARLY_PERFECT * alone) & (pairs > 1))
     if not len(chosen):
         return weights, prices
+    proposed, fair = weights.copy(), prices.copy()
+    for block in chosen.tolist():
+        part, state, slot = states.between(block, block + 1)
+        proposed[state], fair[slot] = _hold_all(part)
+    won = np.zeros(len(before), bool)
+    # Equal sums in another order differ in the last digit; the prices fit the held assignment only.
+    won[chosen] = (block_costs(states, proposed) <= before * (1 + 1e-12))[chosen]
+    return (
+        np.where(won[of_state], proposed, weights),
+        np.where(won[states.node_block[states.columns.node]], fair, prices),
+    )
+
+
+def _hold_all(states: States) -> tuple[Floats, Floats]:
+    """The best assignment of one block that never changes, and prices that prove it."""
     from scipy.optimize import linear_sum_assignment  # here: slow to import and rarely needed
 
     problem = states.problem
@@ -78,36 +93,30 @@ def polish(states: States, weights: Floats, prices: Floats) -> tuple[Floats, Flo
     price_e = problem.estimate_price[problem.estimate_row[entry]]
     all_t = sum_by(problem.truth_track, problem.truth_price, problem.truths)
     all_e = sum_by(problem.estimate_track, problem.estimate_price, problem.estimates)
-    held = (
+    truth, i = np.unique(states.pair_truth, return_inverse=True)
+    estimate, j = np.unique(states.pair_estimate, return_inverse=True)
+    m, n = len(truth), len(estimate)
+    # Unassigned truths go to the last m columns, unassigned estimates to the last n rows.
+    cost = np.zeros((m + n, n + m))
+    cost[:m, :n] = all_t[truth][:, None] + all_e[estimate][None, :]
+    cost[i, j] = (
         sum_by(pair, problem.cost[entry], count)
         + (all_t[states.pair_truth] - sum_by(pair, price_t, count))
         + (all_e[states.pair_estimate] - sum_by(pair, price_e, count))
     )
-    taken = np.zeros(count)
-    proposed = prices.copy()
-    for block in states.blocks(chosen):
-        truth, i = np.unique(states.pair_truth[block.pairs], return_inverse=True)
-        estimate, j = np.unique(states.pair_estimate[block.pairs], return_inverse=True)
-        m, n = len(truth), len(estimate)
-        # Unassigned truths go to the last m columns, unassigned estimates to the last n rows.
-        cost = np.zeros((m + n, n + m))
-        cost[:m, :n] = all_t[truth][:, None] + all_e[estimate][None, :]
-        cost[i, j] = held[block.pairs]
-        cost[:m, n:] = all_t[truth][:, None]
-        cost[m:, :n] = all_e[estimate][None, :]
-        _, column = linear_sum_assignment(cost)
-        taken[block.pairs] = column[i] == j
-        flip = states.transposed[states.pair_block[block.pairs.start]]
-        fair = _fair_prices(cost.T if flip else cost, np.argsort(column) if flip else column)
-        _spread(states, block, fair[: m if flip else n], proposed)
-    held_weights = taken[states.pair]
-    won = np.zeros(len(before), bool)
-    # Equal sums in another order differ in the last digit; the prices fit the held assignment only.
-    won[chosen] = (block_costs(states, held_weights) <= before * (1 + 1e-12))[chosen]
-    return (
-        np.where(won[states.pair_block[states.pair]], held_weights, weights),
-        np.where(won[states.node_block[states.columns.node]], proposed, prices),
-    )
+    cost[:m, n:] = all_t[truth][:, None]
+    cost[m:, :n] = all_e[estimate][None, :]
+    _, column = linear_sum_assignment(cost)
+    taken = (column[i] == j).astype(np.float64)
+    if states.transposed[0]:
+        fair = _fair_prices(cost.T, np.argsort(column))[:m]
+    else:
+        fair = _fair_prices(cost, column)[:n]
+    # Nodes come in the order of the tracks, rows first; a price is spread over the slots.
+    each = np.zeros(states.nodes)
+    each[np.unique(states.pair_column)] = fair
+    slots = np.diff(states.columns.first)
+    return taken[states.pair], np.repeat(each / np.maximum(slots, 1), slots)
 
 
 def _fair_prices(cost: Floats, column: Ints) -> Floats:
@@ -125,12 +134,3 @@ def _fair_prices(cost: Floats, column: Ints) -> Floats:
             break
         price = np.maximum(price, wanted)
     return price
-
-
-def _spread(states: States, block: Block, fair: Floats, prices: Floats) -> None:
-    """Spread the price of each column, in the order of their nodes, over its slots."""
-    nodes = states.columns.node[block.column_slots]
-    node, slots = np.unique(nodes, return_counts=True)
-    each = np.zeros(block.columns.stop - block.columns.start)
-    each[node - block.columns.start] = fair[node - block.columns.start] / slots
-    prices[block.column_slots] = each[nodes - block.columns.start]

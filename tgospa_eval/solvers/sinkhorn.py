@@ -99,13 +99,13 @@ class Sinkhorn:
             violation = ascent.stage(epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.late)
             count += sweeps
             after = ascent.gap[wanted].sum()
-            upper = float((ascent.alone - ascent.worth)[wanted].sum())
+            upper = -float(ascent.worth[wanted].sum())
             history.append(
                 {
                     "sweep": count,
                     "epsilon": epsilon,
                     "violation": violation,
-                    "lower": min(max(upper - float(after), 0.0), upper),
+                    "lower": upper - max(float(after), 0.0),
                     "upper": upper,
                 }
             )
