@@ -8,6 +8,7 @@ prices); no solver knows which.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,6 +135,14 @@ class Problem:
     def entry_step(self) -> Ints:
         """Step of each entry, (N,)."""
         return self.truth_step[self.truth_row].astype(np.int32, copy=False)
+
+    @cached_property
+    def alone(self) -> tuple[Floats, Floats]:
+        """Cost of leaving each truth (m,), and each estimate (n,), unassigned throughout."""
+        return (
+            sum_by(self.truth_track, self.truth_price, self.truths),
+            sum_by(self.estimate_track, self.estimate_price, self.estimates),
+        )
 
     @property
     def gain(self) -> Floats:

@@ -13,7 +13,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settled
-from tgospa_eval.solvers.rounding import polish
+from tgospa_eval.solvers.rounding import nearly_perfect, polish
 from tgospa_eval.solvers.trivial import solve_trivial
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -72,6 +72,8 @@ class Answer:
         ``lower`` and ``upper`` of the blocks, less those of leaving all unassigned.
     left : int array
         Blocks that were not trivial.
+    perfect : int array
+        Those of the problem for `polish`.
     """
 
     weights: Floats
@@ -84,6 +86,7 @@ class Answer:
     seconds: dict[str, float] = field(default_factory=dict)
     history: tuple[dict[str, float], ...] = ()
     left: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    perfect: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 def solve_in_batches(
@@ -131,7 +134,7 @@ def solve_in_batches(
             mine = np.repeat(wanted[part.node_block], np.diff(part.columns.first))
             prices[slot][mine] = answer.prices[mine]
         begin = time.perf_counter()
-        weights[state], prices[slot] = polish(part, weights[state], prices[slot])
+        perfect = nearly_perfect(part, weights[state]) + cut[0]
         spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
         for name, seconds in answer.seconds.items():
             spent[name] = spent.get(name, 0.0) + seconds
@@ -141,6 +144,7 @@ def solve_in_batches(
             prices=prices[:0],
             seconds=spent,
             left=left,
+            perfect=perfect,
         )
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
@@ -151,6 +155,9 @@ def solve_in_batches(
     else:
         with ThreadPoolExecutor(threads) as pool:
             answers = list(pool.map(work, cuts))
+    perfect = np.concatenate([answer.perfect for answer in answers] or [np.zeros(0, np.int64)])
+    if len(perfect):
+        weights, prices = polish(states, weights, prices, perfect)
     _book(stopwatch, answers, time.perf_counter() - begin)
 
     missing = sum(answer.open for answer in answers)

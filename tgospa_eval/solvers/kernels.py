@@ -133,15 +133,12 @@ def dual_values(states: States, prices: Floats) -> Floats:
 
 def alone_costs(states: States) -> Floats:
     """Cost of each block if all its objects stay unassigned, (B,)."""
-    problem = states.problem
     total = np.zeros(len(states.block_begin))
-    for side, count in (("truth", problem.truths), ("estimate", problem.estimates)):
-        track, price = getattr(problem, f"{side}_track"), getattr(problem, f"{side}_price")
-        of_track = sum_by(track, price, count)
-        home = np.full(count, -1)
-        home[getattr(states, f"pair_{side}")] = states.pair_block
-        known = home >= 0
-        total += sum_by(home[known], of_track[known], len(total))
+    for track, alone in zip(
+        (states.pair_truth, states.pair_estimate), states.problem.alone, strict=True
+    ):
+        tracks, at = np.unique(track, return_index=True)
+        total += sum_by(states.pair_block[at], alone[tracks], len(total))
     return total
 
 

@@ -51,23 +51,28 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
     return np.unique(state[order[second]])
 
 
-def polish(states: States, weights: Floats, prices: Floats) -> tuple[Floats, Floats]:
+def nearly_perfect(states: States, weights: Floats) -> Ints:
+    """Blocks of several pairs that may cost less than `NEARLY_PERFECT`; switches are not counted."""
+    alone = alone_costs(states)
+    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
+    saved = sum_by(of_state, np.clip(weights, 0.0, 1.0) * states.gain, len(alone))
+    pairs = np.bincount(states.pair_block, minlength=len(alone))
+    return np.flatnonzero((alone - saved < 2 * NEARLY_PERFECT * alone) & (pairs > 1))
+
+
+def polish(states: States, weights: Floats, prices: Floats, blocks: Ints) -> tuple[Floats, Floats]:
     """Where estimates are nearly perfect, the best held assignment and its prices if it is better.
 
     Gains near 1 differ by less there than a solver can see, while the costs differ by a factor: of
     coincident truths each must get its own estimate. A misplaced object or a switch would cost more
     than the whole block, so the optimum is held throughout: one assignment of summed costs.
+    `blocks` are those of `nearly_perfect`.
     """
-    alone = alone_costs(states)
-    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-    saved = sum_by(of_state, np.clip(weights, 0.0, 1.0) * states.gain, len(alone))
-    if not np.any(alone - saved < 2 * NEARLY_PERFECT * alone):  # without the price of switches
-        return weights, prices
     before = block_costs(states, weights)
-    pairs = np.bincount(states.pair_block, minlength=len(before))
-    chosen = np.flatnonzero((before > 0) & (before < NEARLY_PERFECT * alone) & (pairs > 1))
+    chosen = blocks[(before > 0)[blocks] & (before < NEARLY_PERFECT * alone_costs(states))[blocks]]
     if not len(chosen):
         return weights, prices
+    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
     proposed, fair = weights.copy(), prices.copy()
     for block in chosen.tolist():
         part, state, slot = states.between(block, block + 1)
@@ -91,8 +96,7 @@ def _hold_all(states: States) -> tuple[Floats, Floats]:
     count = len(states.pair_row)
     price_t = problem.truth_price[problem.truth_row[entry]]
     price_e = problem.estimate_price[problem.estimate_row[entry]]
-    all_t = sum_by(problem.truth_track, problem.truth_price, problem.truths)
-    all_e = sum_by(problem.estimate_track, problem.estimate_price, problem.estimates)
+    all_t, all_e = problem.alone
     truth, i = np.unique(states.pair_truth, return_inverse=True)
     estimate, j = np.unique(states.pair_estimate, return_inverse=True)
     m, n = len(truth), len(estimate)
