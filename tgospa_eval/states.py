@@ -10,6 +10,7 @@ do not change; the assignment over a slot may sum to at most 1.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +147,7 @@ class States:
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
 
-    @property
+    @cached_property
     def gain(self) -> Floats:
         """Gain of each state, 0 for a run, (S,)."""
         gain = np.zeros(len(self.begin))

@@ -198,6 +198,11 @@ class Ascent:
                 break
         return weights
 
+    def full(self) -> NDArray[np.bool_]:
+        """Whether the best assignment uses each column slot up, (K,)."""
+        used = np.flatnonzero(self.weights)
+        return _cover(self.states.columns, used, self.weights[used]) > 1 - 1e-9
+
     def undecided(self, reach: float, also: NDArray[np.bool_]) -> Ints:
         """States that a programme has to decide for the bracket to close, at the prices looked at.
 
@@ -230,9 +235,7 @@ class Ascent:
         kernels.trace(self.rows, self.row_first, self.came, self.final, path)
         seed |= path > self.weights
         seed &= np.repeat(regret[s.pair_row], np.diff(s.pair_first))
-        used = np.flatnonzero(self.weights)
-        idle = self.prices * (1.0 - _cover(s.columns, used, self.weights[used])) > REGRET
-        lost = np.concatenate(([0], np.cumsum(idle)))
+        lost = np.concatenate(([0], np.cumsum((self.prices > REGRET) & ~self.full())))
         seed |= lost[self.slot_end] > lost[s.columns.begin]
 
         size = len(free)

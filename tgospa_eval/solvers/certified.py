@@ -26,8 +26,8 @@ STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64
 EASY = 0.01
 """A bracket that is narrower than this fraction of the cost may skip a stage."""
 
-EARLY = 0.02
-"""From this temperature on a small programme is tried after each stage."""
+EARLY, HOPE = 0.02, 0.005
+"""From this temperature on a small programme is tried after a stage, if the bracket is as narrow."""
 
 FEW = 3000
 """States of a small programme."""
@@ -98,7 +98,7 @@ class Certified:
             ascent.keep(ascent.wide(self.gap))
             cost = (ascent.alone - ascent.worth)[ascent.open].sum()
             skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
-            if epsilon <= EARLY:
+            if epsilon <= EARLY and ascent.gap[ascent.open].sum() < HOPE * cost:
                 programmes.run(SMALL, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
         wide = ascent.wide(self.gap)
@@ -154,3 +154,4 @@ class _Programmes:
         self.tempted |= ascent.slack <= 1e-6
         for share in (0.5, 0.2):
             ascent.offer_prices(share * prices + (1 - share) * before)
+        ascent.offer_prices(np.where(ascent.full(), ascent.prices, 0.0))

@@ -98,8 +98,10 @@ def price_cap(states: States) -> Floats:
     An assignment that is held for n steps gains at most n times the largest gain: at any higher
     price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
     """
-    most = np.zeros(len(states.block_begin))
-    np.maximum.at(most, states.pair_block[states.pair], states.gain)
+    blocks = np.arange(len(states.block_begin))
+    most = np.maximum.reduceat(
+        states.gain, states.pair_first[np.searchsorted(states.pair_block, blocks)]
+    )
     return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 
@@ -109,12 +111,10 @@ def settled(states: States, weights: Floats) -> Floats:
     There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
     at the true price. The average over time is as feasible as what it averages.
     """
-    blocks = len(states.block_begin)
-    cheapest = np.full(blocks, np.inf)
-    moves = np.flatnonzero(states.begin != states.block_begin[states.pair_block][states.pair])
-    paid = states.problem.crossing_price[states.begin[moves]]
-    np.minimum.at(cheapest, states.pair_block[states.pair[moves]], paid)
-    held = (cheapest > price_cap(states)) & np.isfinite(cheapest)
+    crossing = states.problem.crossing_price
+    spans = zip(states.block_begin.tolist(), states.block_end.tolist(), strict=True)
+    least = np.array([crossing[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
+    held = (least > price_cap(states)) & np.isfinite(least)
     if not held.any():
         return weights
     length = (states.end - states.begin + 1).astype(np.float64)

@@ -52,7 +52,7 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
 
 
 def nearly_perfect(states: States, weights: Floats) -> Ints:
-    """Blocks of several pairs that may cost less than `NEARLY_PERFECT`; switches are not counted."""
+    """Blocks of several pairs that may cost less than `NEARLY_PERFECT`, switches aside."""
     alone = alone_costs(states)
     of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
     saved = sum_by(of_state, np.clip(weights, 0.0, 1.0) * states.gain, len(alone))
