@@ -27,7 +27,7 @@ EASY = 0.01
 """A bracket that is narrower than this fraction of the cost may skip a stage."""
 
 EARLY, HOPE = 0.02, 0.005
-"""From this temperature on a small programme is tried after a stage, if the bracket is as narrow."""
+"""From this temperature on, and with a bracket so narrow, a small programme is tried."""
 
 FEW = 3000
 """States of a small programme."""
