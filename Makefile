@@ -2,13 +2,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint docs clean
+.PHONY: demo test bench lint docs clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
 
 test: .venv/installed-test
 	$(BIN)/python -m pytest
+
+bench: .venv/installed
+	$(BIN)/python tests/benchmarks
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

@@ -197,9 +197,9 @@ def bytes_of(truth: np.ndarray, estimate: np.ndarray, solver: Certified | Sinkho
 def test_threads_do_not_change_a_byte(kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
     import tgospa_eval.solvers.batches as batches
 
-    monkeypatch.setattr(batches, "SIZE", 200)
-    truth, estimate = scene(11, 5, 6, 30, side=5.0)
-    offsets = 1e4 * np.arange(8)[:, None, None, None]
+    monkeypatch.setattr(batches, "SIZE", 100)
+    truth, estimate = scene(11, 5, 6, 16, side=5.0)
+    offsets = 1e4 * np.arange(5)[:, None, None, None]
     many = np.concatenate(list(truth[None] + offsets), axis=1)
     others = np.concatenate(list(estimate[None] + offsets), axis=1)
     assert bytes_of(many, others, kind(jobs=1)) == bytes_of(many, others, kind(jobs=4))
@@ -272,7 +272,8 @@ def test_gap_of_certified_stops_early_and_is_kept(
     result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(gap=0.05))
     assert result.certified
     assert result.relative_gap <= 0.05
-    assert result.solver["iterations"] < exact.solver["iterations"]
+    if kernels:  # a linear programme alone has no early end
+        assert result.solver["iterations"] < exact.solver["iterations"]
 
 
 def test_parts_of_the_states_are_problems_of_their_own() -> None:

@@ -27,8 +27,9 @@ class Trajectories:
 
     Parameters
     ----------
-    step, track : (R,) int arrays
-        Position in `times` and in `ids`; rows are sorted by (step, track), which are unique.
+    step, track : (R,) int32 arrays
+        Position in `times` and in `ids`; rows are sorted by (step, track), which are unique. Held
+        as int64 where there are too many times or ids.
     state : (R, d) float array
         Finite states, in the user's unit.
     ids : (k,) array of str
@@ -62,7 +63,7 @@ class Trajectories:
             array = np.asarray(getattr(self, name))
             if array.dtype.kind not in "iu" and len(array):
                 raise InputError(f"{name} must be integers, not {array.dtype}")
-            object.__setattr__(self, name, array.astype(np.int64, copy=False))
+            object.__setattr__(self, name, array if len(array) else array.astype(np.int32))
         object.__setattr__(self, "state", np.asarray(self.state, np.float64))
         object.__setattr__(self, "times", np.asarray(self.times))
         object.__setattr__(self, "ids", np.asarray(self.ids, dtype=object))
@@ -85,9 +86,13 @@ class Trajectories:
                 raise InputError("a step lies outside the times")
             if self.track.min() < 0 or self.track.max() >= len(self.ids):
                 raise InputError("a track lies outside the ids")
-            key = self.step.astype(np.int64) * len(self.ids) + self.track
-            if np.any(np.diff(key) <= 0):
+            earlier = self.step[1:] > self.step[:-1]
+            beside = (self.step[1:] == self.step[:-1]) & (self.track[1:] > self.track[:-1])
+            if not np.all(earlier | beside):
                 raise InputError("rows must be sorted by (step, track), each at most once")
+        for name, size in (("step", len(self.times)), ("track", len(self.ids))):
+            kind = np.int32 if size <= np.iinfo(np.int32).max else np.int64
+            object.__setattr__(self, name, getattr(self, name).astype(kind, copy=False))
         for name, value in list(vars(self).items()):
             if isinstance(value, np.ndarray):
                 frozen = value.view()
@@ -119,7 +124,7 @@ class Trajectories:
             states = np.asarray(states)
             if states.dtype.kind not in "biufO":
                 raise TypeError(f"not of type {states.dtype}")
-            states = states.astype(np.float64)
+            states = states.astype(np.float64, copy=False)
         except (TypeError, ValueError) as error:
             raise InputError(f"an array of states holds numbers: {error}") from None
         if states.ndim != 3 or not states.shape[2]:
@@ -127,16 +132,20 @@ class Trajectories:
         if np.isinf(states).any():
             step, track, _ = (int(axis[0]) for axis in np.nonzero(np.isinf(states)))
             raise InputError(f"infinite state at step {step}, track {track}; NaN means absent")
-        at, who = np.nonzero(~np.isnan(states).any(axis=2))
-        size = states.shape[2]
+        steps, tracks, size = states.shape
+        present = ~np.isnan(states[:, :, 0])
+        for axis in range(1, size):
+            present &= ~np.isnan(states[:, :, axis])
+        rows = np.flatnonzero(present)
+        at = np.repeat(np.arange(steps), np.count_nonzero(present, axis=1))
         if columns is None:
             columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
         return cls(
             step=at,
-            track=who,
-            state=states[at, who],
-            ids=np.array([str(k) for k in range(states.shape[1])], dtype=object),
-            times=np.arange(states.shape[0]),
+            track=rows - at * tracks,
+            state=states.reshape(-1, size).take(rows, axis=0),
+            ids=np.array([str(k) for k in range(tracks)], dtype=object),
+            times=np.arange(steps),
             columns=columns,
         )
 

@@ -1,27 +1,22 @@
-"""Which pairs of one step are nearer than the cutoff: memory for the near pairs only.
+"""Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only."""
 
-Steps with few pairs are compared all at once, in pieces; a step with many gets a k-d tree. The
-small table is faster than a tree up to some thousand pairs and does without importing SciPy.
-"""
-
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.distances.search import Side, search
 from tgospa_eval.distances.vector import Floats, Norm
 from tgospa_eval.trajectories import Ints, Trajectories
 
-TABLE = 40_000
-"""Pairs of one step that are compared in a table."""
+ROWS = 1 << 15
+"""Rows searched at a time; a step is never divided."""
 
 SAMPLE = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
-
-PIECE = 1 << 20
-"""Pairs compared at a time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +25,8 @@ class Pairs:
 
     Parameters
     ----------
-    truth_row, estimate_row : (N,) int arrays
-        Rows of the two tables.
+    truth_row, estimate_row : (N,) int32 arrays
+        Rows of the two tables; int64 for tables that need it.
     distance : (N,) float array
         Base distance, less than the cutoff.
     """
@@ -45,67 +40,57 @@ class Pairs:
 @np.errstate(over="ignore", invalid="ignore")
 def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Norm) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
-    every = np.arange(len(truth.times) + 1)
-    truth_at = np.searchsorted(truth.step, every)
-    estimate_at = np.searchsorted(estimate.step, every)
-    sizes = np.diff(truth_at) * np.diff(estimate_at)
-    found: list[tuple[Ints, Ints, Floats]] = []
-    for steps in _pieces(sizes):
-        if sizes[steps[0]] > TABLE:
-            k = int(steps[0])
-            rows = _tree(
-                truth.state[truth_at[k] : truth_at[k + 1]],
-                estimate.state[estimate_at[k] : estimate_at[k + 1]],
-                cutoff,
-                norm,
-            )
-            i, j = truth_at[k] + rows[0], estimate_at[k] + rows[1]
-        else:
-            i, j = _table(truth_at, estimate_at, sizes, steps)
-            for axis in range(truth.state.shape[1]):  # no norm is below any one difference
-                apart = truth.state[i, axis] - estimate.state[j, axis]
-                close = np.abs(apart) < cutoff
-                i, j = i[close], j[close]
-        distance = norm(truth.state[i], estimate.state[j])
-        near = distance < cutoff
-        found.append((i[near], j[near], distance[near]))
-    if not found:
-        empty = np.zeros(0, np.int64)
-        return Pairs(truth_row=empty, estimate_row=empty, distance=np.zeros(0))
-    truth_row, estimate_row, distance = (np.concatenate(part) for part in zip(*found, strict=True))
-    return Pairs(truth_row=truth_row, estimate_row=estimate_row, distance=distance)
-
-
-def _pieces(sizes: NDArray[np.int64]) -> Iterator[Ints]:
-    """Runs of steps whose tables fit in one piece; a step with a large table is alone."""
-    steps = np.flatnonzero(sizes)
-    large = sizes[steps] > TABLE
-    filled = np.cumsum(np.where(large, PIECE, sizes[steps])) // PIECE
-    cut = (np.diff(filled) > 0) | large[1:] | large[:-1]
-    yield from (piece for piece in np.split(steps, np.flatnonzero(cut) + 1) if len(piece))
-
-
-def _table(truth_at: Ints, estimate_at: Ints, sizes: Ints, steps: Ints) -> tuple[Ints, Ints]:
-    """Rows of all pairs of the steps."""
-    step = np.repeat(steps, sizes[steps])
-    offset = np.arange(len(step)) - np.repeat(np.cumsum(sizes[steps]) - sizes[steps], sizes[steps])
-    width = np.diff(estimate_at)[step]
-    return truth_at[step] + offset // width, estimate_at[step] + offset % width
-
-
-def _tree(a: Floats, b: Floats, cutoff: float, norm: Norm) -> tuple[Ints, Ints]:
-    """Rows of the pairs within the cutoff, and some of rounding beyond, by a k-d tree."""
-    from scipy.spatial import KDTree  # here: small evaluations do without SciPy
-
-    exponent = math.frexp(cutoff)[1]  # exact scaling, so that no square overflows
-    near = KDTree(np.ldexp(a, -exponent)).sparse_distance_matrix(
-        KDTree(np.ldexp(b, -exponent)),
-        math.ldexp(cutoff, -exponent) * (1 + 1e-9),
-        p=norm.power,
-        output_type="ndarray",
+    starts = _starts(truth), _starts(estimate)
+    fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
+    kind = np.int32 if fits else np.int64
+    # Columns of their own, so that one at a time is held twice when they are joined.
+    truth_rows: list[Ints] = [np.zeros(0, kind)]
+    estimate_rows: list[Ints] = [np.zeros(0, kind)]
+    distances: list[Floats] = [np.zeros(0)]
+    for begin, end in _together(starts[0] + starts[1]):
+        a = _rows(truth, starts[0], begin, end)
+        b = _rows(estimate, starts[1], begin, end)
+        for i, j in search(a, b, cutoff, norm):
+            apart = [np.abs(x[i] - y[j]) for x, y in zip(a.axes, b.axes, strict=True)]
+            distance = norm.length(apart)
+            near = np.flatnonzero(distance < cutoff)
+            truth_rows.append((i[near] + a.first).astype(kind))
+            estimate_rows.append((j[near] + b.first).astype(kind))
+            distances.append(distance[near])
+    return Pairs(
+        truth_row=_joined(truth_rows),
+        estimate_row=_joined(estimate_rows),
+        distance=_joined(distances),
     )
-    order = np.lexsort((near["j"], near["i"]))
-    return near["i"][order], near["j"][order]
+
+
+def _starts(side: Trajectories) -> Ints:
+    """First row of each step, and the number of rows."""
+    steps = np.arange(len(side.times) + 1, dtype=side.step.dtype)
+    return np.searchsorted(side.step, steps)
+
+
+def _together(done: Ints) -> Iterator[tuple[int, int]]:
+    """Ranges of steps with some `ROWS` rows each; `done` is what lies before each step."""
+    cuts = np.flatnonzero(np.diff(done[:-1] // ROWS)) + 1
+    yield from pairwise([0, *cuts.tolist(), len(done) - 1])
+
+
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    """The parts end to end; the list is emptied."""
+    whole = np.concatenate(parts)
+    parts.clear()
+    return whole
+
+
+def _rows(side: Trajectories, starts: Ints, begin: int, end: int) -> Side:
+    first, last = int(starts[begin]), int(starts[end])
+    return Side(
+        first=first,
+        step=side.step[first:last].astype(np.int64) - begin,
+        at=starts[begin : end + 1] - first,
+        axes=np.ascontiguousarray(side.state[first:last].T),
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -114,14 +99,15 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, norm: Norm) -> f
 
     None if no step has both. Both sides must be on the same times.
     """
-    both = np.intersect1d(truth.step, estimate.step)
+    starts = [_starts(side) for side in (truth, estimate)]
+    both = np.flatnonzero(np.diff(starts[0]) * np.diff(starts[1]))
     if not len(both):
         return None
     nearest = []
     for step in both[:: -(-len(both) // SAMPLE)]:
         a, b = (
-            side.state[slice(*np.searchsorted(side.step, (step, step + 1)))]
-            for side in (truth, estimate)
+            side.state[at[step] : at[step + 1]]
+            for side, at in zip((truth, estimate), starts, strict=True)
         )
         a = a[:: -(-len(a) // SAMPLE)]
         nearest.append(norm(a[:, None], b[None, :]).min(axis=1))

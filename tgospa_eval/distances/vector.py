@@ -1,6 +1,8 @@
 """Norms of the difference of two points."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +27,12 @@ class Norm:
 
     def __call__(self, a: Floats, b: Floats) -> Floats:
         """Distance along the last axis of `a` and `b`, which broadcast, without overflow."""
-        size = np.abs(a - b)
+        return self.length(np.moveaxis(np.abs(a - b), -1, 0))
+
+    def length(self, sizes: Iterable[Floats]) -> Floats:
+        """Length of the vectors whose components have these absolute values, axis by axis."""
         if self.power == 1.0:
-            return np.asarray(size.sum(axis=-1))
-        if self.power == np.inf or size.shape[-1] == 1:
-            return np.asarray(size.max(axis=-1))
-        distance = np.hypot(size[..., 0], size[..., 1])
-        for axis in range(2, size.shape[-1]):
-            distance = np.hypot(distance, size[..., axis])
-        return np.asarray(distance)
+            return reduce(np.add, sizes)
+        if self.power == np.inf:
+            return reduce(np.maximum, sizes)
+        return reduce(np.hypot, sizes)
