@@ -569,8 +569,9 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                     s = order[c]
                     if k > first and chosen[s - 1]:
                         active -= 1
-                        if crowded < since[s - 1] and is_sure(s - 1, slack, none, rivals,
-                                                              slot_begin, slot_end, threshold):
+                        if crowded < since[s - 1] and is_sure(
+                                s - 1, &slack[0], &none[0], &rivals[0], &slot_begin[0],
+                                &slot_end[0], threshold):
                             chosen[s - 1] = 2
                     if chosen[s]:
                         active += 1
@@ -582,8 +583,9 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                 a = c
             for s in range(low, high):
                 if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
-                        crowded < since[s]) and is_sure(s, slack, none, rivals, slot_begin,
-                                                        slot_end, threshold):
+                        crowded < since[s]) and is_sure(
+                            s, &slack[0], &none[0], &rivals[0], &slot_begin[0], &slot_end[0],
+                            threshold):
                     chosen[s] = 2
             # Sure states stay where a neighbour in time is not sure; 3 is left out.
             for s in range(low, high):
@@ -602,9 +604,8 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                     chosen[s] = 0
 
 
-cdef bint is_sure(i32 s, const double[::1] slack, const double[::1] none, const i32[::1] rivals,
-                  const i32[::1] slot_begin, const i32[::1] slot_end,
-                  double threshold) noexcept nogil:
+cdef bint is_sure(i32 s, const double* slack, const double* none, const i32* rivals,
+                  const i32* slot_begin, const i32* slot_end, double threshold) noexcept nogil:
     """Whether leaving the state costs more than the threshold and nobody else wants its column."""
     return none[s] > threshold and slack[s] <= threshold and (
         rivals[slot_end[s]] == rivals[slot_begin[s]])
@@ -801,8 +802,9 @@ cdef class Chain:
                                 e = slot_step[cursor[x]]
                         if e == k:
                             break
-                        self._node(fill, r, e, active, held, cursor, latest, slot_step, slot_end,
-                                   constraint_of, after, node_at, link_at)
+                        self._node(fill, r, e, active, &held[0], &cursor[0], &latest[0],
+                                   &slot_step[0], &slot_end[0], &constraint_of[0], &after[0],
+                                   &node_at[0], &link_at[0])
                     if a == high:
                         break
                     event = False
@@ -830,8 +832,9 @@ cdef class Chain:
                             held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
                             y += 1
                     active = <i32>y
-                    link = self._node(fill, r, k, active, held, cursor, latest, slot_step,
-                                      slot_end, constraint_of, after, node_at, link_at)
+                    self._node(fill, r, k, active, &held[0], &cursor[0], &latest[0],
+                               &slot_step[0], &slot_end[0], &constraint_of[0], &after[0],
+                               &node_at[0], &link_at[0])
                     while a < c:
                         s = order[a]
                         a += 1
@@ -859,22 +862,23 @@ cdef class Chain:
                         link_at[k] += 1
                         active += 1
 
-    cdef i32 _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, i32[::1] held,
-                   i32[::1] cursor, i32[::1] latest, const i32[::1] slot_step,
-                   const i32[::1] slot_end, const i32[::1] constraint_of, const i32[::1] after,
-                   i32[::1] node_at, i32[::1] link_at) noexcept nogil:
+    cdef void _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, i32* held, i32* cursor,
+                    i32* latest, const i32* slot_step, const i32* slot_end,
+                    const i32* constraint_of, const i32* after, i32* node_at,
+                    i32* link_at) noexcept nogil:
         """A node of row r at step k, with a link for each state that goes on."""
         cdef Py_ssize_t x
-        cdef i32 link
+        cdef i32 link, n = node_at[k]
+        node_at[k] = n + 1
         if fill:
-            self.node_row[node_at[k]] = <i32>r
-            self.node_link[node_at[k]] = link_at[k]
-        node_at[k] += 1
+            self.node_row[n] = <i32>r
+            self.node_link[n] = link_at[k]
         for x in range(active):
             link = link_at[k]
+            link_at[k] = link + 1
             if fill:
                 self.state[link] = held[x]
-                self.node_of[link] = node_at[k] - 1
+                self.node_of[link] = n
                 self.kind[link] |= INSIDE
                 self.kind[latest[x]] |= GOES_ON
                 self.previous[link] = latest[x]
@@ -884,8 +888,6 @@ cdef class Chain:
                 if fill:
                     self.constraint[link] = constraint_of[cursor[x]]
                 cursor[x] = after[cursor[x] + 1]
-            link_at[k] += 1
-        return link_at[k]
 
     def heat(self, double epsilon):
         """Absorb the prices into the kernel at a temperature; messages begin anew."""
