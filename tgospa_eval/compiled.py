@@ -1,6 +1,7 @@
 """The compiled kernels where they were built; everything works without them, more slowly."""
 
 import os
+from importlib import import_module
 from typing import Any
 
 
@@ -8,10 +9,9 @@ def _load() -> Any:
     if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
         return None
     try:
-        from tgospa_eval import _kernels
+        return import_module("tgospa_eval._kernels")
     except ImportError:
         return None
-    return _kernels
 
 
 kernels: Any = _load()

@@ -4,13 +4,14 @@ Plain NumPy over the whole reduced problem; knows no solver, and no solver grade
 Weights become integers (multiples of 2^-50) first, so that feasibility is checked, not estimated.
 """
 
+import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.states import Slots, States
+from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.states import PART, Slots, States, changed, parts
 
 ONE = 1 << 50
 """The integer that stands for the weight 1."""
@@ -118,23 +119,19 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     Breakdown
         Its cost by step; sums to the upper bound.
     """
-    weights = repair(states, solution.weights)
+    weights, loads = _repaired(states, solution.weights)
     breakdown = break_down(states, weights)
-    prices = np.maximum(np.nan_to_num(solution.prices, nan=0.0, posinf=0.0, neginf=0.0), 0.0)
-    value, offsets = relative_values(states, prices)
-
-    row = states.pair_row[states.pair]
-    own = sum_by(row, weights / ONE * value, states.nodes)
-    uncovered = (ONE - _coverage(states, weights, offsets)) / ONE
-    own -= sum_by(offsets.row, uncovered * offsets.amount, states.nodes)
-    changed, amount = changes(states, weights)
-    paid = states.problem.crossing_price[states.begin[changed]] * amount
-    own -= sum_by(row[changed], paid, states.nodes)
-    regret = np.maximum(best_values(states, value, offsets) - own, 0.0)
-    idle = (ONE - states.columns.sums(weights)) / ONE
+    prices = np.fmax(solution.prices, 0.0)  # NaN becomes 0
+    prices[prices > 1e100] = 0.0
+    value = states.columns.totals(prices)
+    np.negative(value, out=value)
+    regret = np.zeros(states.nodes)
+    for part, own in row_parts(states):
+        regret += regrets(part, value[own], weights[own])
 
     upper = breakdown.total
     problem = states.problem
+    idle = (ONE - loads) / ONE
     lower = min(max(upper - regret.sum() - (prices * idle).sum(), 0.0), upper)
     allowance = ROUNDING * float(problem.truth_price.sum() + problem.estimate_price.sum())
     return Bounds(lower=float(lower), upper=upper, allowance=allowance), weights, breakdown
@@ -142,195 +139,283 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
 
 def repair(states: States, weights: Floats) -> Ints:
     """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
-    fixed = np.clip(np.nan_to_num(weights, nan=0.0), 0.0, 1.0) * ONE
-    fixed[fixed < SNAP] = 0
-    fixed[fixed > ONE - SNAP] = ONE
-    whole: Ints = fixed.astype(np.int64)
-    for slots in (states.rows, states.columns):
-        whole = _fit(slots, whole)
-    return whole
+    return _repaired(states, weights)[0]
+
+
+def _repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
+    """What `repair` gives, and its sums over the column slots."""
+    whole = np.zeros(len(weights), np.int64)
+    for part in parts(len(weights)):
+        used = np.flatnonzero(weights[part] != 0)
+        fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0
+        fixed *= ONE
+        fixed[fixed < SNAP] = 0
+        fixed[fixed > ONE - SNAP] = ONE
+        whole[part][used] = fixed
+    _fit(states.rows, whole)
+    return whole, _fit(states.columns, whole)
 
 
 def _fit(slots: Slots, weights: Ints) -> Ints:
-    """Scale the states of every slot whose sum exceeds ONE by that sum."""
+    """Scale the states of every slot whose sum exceeds ONE by that sum, in place; the new sums."""
     sums = slots.sums(weights)
-    if not len(sums) or sums.max() <= ONE:
-        return weights
-    used = np.flatnonzero((weights > 0) & (slots.end > slots.begin))
-    used = used[np.argsort(slots.begin[used], kind="stable")]
-    bounds = np.stack((slots.begin[used], slots.end[used]), axis=1).ravel()
-    fullest = np.maximum.reduceat(np.append(sums, 0), bounds)[::2]
-    over = fullest > ONE
-    # Rounded down by more than the product can be rounded up.
-    factor = ONE / fullest[over] * (1 - 2.0**-48)
-    fitted = weights.copy()
-    fitted[used[over]] = np.floor(weights[used[over]] * factor)
-    return fitted
+    if sums.max(initial=0) <= ONE:
+        return sums
+    full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
+    np.cumsum(sums > ONE, out=full[1:])
+    sums = np.append(sums, 0)
+    ends = slots.end
+    for part in parts(len(weights)):
+        own, begin, end = weights[part], slots.begin[part], ends[part]
+        over = np.flatnonzero((full[end] > full[begin]) & (own > 0))
+        over = over[np.argsort(begin[over], kind="stable")]
+        bounds = np.stack((begin[over], end[over]), axis=1).ravel()
+        fullest = np.maximum.reduceat(sums, bounds)[::2]
+        # Rounded down by more than the product can be rounded up.
+        factor = ONE / fullest * (1 - 2.0**-48)
+        own[over] = np.floor(own[over] * factor)
+    return slots.sums(weights)
+
+
+def row_parts(states: States) -> Iterator[tuple[States, slice]]:
+    """The states in parts of whole rows, about PART states each, and where they are.
+
+    Rows do not depend on each other once prices are given. Nodes and column slots keep their
+    numbers.
+    """
+    if 0 < len(states.begin) <= PART:
+        yield states, slice(None)
+        return
+    rows = np.flatnonzero(np.diff(states.pair_row, prepend=-1))  # first pair of each
+    group = states.pair_first[rows] // PART
+    bounds = [*rows[np.diff(group, prepend=-1) > 0].tolist(), len(states.pair_row)]
+    for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
+        first = states.pair_first[pairs.start : pairs.stop + 1]
+        own = slice(int(first[0]), int(first[-1]))
+        row, column = states.pair_row[pairs], states.pair_column[pairs]
+        low, high = states.rows.first[[row[0], row[-1] + 1]].tolist()
+        yield (
+            replace(
+                states,
+                pair_row=row,
+                pair_column=column,
+                pair_block=states.pair_block[pairs],
+                pair_first=first - first[0],
+                pair_truth=states.pair_truth[pairs],
+                pair_estimate=states.pair_estimate[pairs],
+                begin=states.begin[own],
+                entry=states.entry[own],
+                rows=Slots(
+                    first=np.clip(states.rows.first, low, high) - low,
+                    step=states.rows.step[low:high],
+                    begin=states.rows.begin[own] - low,
+                    pair_first=first - first[0],
+                    pair_node=row,
+                ),
+                columns=replace(
+                    states.columns,
+                    begin=states.columns.begin[own],
+                    pair_first=first - first[0],
+                    pair_node=column,
+                ),
+            ),
+            own,
+        )
+
+
+def regrets(states: States, value: Floats, weights: Ints) -> Floats:
+    """What the weights of each row lose against its best path, (nodes,).
+
+    `value` (S,) comes as the negative prices and is used up.
+    """
+    steps = row_steps(states)
+    offsets = add_gains(states, steps, value)
+    first = np.flatnonzero(np.diff(states.pair_row, prepend=-1))  # pair of each row
+    row = states.pair_row[first]
+    own = np.zeros(states.nodes)
+    own[row] = np.add.reduceat(weights * value, states.pair_first[first])
+    uncovered = ONE - steps.sums(weights)
+    own[row] -= np.add.reduceat(uncovered * offsets, steps.first[row])
+    own /= ONE
+    moved, amount = changes(states, weights)
+    paid = states.problem.crossing_price[states.begin[moved]] * amount
+    own -= sum_by(states.pair_row[states.pair[moved]], paid, states.nodes)
+    return np.maximum(best_values(states, value, steps, offsets) - own, 0.0)
+
+
+def add_gains(states: States, steps: Slots, value: Floats) -> Floats:
+    """Add what states gain to their values, less the offsets of their steps; the offsets, (steps,).
+
+    The offset of a row and a step is what its cheapest pair gains there, 0 where it has none. Gains
+    near 1 differ in their last digits, which sums over many steps lose; their differences are
+    differences of costs, and exact. Every path of a row is lowered by the same sum.
+    """
+    problem, entry = states.problem, states.entry
+    runs = np.flatnonzero(entry < 0)
+    at = steps.begin.astype(np.intp)
+    cost = np.empty(len(entry))
+    np.take(problem.cost, entry, out=cost, mode="clip")
+    cost[runs] = np.inf
+    least = np.full(len(steps.step), np.inf)
+    np.minimum.at(least, at, cost)
+    with np.errstate(invalid="ignore"):
+        relative = least[at] - cost
+    prices = problem.truth_price, problem.estimate_price
+    if any((price != price[0]).any() for price in prices):
+        base = (
+            problem.truth_price[problem.truth_row[entry]]
+            + problem.estimate_price[problem.estimate_row[entry]]
+        )
+        cheapest = np.flatnonzero(relative == 0)
+        of_cheapest = np.zeros(len(least))
+        of_cheapest[at[cheapest]] = base[cheapest]
+        relative += base - of_cheapest[at]
+    else:
+        of_cheapest = prices[0][0] + prices[1][0]
+    offsets = np.where(least < np.inf, of_cheapest - least, 0.0)
+    relative[runs] = -steps.totals(offsets, runs)
+    value += relative
+    return offsets
+
+
+def row_steps(states: States) -> Slots:
+    """The slots of the rows, with those of a single pair: the steps at which states begin."""
+    rows, size = states.rows, np.diff(states.pair_first)
+    alone = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
+    if not alone.any():
+        return rows
+    count = np.diff(rows.first)
+    count[states.pair_row[alone]] = size[alone]
+    first = np.concatenate(([0], np.cumsum(count))).astype(np.int32)
+    begin = rows.begin + np.repeat((first[:-1] - rows.first[:-1])[states.pair_row], size)
+    state = np.arange(len(begin), dtype=np.int32)
+    begin += (state - np.repeat(states.pair_first[:-1], size)) * np.repeat(alone, size)
+    step = np.empty(first[-1], np.int32)
+    step[begin] = states.begin
+    return Slots(
+        first=first,
+        step=step,
+        begin=begin,
+        pair_first=states.pair_first,
+        pair_node=states.pair_row,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Offsets:
-    """What is taken from every path of a row at a step, sorted by (step, row).
+class Turns:
+    """The states in the order of a Viterbi pass over all rows at once.
+
+    A turn takes the states that begin at the same step of their rows, counted in steps at which any
+    begin. The states before them end there; those of the first turn open the window.
 
     Parameters
     ----------
-    row, step : (N,) int arrays
-        Rows and steps with a gain; each once.
-    amount : (N,) float array
-        The gain of the cheapest pair there.
-    state : (N,) int array
-        The state that has it.
+    bounds : list of int
+        Where the states of each turn begin in the order, and the end.
+    order : (S,) int array
+        The states.
+    pair, row : (S,) int arrays
+        Pair and row of each, in that order.
     """
 
+    bounds: list[int]
+    order: Ints
+    pair: Ints
     row: Ints
-    step: Ints
-    amount: Floats
-    state: Ints
 
 
-def relative_values(states: States, prices: Floats) -> tuple[Floats, Offsets]:
-    """Value of each state less what the cheapest pairs of its row would gain on its steps.
-
-    Gains near 1 differ in their last digits, which sums over many steps lose; their differences are
-    differences of costs, and exact. Every path of a row is lowered by the same sum.
-    """
-    problem = states.problem
-    gains = np.flatnonzero(states.entry >= 0)
-    entry, step = states.entry[gains], states.begin[gains].astype(np.int64)
-    row = states.pair_row[states.pair[gains]]
-    cost = problem.cost[entry]
-    key = step * max(states.nodes, 1) + row
-    order = np.lexsort((cost, key))
-    first = np.ones(len(order), bool)
-    first[1:] = np.diff(key[order]) != 0
-    best = order[first]
-    of_best = np.empty_like(order)
-    of_best[order] = best[np.cumsum(first) - 1]
-    base = (
-        problem.truth_price[problem.truth_row[entry]]
-        + problem.estimate_price[problem.estimate_row[entry]]
-    )
-    offsets = Offsets(
-        row=row[best], step=step[best], amount=problem.gain[entry[best]], state=gains[best]
-    )
-
-    value = -states.columns.totals(prices)
-    value[gains] += (base - base[of_best]) - (cost - cost[of_best])
-    runs = np.flatnonzero(states.entry < 0)
-    by_row = np.lexsort((offsets.step, offsets.row))
-    place = offsets.row[by_row] * problem.steps + offsets.step[by_row]
-    total = np.concatenate(([0.0], np.cumsum(offsets.amount[by_row])))
-    start = states.pair_row[states.pair[runs]].astype(np.int64) * problem.steps
-    low = np.searchsorted(place, start + states.begin[runs])
-    high = np.searchsorted(place, start + states.end[runs], side="right")
-    value[runs] -= total[high] - total[low]
-    return value, offsets
+def turns(states: States, steps: Slots | None = None) -> Turns:
+    """The turns of all states; `steps` are those of `row_steps` if they are known."""
+    steps = steps or row_steps(states)
+    size = np.diff(states.pair_first)
+    order, bounds = _ranked(steps.begin - np.repeat(steps.first[states.pair_row], size))
+    pair = np.repeat(np.arange(len(size)), size)[order]
+    return Turns(bounds=bounds, order=order, pair=pair, row=states.pair_row.astype(np.intp)[pair])
 
 
-def _coverage(states: States, weights: Ints, offsets: Offsets) -> Ints:
-    """Sum of the weights of a row at each of the offsets; exact."""
-    slot = states.rows.begin[offsets.state]
-    shared = states.rows.end[offsets.state] > slot
-    covered: Ints = weights[offsets.state].copy()
-    covered[shared] = states.rows.sums(weights)[slot[shared]]
-    return covered
+def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
+    """Order by (rank, place), and where the ranks 0, 1, 2, ... begin in it, and the end."""
+    count = int(rank.max(initial=-1)) + 1
+    if count <= 1 << 16:
+        rank = rank.astype(np.uint16)  # sorted by radix
+    order = np.argsort(rank, kind="stable")
+    return order, np.searchsorted(rank[order], np.arange(count + 1)).tolist()
 
 
-def best_values(states: States, value: Floats, offsets: Offsets | None = None) -> Floats:
+def best_values(
+    states: States, value: Floats, steps: Slots | None = None, offsets: Floats | None = None
+) -> Floats:
     """Value of the best path of each row, (nodes,): Viterbi over the states (docs/theory).
 
     hub = best value at "none"; a state is entered from the one before it or from the hub, and left
-    into the hub, each for the price of half a switch. At "none" a path loses the offsets.
+    into the hub, each for the price of half a switch. At "none" a path loses the offsets, which
+    belong to the `steps` of `row_steps`.
     """
-    lost: dict[int, slice] = {}
-    if offsets is not None and len(offsets.step):
-        steps, lows = np.unique(offsets.step, return_index=True)
-        highs = np.append(lows[1:], len(offsets.step))
-        lost = {
-            k: slice(low, high)
-            for k, low, high in zip(steps.tolist(), lows.tolist(), highs.tolist(), strict=True)
-        }
-    price = states.problem.crossing_price
+    steps = steps or row_steps(states)
+    turn = turns(states, steps)
+    value = value[turn.order]
+    count = np.diff(steps.first)
+    at, lost = _ranked(np.arange(count.sum()) - np.repeat(steps.first[:-1], count))
+    row_lost = np.repeat(np.arange(states.nodes), count)[at]
+    offsets = np.zeros(len(at)) if offsets is None else offsets[at]
+
     hub = np.zeros(states.nodes)
-    current = np.zeros(len(states.pair_row))
-    row = states.pair_row
-    for step, opening, closing, groups in events(states):
-        pair = states.pair[opening]
-        current[pair] = np.maximum(current[pair], hub[row[pair]] - price[step]) + value[opening]
-        if offsets is not None and step in lost:
-            hub[offsets.row[lost[step]]] -= offsets.amount[lost[step]]
-        if len(closing):
-            pair = states.pair[closing]
-            top = np.maximum.reduceat(current[pair], groups) - price[step + 1]
-            at = row[pair[groups]]
-            hub[at] = np.maximum(hub[at], top)
-    best = hub
-    np.maximum.at(best, row, current)
-    return best
-
-
-def events(states: States) -> Iterator[tuple[int, Ints, Ints, Ints]]:
-    """Steps at which states begin or end, in order: step, beginning, ending, row groups of those.
-
-    States that end are sorted by row; `groups` are the starts of the rows among them.
-    """
-    order_begin = np.argsort(states.begin, kind="stable")
-    order_end = np.lexsort((states.pair, states.end))  # pairs are sorted by row
-    steps = np.union1d(states.begin, states.end)
-    begins = np.searchsorted(states.begin[order_begin], np.stack((steps, steps + 1)))
-    ends = np.searchsorted(states.end[order_end], np.stack((steps, steps + 1)))
-    row = states.pair_row[states.pair[order_end]]
-    fresh = np.ones(len(row) + 1, bool)
-    fresh[1:-1] = (row[1:] != row[:-1]) | np.diff(states.end[order_end]).astype(bool)
-    starts = np.flatnonzero(fresh)
-    first = np.searchsorted(starts, ends)
-    for k, step in enumerate(steps.tolist()):
-        low, high = ends[0, k], ends[1, k]
-        yield (
-            step,
-            order_begin[begins[0, k] : begins[1, k]],
-            order_end[low:high],
-            starts[first[0, k] : first[1, k]] - low,
-        )
+    current = np.zeros(len(states.pair_row))  # at the first turn: a window is entered for free
+    price: Floats = np.asarray(states.problem.switch_price)
+    varies, crossing = price.ndim > 0, states.problem.crossing_price
+    for (low, high), (first, last) in zip(
+        itertools.pairwise(turn.bounds), itertools.pairwise(lost), strict=True
+    ):
+        pair, row = turn.pair[low:high], turn.row[low:high]
+        reached = current[pair]
+        if varies:
+            price = crossing[states.begin[turn.order[low:high]]]
+        np.maximum.at(hub, row, reached - price)
+        enter = hub[row]
+        enter -= price
+        np.maximum(reached, enter, out=reached)
+        reached += value[low:high]
+        current[pair] = reached
+        hub[row_lost[first:last]] -= offsets[first:last]
+    np.maximum.at(hub, states.pair_row, current)
+    return hub
 
 
 def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
     """States whose weight differs from that of the state before, and by how much, as a fraction."""
-    follows = states.pair[1:] == states.pair[:-1]
-    change = np.where(follows, np.diff(weights), 0)
-    moved = np.flatnonzero(change)
-    return moved + 1, np.abs(change[moved]) / ONE
+    moved = np.flatnonzero(changed(states.pair_first, weights))
+    return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:
     """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
-    problem: Problem = states.problem
-    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
-    entry = states.entry[used]
-    steps = problem.steps
+    problem, steps = states.problem, states.problem.steps
+    free_truth = np.full(len(problem.truth_step), ONE)
+    free_estimate = np.full(len(problem.estimate_step), ONE)
+    localisation = np.zeros(steps)
+    for part in parts(len(weights)):
+        used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
+        entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
+        np.subtract.at(free_truth, problem.truth_row[entry].astype(np.intp), whole)
+        np.subtract.at(free_estimate, problem.estimate_row[entry].astype(np.intp), whole)
+        cost = whole / ONE * problem.cost[entry]
+        localisation += sum_by(states.begin[part][used], cost, steps)
 
-    def by_step(step: Ints, amount: Floats) -> Floats:
-        return sum_by(step, amount, steps)
+    def unassigned(free: Ints, step: Ints, price: Floats) -> tuple[Floats, Floats]:
+        left = np.flatnonzero(free != 0)
+        step, share = step[left], free[left] / ONE
+        return sum_by(step, share * price[left], steps), sum_by(step, share, steps)
 
-    def unassigned(step: Ints, price: Floats, row: Ints) -> tuple[Floats, Floats]:
-        free = np.full(len(step), ONE)
-        np.subtract.at(free, row, weights[used])
-        return by_step(step, free / ONE * price), by_step(step, free / ONE)
-
-    missed, missed_count = unassigned(
-        problem.truth_step, problem.truth_price, problem.truth_row[entry]
-    )
-    false, false_count = unassigned(
-        problem.estimate_step, problem.estimate_price, problem.estimate_row[entry]
-    )
-    changed, amount = changes(states, weights)
-    variation = by_step(states.begin[changed], amount)
+    missed = unassigned(free_truth, problem.truth_step, problem.truth_price)
+    false = unassigned(free_estimate, problem.estimate_step, problem.estimate_price)
+    moved, amount = changes(states, weights)
+    variation = sum_by(states.begin[moved], amount, steps)
     return Breakdown(
-        localisation=by_step(states.begin[used], weights[used] / ONE * problem.cost[entry]),
-        missed=missed,
-        false=false,
+        localisation=localisation,
+        missed=missed[0],
+        false=false[0],
         switch=variation * problem.crossing_price[:-1],
-        missed_count=missed_count,
-        false_count=false_count,
+        missed_count=missed[1],
+        false_count=false[1],
         switch_count=0.5 * variation,
     )

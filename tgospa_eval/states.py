@@ -9,6 +9,7 @@ A *slot* is a stretch of steps of one node (a trajectory) on which the states th
 do not change; the assignment over a slot may sum to at most 1.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +18,22 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, Problem
+
+PART = 1 << 19
+"""States that are looked at together where arrays as long as all states would be too much."""
+
+
+def parts(size: int) -> Iterator[slice]:
+    """Slices of PART elements each that cover `size`."""
+    return (slice(low, min(low + PART, size)) for low in range(0, size, PART))
+
+
+def changed(pair_first: Ints, weight: Ints) -> NDArray[np.bool_]:
+    """Whether the weight of each state differs from that of the state before of its pair."""
+    differs = np.zeros(len(weight), bool)
+    np.not_equal(weight[1:], weight[:-1], out=differs[1:])
+    differs[pair_first[:-1]] = False
+    return differs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,24 +77,38 @@ class Slots:
     def sums(self, weight: Ints) -> Ints:
         """Exact sum of the integer weights (S,) of the states over each slot, (K,)."""
         change = np.zeros(len(self.step) + 1, np.int64)
-        used = np.flatnonzero(weight)
-        np.add.at(change, self.begin[used], weight[used])
-        np.subtract.at(change, self.end[used], weight[used])
-        return np.cumsum(change[:-1])
+        # All pairs of a node open at its first slot and close after its last.
+        for state, slot, sign in (
+            (self.pair_first[:-1], self.first[self.pair_node], 1),
+            (self.pair_first[1:] - 1, self.first[self.pair_node + 1], -1),
+        ):
+            used = np.flatnonzero(weight[state] != 0)
+            np.add.at(change, slot[used].astype(np.intp), sign * weight[state[used]])
+        differs = changed(self.pair_first, weight)
+        for part in parts(len(weight)):
+            state = np.flatnonzero(differs[part]) + part.start
+            rise = weight[state] - weight[state - 1]
+            np.add.at(change, self.begin[state].astype(np.intp), rise)
+        return np.cumsum(change[:-1], out=change[:-1])
 
-    def totals(self, price: Floats) -> Floats:
-        """Sum of the prices (K,) over the slots of each state, (S,)."""
-        end = self.end
-        length = end - self.begin
-        single = length == 1
-        total = np.zeros(len(self.begin))
-        total[single] = price[self.begin[single]]
-        many = np.flatnonzero(length > 1)
-        if len(many):
-            # Within one node, so that a small sum never loses its digits to distant large prices.
-            order = many[np.argsort(self.begin[many], kind="stable")]
-            bounds = np.stack((self.begin[order], end[order]), axis=1).ravel()
-            total[order] = np.add.reduceat(np.append(price, 0.0), bounds)[::2]
+    def totals(self, price: Floats, chosen: Ints | None = None) -> Floats:
+        """Sum of the prices (K,) over the slots of each state, or of the chosen ones.
+
+        Prices become integers for it, of as many bits as the sum of their node allows: differences
+        of running sums are exact then, even where the sum over all nodes overflows, and a small sum
+        never loses its digits to large prices far away.
+        """
+        size = np.add.reduceat(np.append(np.abs(price), 0.0), self.first[:-1])
+        unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
+        running = np.zeros(len(price) + 1, np.int64)
+        running[1:] = np.rint(price / np.repeat(unit, np.diff(self.first)))
+        np.cumsum(running, out=running)
+        begin, end = self.begin, self.end
+        total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
+        if chosen is not None:
+            begin, end, total = begin[chosen], end[chosen], total[chosen]
+        for part in parts(len(total)):
+            total[part] *= running[end[part]] - running[begin[part]]
         return total
 
 

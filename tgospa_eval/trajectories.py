@@ -137,7 +137,7 @@ class Trajectories:
         for axis in range(1, size):
             present &= ~np.isnan(states[:, :, axis])
         rows = np.flatnonzero(present)
-        at = np.repeat(np.arange(steps), np.count_nonzero(present, axis=1))
+        at = np.repeat(np.arange(steps, dtype=np.int64), np.count_nonzero(present, axis=1))
         if columns is None:
             columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
         return cls(

@@ -1,5 +1,6 @@
 """What solvers share: best paths at given prices, capacities as a matrix, prices cut to size."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.result import ONE, best_values, changes, events, repair
+from tgospa_eval.result import ONE, best_values, changes, repair, turns
 from tgospa_eval.states import Slots, States
 
 THRESHOLDS = (1.0, 0.0, 3.0)
@@ -28,28 +29,24 @@ def paths(states: States, value: Floats) -> Floats:
     """
     if kernels:
         return _compiled_paths(states, value)
-    price = states.problem.crossing_price
+    turn, crossing = turns(states), states.problem.crossing_price
     row = states.pair_row
     hub = np.zeros(states.nodes)
     hub_from = np.full(states.nodes, -1)
     current = np.zeros(len(row))
     came_from = np.full(len(value), -1)
-    for step, opening, closing, groups in events(states):
-        pair = states.pair[opening]
-        at = row[pair]
-        enter = hub[at] - price[step]
-        stays = (current[pair] >= enter) & (opening > states.pair_first[pair])
-        came_from[opening] = np.where(stays, opening - 1, hub_from[at])
-        current[pair] = np.maximum(current[pair], enter) + value[opening]
-        if len(closing):
-            reached = current[states.pair[closing]]
-            top = np.maximum.reduceat(reached, groups)
-            is_top = np.flatnonzero(reached == np.repeat(top, np.diff(groups, append=len(reached))))
-            first = is_top[np.searchsorted(is_top, groups)]
-            at = row[states.pair[closing[groups]]]
-            better = top - price[step + 1] > hub[at]
-            hub[at[better]] = top[better] - price[step + 1]
-            hub_from[at[better]] = closing[first[better]]
+    for low, high in itertools.pairwise(turn.bounds):
+        state, pair, at = turn.order[low:high], turn.pair[low:high], turn.row[low:high]
+        price = crossing[states.begin[state]]
+        reached, before = current[pair], hub[at]
+        np.maximum.at(hub, at, reached - price)
+        after = hub[at]
+        left = np.flatnonzero((after > before) & (reached - price == after))[::-1]
+        hub_from[at[left]] = state[left] - 1  # the first of equals: the last assignment wins
+        enter = after - price
+        stays = (reached >= enter) & (state > states.pair_first[pair])
+        came_from[state] = np.where(stays, state - 1, hub_from[at])
+        current[pair] = np.maximum(reached, enter) + value[state]
 
     for_pairs = np.lexsort((current, row))  # the last of each row is its best
     last = for_pairs[np.flatnonzero(np.diff(row[for_pairs], append=-1))]
@@ -98,10 +95,10 @@ def price_cap(states: States) -> Floats:
     An assignment that is held for n steps gains at most n times the largest gain: at any higher
     price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
     """
-    blocks = np.arange(len(states.block_begin))
-    most = np.maximum.reduceat(
-        states.gain, states.pair_first[np.searchsorted(states.pair_block, blocks)]
-    )
+    first = states.pair_first[
+        np.searchsorted(states.pair_block, np.arange(len(states.block_begin)))
+    ]
+    most: Floats = np.maximum.reduceat(states.gain, first)
     return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 

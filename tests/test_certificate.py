@@ -1,0 +1,206 @@
+"""The certificate against its own definition in rational numbers, and its exact sums."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from strategies import scene
+
+import tgospa_eval.result
+import tgospa_eval.states
+from tgospa_eval import evaluate
+from tgospa_eval.result import ONE, Solution, best_values, certify
+from tgospa_eval.solvers.kernels import best_paths, paths
+from tgospa_eval.states import Slots, States, merge_runs
+
+
+def instance(seed: int) -> States:
+    """Groups far apart, each in its own window: crowds, lone pairs, one row or one column."""
+    rng = np.random.default_rng(seed)
+    steps = int(rng.choice([1, 2, 7, 15]))
+    sides: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    for group, (m, n) in enumerate(rng.choice([1, 2, 4], (3, 2)).tolist()):
+        noise = rng.choice([1e-7, 0.5, 1.0])
+        pair = scene(seed + group, m, n, steps, side=rng.choice([3.0, 8.0]), noise=noise)
+        begin, end = np.sort(rng.integers(0, steps + 1, 2))
+        for side, array in zip(sides, pair, strict=True):
+            array[:begin] = np.nan
+            array[end:] = np.nan
+            side.append(array + 1000.0 * group)
+    truth, estimate = (np.concatenate(side, axis=1) for side in sides)
+    gamma = float(rng.choice([0.0, 0.5, 2.0, 1000.0]))
+    problem = evaluate(truth, estimate, 2.0, float(rng.choice([1, 2])), gamma).proof.states.problem
+    if seed % 3 == 1 and steps > 1:
+        problem = replace(problem, switch_price=rng.exponential(0.3, steps - 1))
+    if seed % 3 == 2:
+        problem = replace(
+            problem,
+            truth_price=problem.truth_price * rng.uniform(1, 2, len(problem.truth_price)),
+            estimate_price=problem.estimate_price * rng.uniform(1, 2, len(problem.estimate_price)),
+        )
+    return merge_runs(problem)
+
+
+def solutions(states: States, seed: int) -> list[Solution]:
+    rng = np.random.default_rng(seed)
+    size, slots = len(states.begin), len(states.columns.step)
+    prices = np.where(rng.random(slots) < 0.4, rng.exponential(0.3, slots), 0.0)
+    weights = best_paths(states, prices)
+    return [
+        Solution(weights=w, prices=v, status="")
+        for w, v in (
+            (weights, prices),
+            (weights, np.zeros(slots)),
+            (rng.random(size), prices),
+            (np.where(rng.random(size) < 0.2, np.nan, 2.0 * weights), -prices),
+        )
+    ]
+
+
+def fractions(values: np.ndarray) -> list[Fraction]:
+    return [Fraction(value) for value in values.tolist()]
+
+
+def exact_totals(slots: Slots, price: list[Fraction]) -> list[Fraction]:
+    return [
+        sum(price[a:b], Fraction(0))
+        for a, b in zip(slots.begin.tolist(), slots.end.tolist(), strict=True)
+    ]
+
+
+def exact_bests(states: States, value: list[Fraction]) -> list[Fraction]:
+    """Best path of each node by comparing every state with all that end before it."""
+    crossing = fractions(states.problem.crossing_price)
+    row = states.pair_row[states.pair].tolist()
+    end, begin = states.end.tolist(), states.begin.tolist()
+    reached: dict[int, Fraction] = {}
+    for s in sorted(range(len(row)), key=begin.__getitem__):
+        if s in states.pair_first[:-1]:
+            reached[s] = value[s]
+            continue
+        hub = max(
+            (
+                reached[r] - crossing[end[r] + 1]
+                for r in reached
+                if row[r] == row[s] and end[r] < begin[s]
+            ),
+            default=Fraction(0),
+        )
+        reached[s] = value[s] + max(reached[s - 1], max(hub, Fraction(0)) - crossing[begin[s]])
+    best = [Fraction(0)] * states.nodes
+    last = set((states.pair_first[1:] - 1).tolist())
+    for s, total in reached.items():
+        left = total if s in last else total - crossing[end[s] + 1]
+        best[row[s]] = max(best[row[s]], left)
+    return best
+
+
+def exact_bounds(
+    states: States, whole: np.ndarray, prices: np.ndarray
+) -> tuple[Fraction, Fraction]:
+    """Lower bound as docs/theory defines it, without offsets, and upper bound."""
+    problem = states.problem
+    weights = [Fraction(w, ONE) for w in whole.tolist()]
+    price, crossing = fractions(prices), fractions(problem.crossing_price)
+    free = [fractions(problem.truth_price), fractions(problem.estimate_price)]
+    upper = sum(free[0], Fraction(0)) + sum(free[1], Fraction(0))
+    value = [-total for total in exact_totals(states.columns, price)]
+    own = [Fraction(0)] * states.nodes
+    opens = set(states.pair_first[:-1].tolist())
+    row = states.pair_row[states.pair].tolist()
+    for s, entry in enumerate(states.entry.tolist()):
+        if entry >= 0:
+            a = free[0][problem.truth_row[entry]] + free[1][problem.estimate_row[entry]]
+            gain = a - Fraction(float(problem.cost[entry]))
+            value[s] += gain
+            upper -= gain * weights[s]
+        own[row[s]] += weights[s] * value[s]
+        if s not in opens:
+            paid = crossing[states.begin[s]] * abs(weights[s] - weights[s - 1])
+            own[row[s]] -= paid
+            upper += paid
+    regret = sum(exact_bests(states, value), Fraction(0)) - sum(own, Fraction(0))
+    load = [Fraction(0)] * len(price)
+    for s, (a, b) in enumerate(
+        zip(states.columns.begin.tolist(), states.columns.end.tolist(), strict=True)
+    ):
+        for k in range(a, b):
+            load[k] += weights[s]
+    idle = sum((v * (1 - x) for v, x in zip(price, load, strict=True)), Fraction(0))
+    return upper - regret - idle, upper
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_bounds_are_those_of_the_definition(seed: int) -> None:
+    states = instance(seed)
+    for solution in solutions(states, seed):
+        bounds, whole, _ = certify(states, solution)
+        lower, upper = exact_bounds(states, whole, np.maximum(solution.prices, 0.0))
+        rounding = bounds.allowance + 2.0**-50 * bounds.upper
+        assert abs(Fraction(bounds.upper) - upper) <= rounding
+        assert abs(Fraction(bounds.lower) - max(lower, Fraction(0))) <= rounding
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_parts_change_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    states = instance(seed)
+    for solution in solutions(states, seed):
+        whole, weights, split = certify(states, solution)
+        with monkeypatch.context() as patch:
+            patch.setattr(tgospa_eval.states, "PART", 16)
+            patch.setattr(tgospa_eval.result, "PART", 16)
+            bounds, again, steps = certify(states, solution)
+        assert np.array_equal(weights, again)
+        assert bounds.upper == pytest.approx(whole.upper, rel=1e-14)
+        assert bounds.lower == pytest.approx(whole.lower, rel=1e-14, abs=whole.allowance)
+        assert steps.localisation == pytest.approx(split.localisation, rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_best_path_is_worth_the_best_value(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    states = instance(seed)
+    monkeypatch.setattr("tgospa_eval.solvers.kernels.kernels", None)
+    rng = np.random.default_rng(seed)
+    value = rng.normal(0.1, 0.5, len(states.begin))
+    weights = paths(states, value)
+    begin, row = states.begin, states.pair_row[states.pair]
+    change = np.diff(weights, prepend=0.0)
+    change[states.pair_first[:-1]] = 0.0
+    own = weights * value - states.problem.crossing_price[begin] * np.abs(change)
+    reached = np.bincount(row, own, minlength=states.nodes)
+    assert reached == pytest.approx(best_values(states, value), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_sums_and_totals_of_slots(seed: int) -> None:
+    states = instance(seed)
+    rng = np.random.default_rng(seed)
+    for slots in (states.rows, states.columns):
+        weight = rng.integers(0, ONE, len(slots.begin)) * rng.integers(0, 2, len(slots.begin))
+        sums = np.zeros(len(slots.step), object)
+        for s, (a, b) in enumerate(zip(slots.begin.tolist(), slots.end.tolist(), strict=True)):
+            sums[a:b] += int(weight[s])
+        assert slots.sums(weight).tolist() == sums.tolist()
+
+        node = slots.node
+        for scale in (1.0, 1e-200, 1e80, np.where(node % 2, 1e-9, 1e9)):
+            price = rng.exponential(1.0, len(slots.step)) * scale
+            price *= rng.integers(0, 2, len(price))
+            largest = np.zeros(states.nodes)
+            np.add.at(largest, node, price)
+            allowed = np.maximum(largest[slots.pair_node][states.pair] * 2.0**-52, 1e-305)
+            exact = exact_totals(slots, fractions(price))
+            for found, total, slack in zip(slots.totals(price), exact, allowed, strict=True):
+                assert abs(Fraction(float(found)) - total) <= slack
+            chosen = np.flatnonzero(rng.random(len(slots.begin)) < 0.3)
+            assert np.array_equal(slots.totals(price, chosen), slots.totals(price)[chosen])
+
+
+def test_prices_of_any_size() -> None:
+    states = instance(0)
+    weights = np.zeros(len(states.begin))
+    for price in (1e90, 1e300, np.inf, -np.inf, np.nan, -1e300):
+        prices = np.full(len(states.columns.step), price)
+        bounds, _, _ = certify(states, Solution(weights=weights, prices=prices, status=""))
+        assert 0.0 <= bounds.lower <= bounds.upper

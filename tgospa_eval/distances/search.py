@@ -1,0 +1,201 @@
+"""Candidates for near pairs: what sorting along the axes leaves of all pairs of a step.
+
+The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the cutoff: the
+candidates of a truth are a few runs of that order, found by bisection. One axis after the other is
+used until the candidates are few. The exact differences of the candidates decide, so that rounding
+of the cells costs candidates, never pairs.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from tgospa_eval.distances.vector import Floats, Norm
+from tgospa_eval.trajectories import Ints
+
+PIECE = 1 << 14
+"""Candidates compared at a time; those of one truth are never divided."""
+
+FEW = 8
+"""Candidates per row that are compared rather than sorted out by one more axis."""
+
+AXES = 3
+"""Axes that cells are made of; each but one multiplies the runs of a truth by 3."""
+
+MANY = 64
+"""Candidates per row and per near pair beyond which a tree is the quicker way."""
+
+SAMPLE = 100
+"""Truths whose near pairs are counted for a guess."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Side:
+    """The rows of one side at some consecutive steps.
+
+    Parameters
+    ----------
+    first : int
+        Row where they begin.
+    step : (R,) int array
+        Counted from the first of the steps.
+    at : (steps + 1,) int array
+        Where each step begins, counted from `first`.
+    axes : (d, R) float array
+        Coordinates.
+    """
+
+    first: int
+    step: Ints
+    at: Ints
+    axes: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Candidates:
+    """For each truth, runs of the estimates in an order of their own.
+
+    Parameters
+    ----------
+    order : (E,) int array
+        Estimates in that order.
+    begin, count : (runs, R) int arrays
+        The runs of each truth.
+    """
+
+    order: Ints
+    begin: Ints
+    count: Ints
+
+
+def search(a: Side, b: Side, cutoff: float, norm: Norm) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs that differ by less than the cutoff on every axis, or some more, in order."""
+    if not len(a.step) or not len(b.step):
+        return
+    candidates = _candidates(a, b, cutoff)
+    rows = len(a.step) + len(b.step)
+    if candidates.count.sum() > max(MANY * rows, PIECE):
+        some = np.arange(0, len(a.step), -(-len(a.step) // SAMPLE))
+        sample = replace(
+            candidates, begin=candidates.begin[:, some], count=candidates.count[:, some]
+        )
+        near = sum(len(i) for i, _ in _compared(a.axes[:, some], b.axes, sample, cutoff))
+        if near * MANY < sample.count.sum():
+            for step in np.flatnonzero(np.diff(a.at) * np.diff(b.at)).tolist():
+                yield _tree(a, b, step, cutoff, norm)
+            return
+    yield from _compared(a.axes, b.axes, candidates, cutoff)
+
+
+def _candidates(a: Side, b: Side, cutoff: float) -> _Candidates:
+    """By the fewest axes that leave few, those with the largest spread first."""
+    begin = b.at[a.step]
+    found = _Candidates(
+        order=np.arange(len(b.step)), begin=begin[None], count=(b.at[a.step + 1] - begin)[None]
+    )
+    enough = FEW * (len(a.step) + len(b.step))
+    if found.count.sum() <= enough:
+        return found
+    # Halves, whose differences do not overflow.
+    low = 0.5 * np.minimum(a.axes.min(axis=1), b.axes.min(axis=1))
+    spread = 0.5 * np.maximum(a.axes.max(axis=1), b.axes.max(axis=1)) - low
+    axes = np.argsort(-spread, kind="stable")[:AXES]
+    for used in range(1, len(axes) + 1):
+        found = _by_cells(a, b, axes[:used], (low, spread), cutoff)
+        if found.count.sum() <= enough:
+            break
+    return found
+
+
+def _by_cells(
+    a: Side, b: Side, axes: Ints, extent: tuple[Floats, Floats], cutoff: float
+) -> _Candidates:
+    """Candidates by cells along all but the first of the axes, and by finer ones along that.
+
+    A cell of width w has the number floor((x - low) / w) < 2^40, where the quotient is exact to
+    2^-12. With `reach` cells to a cutoff, widened by 2^-10, numbers of near points differ by
+    ``reach`` at most: |x - y| / w + 2^-11 <= reach (1 - 2^-10.01) + 2^-11 < reach.
+
+    The numbers of all axes and of the step make one key; the margin of an axis keeps its
+    neighbours from reaching those of another key. Where a key would have too many bits, or the
+    quotient too few, the cells are wider.
+    """
+    bits = min(40, (62 - len(a.at).bit_length()) // len(axes) - 1)
+    key_a, key_b = a.step, b.step
+    offset = np.zeros(1, np.int64)
+    reach = 1
+    for axis in axes[::-1]:
+        reach = 16 if axis == axes[0] else 1
+        low, spread = (float(of[axis]) for of in extent)
+        width = max(0.5 * cutoff * (1 + 2**-10) / reach, spread * 2.0**-bits)
+        size = int(spread / width) + 1 + 2 * reach
+        key_a, key_b = (
+            key * size + ((0.5 * side.axes[axis] - low) / width).astype(np.int64) + reach
+            for key, side in ((key_a, a), (key_b, b))
+        )
+        offset = offset * size
+        if axis != axes[0]:
+            offset = (offset[:, None] + np.arange(-1, 2)).ravel()
+    order = np.argsort(key_b)
+    key_b = key_b[order]
+    asked = np.argsort(key_a)  # bisection is twice as quick for sorted questions
+    key_a = key_a[asked]
+    begin = np.empty((len(offset), len(key_a)), np.int64)
+    count = np.empty_like(begin)
+    for run, shift in enumerate(offset.tolist()):
+        low_end = np.searchsorted(key_b, key_a + (shift - reach))
+        begin[run, asked] = low_end
+        count[run, asked] = np.searchsorted(key_b, key_a + (shift + reach + 1)) - low_end
+    return _Candidates(order=order, begin=begin, count=count)
+
+
+def _compared(
+    truth: Floats, estimate: Floats, candidates: _Candidates, cutoff: float
+) -> Iterator[tuple[Ints, Ints]]:
+    """The candidates that are near on every axis (d, R), in order, in pieces."""
+    ordered = [y.take(candidates.order) for y in estimate]
+    begin, count = candidates.begin, candidates.count
+    total = count.sum(axis=0)
+    done = np.cumsum(total)
+    cuts = np.searchsorted(done, np.arange(0, done[-1], PIECE), side="right").tolist()
+    most = int(min(PIECE + total.max(), done[-1]))
+    # Written again and again: fresh memory costs more than what is computed in it.
+    ramp, floats, flags = np.arange(most), np.empty((2, most)), np.empty((2, most), bool)
+    for lower, upper in pairwise([0, *cuts[1:], len(total)]):
+        number = count[:, lower:upper].ravel()
+        i = np.repeat(np.tile(np.arange(lower, upper, dtype=np.int64), len(count)), number)
+        at = np.repeat(begin[:, lower:upper].ravel() - (np.cumsum(number) - number), number)
+        at += ramp[: len(at)]
+        apart, other = floats[:, : len(at)]
+        near, close = flags[:, : len(at)]
+        near[:] = True
+        for x, y in zip(truth, ordered, strict=True):  # no norm is below any one difference
+            np.subtract(
+                x.take(i, out=apart, mode="clip"), y.take(at, out=other, mode="clip"), out=apart
+            )
+            near &= np.less(np.abs(apart, out=apart), cutoff, out=close)
+        hit = np.flatnonzero(near)
+        pair = np.sort(i[hit] << 32 | candidates.order[at[hit]])
+        yield pair >> 32, pair & 0xFFFFFFFF
+
+
+def _tree(a: Side, b: Side, step: int, cutoff: float, norm: Norm) -> tuple[Ints, Ints]:
+    """Pairs of a step within the cutoff, and some of rounding beyond, by a k-d tree."""
+    from scipy.spatial import KDTree  # here: most evaluations do without SciPy
+
+    exponent = math.frexp(cutoff)[1]  # exact scaling, so that no square overflows
+    trees = []
+    for side in (a, b):
+        points = np.ldexp(side.axes[:, side.at[step] : side.at[step + 1]].T, -exponent)
+        trees.append(KDTree(np.clip(points, -1e150, 1e150)))
+    near = trees[0].sparse_distance_matrix(
+        trees[1],
+        math.ldexp(cutoff, -exponent) * (1 + 1e-9),
+        p=norm.power,
+        output_type="ndarray",
+    )
+    order = np.lexsort((near["j"], near["i"]))
+    return near["i"][order] + a.at[step], near["j"][order] + b.at[step]
