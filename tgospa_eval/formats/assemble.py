@@ -78,7 +78,7 @@ def assemble(
     trajectories = Trajectories(
         step=step_used,
         track=track_used,
-        state=state[rows],
+        state=state.take(rows, axis=0),
         ids=track_ids[used],
         times=cast(NDArray[np.float64], moments),
         columns=names,
