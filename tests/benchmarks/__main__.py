@@ -1,0 +1,141 @@
+"""``python tests/benchmarks``: measure what is missing, print the tables.
+
+Interrupt it at will: what was measured stays, as long as sources, versions and machine stay.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import chain
+
+import click
+import grid
+import kernel
+import memory
+import report
+import scale
+import startup
+from scenes import Scene
+from store import Store, Values
+from tables import Table
+
+BUDGET = 660.0
+SEEDS = 5
+SMALL_SEEDS = 1
+SMALL_SETTINGS = grid.SETTINGS[:1]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to measure, and until when."""
+
+    settings: tuple[Scene, ...]
+    seeds: int
+    memory: tuple[int, int]
+    scale: tuple[Scene, ...]
+    deadline: float
+
+
+def say(message: str) -> None:
+    """Progress."""
+    click.echo(message, err=True)
+
+
+def missing(store: Store, measure: Callable[[], Values], *key: str) -> None:
+    """Measure and keep, unless it is there."""
+    if store.get(*key) is None:
+        say(" ".join(key))
+        store.add(*key, values=measure())
+
+
+def run_grid(plan: Plan, store: Store) -> list[Table]:
+    """Methods side by side."""
+    grid.measure(plan.settings, plan.seeds, store, plan.deadline, say)
+    return report.of_grid(plan.settings, plan.seeds, store)
+
+
+def run_kernel(plan: Plan, store: Store) -> list[Table]:
+    """Speed of the sweeps."""
+    for scene in kernel.SCENES:
+        missing(store, lambda scene=scene: kernel.measure(scene), kernel.PART, str(scene))
+    return report.of_kernel(store)
+
+
+def run_memory(plan: Plan, store: Store) -> list[Table]:
+    """Bytes per gain or run."""
+    missing(store, lambda: memory.measure(*plan.memory), memory.PART, *map(str, plan.memory))
+    return report.of_memory(plan.memory, store)
+
+
+def run_scale(plan: Plan, store: Store) -> list[Table]:
+    """The command on large files."""
+    for scene in plan.scale:
+        missing(store, lambda scene=scene: scale.measure(scene), scale.PART, str(scene))
+    return report.of_scale(plan.scale, store)
+
+
+def run_startup(plan: Plan, store: Store) -> list[Table]:
+    """Start-up of the command."""
+    missing(store, startup.measure, startup.PART)
+    return report.of_startup(store)
+
+
+PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
+    "grid": run_grid,
+    "kernel": run_kernel,
+    "memory": run_memory,
+    "scale": run_scale,
+    "startup": run_startup,
+}
+"""In the order of the tables; measured last to first, for the grid fills what time is left."""
+
+
+@click.command()
+@click.option("--parts", default=",".join(PARTS), show_default=True, help="What to measure.")
+@click.option(
+    "--settings",
+    multiple=True,
+    metavar="M,T,AREA,NOISE",
+    help="Settings of the grid instead of the usual seven; may be repeated.",
+)
+@click.option("--seeds", type=int, help=f"Draws of each setting.  [default: {SEEDS}]")
+@click.option(
+    "--budget",
+    type=float,
+    default=BUDGET,
+    show_default=True,
+    help="Seconds after which no draw but the first of a setting is begun.",
+)
+@click.option("--small", is_flag=True, help="Everything in its smallest size: tries the machinery.")
+@click.option("--fresh", is_flag=True, help="Forget earlier measurements.")
+@click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
+def main(
+    *,
+    parts: str,
+    settings: tuple[str, ...],
+    seeds: int | None,
+    budget: float,
+    small: bool,
+    fresh: bool,
+    markdown: bool,
+) -> None:
+    """Benchmarks of tgospa-eval: measures what is missing and prints tables of ratios."""
+    chosen = parts.split(",")
+    unknown = [part for part in chosen if part not in PARTS]
+    if unknown:
+        raise click.BadParameter(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
+    plan = Plan(
+        settings=tuple(map(Scene.parse, settings)) or (SMALL_SETTINGS if small else grid.SETTINGS),
+        seeds=seeds or (SMALL_SEEDS if small else SEEDS),
+        memory=memory.SMALL if small else memory.SIZE,
+        scale=scale.SMALL if small else scale.SCENES,
+        deadline=time.monotonic() + budget,
+    )
+    store = Store(fresh=fresh)
+    tables = {part: PARTS[part](plan, store) for part in reversed(PARTS) if part in chosen}
+    for table in [*chain(*reversed(tables.values())), report.machine()]:
+        click.echo(table.markdown() if markdown else table.plain())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,274 @@
+"""The tables of what is stored."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import grid
+import kernel
+import memory
+import scale
+import startup
+from grid import stored
+from machine import commit, describe
+from methods import (
+    BRACKET,
+    COLDEST,
+    EXACT_MOST,
+    LP_LIMIT,
+    NAIVE_MOST,
+    SLOW_LIMIT,
+    Reading,
+    naive_size,
+)
+from scenes import Scene
+from store import Store, Values
+from tables import Table
+
+TWICE = 2.0
+"""The certified solver is to take at most so many times what the bracket takes."""
+
+MEGA = 1e6
+ABSENT = "-"
+
+SHORT = {
+    "certified": "certified",
+    "bracket": "1 %",
+    "lp": "LP",
+    "lp without presolve": "LP plain",
+    "exact": "exact",
+    "naive": "naive",
+    "floor": "floor",
+}
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number that may be known only to be above or below."""
+
+    value: float
+    above: bool = False
+    below: bool = False
+
+    def __str__(self) -> str:
+        sign = "? " if self.above and self.below else "> " * self.above + "< " * self.below
+        digits = max(0, 2 - math.floor(math.log10(self.value))) if self.value > 0 else 0
+        return f"{sign}{self.value:.{digits}f}"
+
+
+def machine() -> Table:
+    """What was measured on what."""
+    rows = [*describe().items(), ("commit", commit() or "unknown")]
+    return Table("Machine", ("part", "value"), rows)
+
+
+def of_grid(scenes: Sequence[Scene], seeds: int, store: Store) -> list[Table]:
+    """Seconds, ratios, and the comparison of certified and bracket from the problem."""
+    return [
+        _seconds(scenes, seeds, store),
+        _ratios(scenes, seeds, store),
+        _from_problem(scenes, seeds, store),
+    ]
+
+
+def _seconds(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
+    rows = []
+    for scene in scenes:
+        count = sum(stored(scene, seed, "certified", store) is not None for seed in range(seeds))
+        cells = (_middle(_times(scene, seeds, method, store)) for method in SHORT)
+        rows.append((str(scene), str(count), *cells))
+    return Table(
+        "Seconds for a whole evaluation, medians over seeds",
+        ("m,T,area,noise", "seeds", *SHORT.values()),
+        rows,
+        (
+            "certified: tgospa_eval.evaluate with its defaults, exact with proof",
+            f"1 %: Sinkhorn(epsilon={COLDEST:g}, gap={BRACKET:g}), to a proven bracket",
+            "LP: the unmerged gain form by scipy.optimize.linprog(method='highs-ds'), "
+            f"{LP_LIMIT:g} s at most",
+            "LP plain: the same with presolve off",
+            "exact: evaluate with solver='exact' (CVXPY, Clarabel), not started above "
+            f"{EXACT_MOST:,} gains, {SLOW_LIMIT:g} s at most",
+            "naive: the dense programme of the definition in CVXPY, by Clarabel, killed after "
+            f"{SLOW_LIMIT:g} s; above {NAIVE_MOST:,} variables it is not even started",
+            "floor: the table of all distances, numpy.linalg.norm(x[:, :, None] - y[:, None])",
+            f"Best of {grid.ROUNDS} up to {grid.QUICK:g} s, once above; above {grid.SLOW:g} s on "
+            "the first seed only.",
+        ),
+    )
+
+
+def _ratios(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
+    pairs = [(method, "certified") for method in ("lp", "lp without presolve", "exact", "naive")]
+    pairs += [("certified", "bracket"), ("certified", "floor")]
+    rows = [
+        (str(scene), *(_middle(_quotients(scene, seeds, *pair, store)) for pair in pairs))
+        for scene in scenes
+    ]
+    header = [f"{SHORT[a]}/{SHORT[b]}".replace("certified", "cert") for a, b in pairs]
+    return Table(
+        "Ratios of the seconds above, medians over seeds", ("m,T,area,noise", *header), rows
+    )
+
+
+def _from_problem(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
+    rows = []
+    within = 0
+    for scene in scenes:
+        methods = ("certified from problem", "bracket from problem")
+        quotients = _quotients(scene, seeds, *methods, store)
+        if quotients and median(number.value for number in quotients) <= TWICE:
+            within += 1
+        gaps = [
+            (reading.upper - reading.lower) / reading.upper
+            for seed in range(seeds)
+            if (reading := stored(scene, seed, methods[1], store))
+        ]
+        times = (_middle(_times(scene, seeds, method, store)) for method in methods)
+        gap = f"{max(gaps):.2%}" if gaps else ABSENT
+        rows.append((str(scene), *times, _middle(quotients), gap))
+    return Table(
+        "From the same Problem, preparation and proof included",
+        ("m,T,area,noise", "certified s", "1 % bracket s", "ratio", "widest bracket"),
+        rows,
+        (
+            f"Certified takes at most {TWICE:g} x what the bracket takes in {within} of "
+            f"{len(rows)} settings.",
+        ),
+    )
+
+
+def _times(scene: Scene, seeds: int, method: str, store: Store) -> list[Number]:
+    readings = (_known(scene, seed, method, store) for seed in range(seeds))
+    return [Number(r.seconds, above=not r.complete) for r in readings if r is not None]
+
+
+def _known(scene: Scene, seed: int, method: str, store: Store) -> Reading | None:
+    """What was measured; a naive programme that is too large to be started counts as too slow."""
+    if method == "naive" and seed == 0 and naive_size(scene) > NAIVE_MOST:
+        return Reading(SLOW_LIMIT, complete=False)
+    return stored(scene, seed, method, store)
+
+
+def _quotients(scene: Scene, seeds: int, over: str, under: str, store: Store) -> list[Number]:
+    """Ratios on the seeds on which both were measured."""
+    found = []
+    for seed in range(seeds):
+        a, b = _known(scene, seed, over, store), _known(scene, seed, under, store)
+        if a is not None and b is not None:
+            ratio = a.seconds / b.seconds
+            found.append(Number(ratio, above=not a.complete, below=not b.complete))
+    return found
+
+
+def _middle(numbers: Sequence[Number]) -> str:
+    """Median; a bound if any of the numbers is one."""
+    if not numbers:
+        return ABSENT
+    return str(
+        Number(
+            median(number.value for number in numbers),
+            above=any(number.above for number in numbers),
+            below=any(number.below for number in numbers),
+        )
+    )
+
+
+def of_kernel(store: Store) -> list[Table]:
+    """Nanoseconds of the sweeps."""
+    rows = [
+        (str(scene), f"{found['nanoseconds']:.1f}", f"{kernel.TARGET:g}")
+        for scene in kernel.SCENES
+        if (found := store.get(kernel.PART, str(scene))) is not None
+    ]
+    header = ("m,T,area,noise", "ns per state and half sweep", "target")
+    return [Table("Kernel", header, rows)] if rows else []
+
+
+def of_memory(size: tuple[int, int], store: Store) -> list[Table]:
+    """Bytes per gain or run."""
+    found = store.get(memory.PART, *map(str, size))
+    if found is None:
+        return []
+    return [
+        Table(
+            "Memory",
+            ("truths x steps", "gains and runs", "input MB", "peak MB", "bytes each", "s"),
+            [_memory_row(f"{size[0]:,} x {size[1]:,}", found)],
+            (
+                "Bytes each: peak of an evaluation beyond what the process holds with the input "
+                f"read, for each gain or run; target {memory.TARGET}. Killed after "
+                f"{memory.LIMIT:g} s.",
+            ),
+        )
+    ]
+
+
+def _memory_row(name: str, found: Values) -> list[str]:
+    if not found["complete"]:
+        return [name, *[ABSENT] * 4, str(Number(memory.LIMIT, above=True))]
+    beyond = found["peak_bytes"] - found["input_bytes"]
+    return [
+        name,
+        f"{found['states']:,}",
+        f"{found['input_bytes'] / MEGA:,.0f}",
+        f"{found['peak_bytes'] / MEGA:,.0f}",
+        f"{beyond / found['states']:.0f}",
+        str(Number(found["seconds"])),
+    ]
+
+
+def of_scale(scenes: Sequence[Scene], store: Store) -> list[Table]:
+    """Wall time and memory of the command."""
+    found = [(scene, store.get(scale.PART, str(scene))) for scene in scenes]
+    header = ("truths x steps, area", "rows", "MB", "wall s", "peak MB")
+    stages = ("gains", "read s", "solve s", "proof s", "gap")
+    return [
+        Table(
+            "The command on large files",
+            (*header, *stages),
+            [_scale_row(scene, values) for scene, values in found if values is not None],
+            (
+                "tgospa-eval truth.csv estimate.csv -c 5 -g 2 --format json -q, killed after "
+                f"{scale.LIMIT:g} s",
+            ),
+        )
+    ]
+
+
+def _scale_row(scene: Scene, found: Values) -> list[str]:
+    row = [
+        f"{scene.targets:,} x {scene.steps:,}, {scene.area:g}",
+        f"{found['rows']:,}",
+        f"{found['bytes'] / MEGA:.0f}",
+        str(Number(found["seconds"], above=not found["complete"])),
+        f"{found['peak_bytes'] / MEGA:,.0f}",
+    ]
+    if not found["complete"]:
+        return [*row, *[ABSENT] * 5]
+    stages = (str(Number(found[stage])) for stage in ("read", "solve", "certify"))
+    return [*row, f"{found['pair_steps']:,}", *stages, f"{found['relative_gap']:.0e}"]
+
+
+def of_startup(store: Store) -> list[Table]:
+    """Seconds in a new process."""
+    found = store.get(startup.PART)
+    if found is None:
+        return []
+    needs = ", ".join(found["needs"])
+    rows = [
+        (f"tgospa-eval on {found['rows']} rows", found["evaluate"], found["imports"]),
+        ("tgospa-eval --help", found["help"], found["python"]),
+    ]
+    return [
+        Table(
+            "Start-up",
+            ("command", "s", "base s", "ratio"),
+            [(name, f"{a:.3f}", f"{b:.3f}", f"{a / b:.2f}") for name, a, b in rows],
+            (
+                f"Base: python -c 'import {needs}', and python -c pass. Medians of "
+                f"{startup.RUNS} runs in turn.",
+            ),
+        )
+    ]

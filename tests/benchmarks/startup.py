@@ -1,0 +1,61 @@
+"""Time of the command in a new process, against importing what it needs and nothing else."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from machine import HERE
+from scale import COMMAND
+
+PART = "startup"
+RUNS = 15
+QUICKSTART = HERE.parents[1] / "sample_data" / "quickstart"
+ARGUMENTS = [str(QUICKSTART / name) for name in ("truth.csv", "estimate.csv")] + [
+    *("-c", "10", "-g", "5", "--quiet")
+]
+
+PROBE = """
+import importlib.metadata, sys
+sys.argv[0] = "tgospa-eval"
+from tgospa_eval.cli import main
+try:
+    main()
+except SystemExit:
+    pass
+known = set(importlib.metadata.packages_distributions()) - {"tgospa_eval"}
+print(*sorted(name for name in known & set(sys.modules) if not name.startswith("_")))
+"""
+
+
+def measure() -> dict[str, Any]:
+    """Medians over interleaved runs, in seconds."""
+    needs = libraries()
+    commands = {
+        "evaluate": [COMMAND, *ARGUMENTS],
+        "imports": [sys.executable, "-c", f"import {', '.join(needs)}"],
+        "help": [COMMAND, "--help"],
+        "python": [sys.executable, "-c", "pass"],
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in commands}
+    for _ in range(RUNS):
+        for name, command in commands.items():
+            begin = time.perf_counter()
+            subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+            seconds[name].append(time.perf_counter() - begin)
+    medians = {name: median(values) for name, values in seconds.items()}
+    return {"needs": needs, "rows": _rows(Path(ARGUMENTS[0])), **medians}
+
+
+def libraries() -> list[str]:
+    """Libraries that are loaded at the end of the command."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE, *ARGUMENTS], capture_output=True, text=True, check=True
+    )
+    return done.stdout.splitlines()[-1].split()
+
+
+def _rows(path: Path) -> int:
+    return len(path.read_text(encoding="utf-8").splitlines()) - 1
