@@ -627,7 +627,8 @@ cdef class Chain:
         The working set, from `working_set`.
     price : (K,) float array
         Prices at the start, absorbed into the kernel.
-    others : arrays of `tgospa_eval.solvers.ascent.Arrays`
+    others : arrays
+        As in `tgospa_eval.solvers.ascent.Ascent`.
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps

@@ -248,7 +248,8 @@ def digest(side: Trajectories) -> str:
         sha.update(repr(list(texts)).encode())
     for array in (side.times[side.step], side.track, side.state):
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
-        sha.update(kind.encode() + np.ascontiguousarray(array, dtype=kind).tobytes())
+        sha.update(kind.encode())
+        sha.update(np.ascontiguousarray(array, dtype=kind))
     return sha.hexdigest()
 
 
@@ -287,5 +288,5 @@ def _nested(stopwatch: Stopwatch) -> dict[str, Any]:
         else:
             timings[stage] = seconds
     if stopwatch.work:
-        solve["nanoseconds_per_state"] = stopwatch.nanoseconds
+        timings["nanoseconds_per_state"] = stopwatch.nanoseconds
     return {**timings, "solve": solve, "total": stopwatch.elapsed()}

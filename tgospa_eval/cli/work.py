@@ -89,9 +89,7 @@ def evaluate_files(
                 f"{check['upper']:.9g}",
                 err=True,
             )
-    finished = bool(result.solver["finished"])
-    if solver.name == "certified" and not result.certified:
-        finished = False
+    finished = result.certified if solver.name == "certified" else bool(result.solver["finished"])
     if not finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
         click.echo(

@@ -86,6 +86,6 @@ def write_folder(result: Result, folder: str, *, force: bool) -> None:
 
 
 def _timings(result: Result) -> Table:
-    flat = {k: v for k, v in result.timings.items() if k != "solve"}
+    flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
     flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
     return {"stage": list(flat), "seconds": list(flat.values())}

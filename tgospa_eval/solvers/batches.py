@@ -149,7 +149,7 @@ def solve_in_batches(
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
     cuts = states.cuts(SIZE)
-    threads = min(jobs or os.cpu_count() or 1, len(cuts))
+    threads = min(jobs or _cores(), len(cuts))
     if threads <= 1:
         answers = [work(cut) for cut in cuts]
     else:
@@ -172,6 +172,13 @@ def solve_in_batches(
         finished=not missing,
         history=_merge(states, cuts, answers, weights),
     )
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:

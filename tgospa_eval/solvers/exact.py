@@ -76,6 +76,9 @@ def _solve_blocks(batch: Batch) -> Answer:
     iterations = 0
     seconds = {"build": 0.0, "lp": 0.0}
     for block in np.flatnonzero(batch.wanted).tolist():
+        if batch.late():
+            statuses.append("stopped by the time limit")
+            continue
         part, state, slot = states.between(block, block + 1)
         begin = time.perf_counter()
         programme = _build(part)

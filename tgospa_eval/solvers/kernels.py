@@ -255,7 +255,7 @@ def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats, box: Floats
 
 def is_wide(bound: Floats, worth: Floats, alone: Floats, gap: float) -> NDArray[np.bool_]:
     """Whether the bracket of each block is wider than `gap`, relative, and than rounding allows."""
-    return bound - worth > np.maximum(gap * (alone - worth), 1e-14 * alone)
+    return bound - worth > np.maximum(gap * (alone - worth), 1e-15 * alone)
 
 
 def check_gap(gap: float) -> float:

@@ -35,6 +35,10 @@ class PlainAscent:
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
+    def keep(self, blocks: NDArray[np.bool_]) -> None:
+        """Judge these blocks only; the sweeps go on with all."""
+        self.open = blocks
+
     @property
     def gap(self) -> Floats:
         """Width of the bracket of each block, (B,)."""

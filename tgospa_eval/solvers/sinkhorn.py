@@ -99,6 +99,7 @@ class Sinkhorn:
             violation = ascent.stage(epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.late)
             count += sweeps
             after = ascent.gap[wanted].sum()
+            ascent.keep(ascent.wide(self.gap))
             upper = -float(ascent.worth[wanted].sum())
             history.append(
                 {
@@ -109,10 +110,10 @@ class Sinkhorn:
                     "upper": upper,
                 }
             )
-            if not ascent.wide(self.gap).any():
+            if not ascent.open.any():
                 status = "the bracket is met"
             elif batch.late():
-                status, open_blocks = "stopped by the time limit", int(ascent.wide(self.gap).sum())
+                status, open_blocks = "stopped by the time limit", int(ascent.open.sum())
             elif cold and violation <= VIOLATION:
                 status = f"columns are full to {VIOLATION:g}"
             elif cold and after > 0.95 * before:
