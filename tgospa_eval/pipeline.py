@@ -249,7 +249,7 @@ def digest(side: Trajectories) -> str:
     for array in (side.times[side.step], side.track, side.state):
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())
-        sha.update(np.ascontiguousarray(array, dtype=kind))
+        sha.update(np.ascontiguousarray(array, dtype=kind).data)
     return sha.hexdigest()
 
 
