@@ -102,7 +102,7 @@ def test_slacks_are_what_forbidding_the_rest_costs(name: str) -> None:
     from tgospa_eval.solvers.ascent import Ascent
 
     states = merge_runs(PROBLEMS[name]())
-    ascent = Ascent(states, np.ones(len(states.block_begin), bool))
+    ascent = Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
     rng = np.random.default_rng(1)
     prices = rng.exponential(0.2, len(states.columns.step))
     ascent.look(prices, slack=True)
@@ -132,7 +132,7 @@ def test_sweeps_find_the_entropic_optimum() -> None:
     from tgospa_eval.solvers.ascent import Ascent
 
     epsilon = 0.2
-    ascent = Ascent(states, np.ones(len(states.block_begin), bool))
+    ascent = Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
     chosen = np.ones(len(states.begin), np.uint8)
     chain = kernels.Chain(
         ascent.rows, ascent.columns, ascent.row_first, ascent.order, states.begin,

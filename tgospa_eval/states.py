@@ -179,6 +179,17 @@ class States:
         return end
 
     @cached_property
+    def row_order(self) -> tuple[Ints, Ints]:
+        """The states by (row, begin, number), and the place of the first of each node (nodes + 1,).
+
+        For the compiled kernels only.
+        """
+        found: tuple[Ints, Ints] = kernels.by_row(
+            _in_time(self.begin, self.problem.steps), self.pair_first, self.pair_row, self.nodes
+        )
+        return found
+
+    @cached_property
     def gain(self) -> Floats:
         """Gain of each state, 0 for a run, (S,)."""
         gain = np.zeros(len(self.begin))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, in_rows, is_wide, price_cap
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 from tgospa_eval.states import Slots, States, connected_components
 
 REGRET = 1e-11
@@ -29,6 +29,8 @@ class Ascent:
         The blocks.
     wanted : (B,) bool array
         Those that take part until `keep` leaves more out.
+    gap : float
+        Relative gap at which no further candidates are tried.
 
     Attributes
     ----------
@@ -49,8 +51,8 @@ class Ascent:
         Time by kind of work.
     """
 
-    def __init__(self, states: States, wanted: NDArray[np.bool_]) -> None:
-        self.states = states
+    def __init__(self, states: States, wanted: NDArray[np.bool_], gap: float) -> None:
+        self.states, self.wanted_gap = states, gap
         size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
         cap = float(price_cap(states)[wanted].max())
         self.crossing = np.minimum(states.problem.crossing_price, cap)
@@ -59,7 +61,7 @@ class Ascent:
         self.slot_block = states.node_block[states.columns.node]
         self.state_block = states.pair_block[states.pair]
         self.window_end = states.block_end[states.node_block]
-        self.order, self.row_first = in_rows(states)
+        self.order, self.row_first = states.row_order
         self.value, self.forward, self.slack, self.none = (np.empty(size) for _ in range(4))
         self.came = np.empty(size, np.int32)
         self.final = np.full(nodes, -1, np.int32)
@@ -173,14 +175,16 @@ class Ascent:
         chain.cool(epsilon)
         chain.write_prices(self.soft)
         rounded = time.perf_counter()
+        self.offer_weights(self.round(shares))
+        judged = time.perf_counter()
         for cut in THRESHOLDS:
             self.offer_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
-        judged = time.perf_counter()
-        self.offer_weights(self.round(shares))
+            if not self.wide(self.wanted_gap).any():
+                break
         end = time.perf_counter()
         self.seconds["sweeps"] += rounded - begin
-        self.seconds["bounds"] += judged - rounded
-        self.seconds["rounding"] += end - judged
+        self.seconds["rounding"] += judged - rounded
+        self.seconds["bounds"] += end - judged
         return float(violation)
 
     def round(self, shares: Floats) -> Floats:

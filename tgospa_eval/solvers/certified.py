@@ -81,7 +81,7 @@ class Certified:
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
-        ascent = Ascent(batch.states, batch.wanted)
+        ascent = Ascent(batch.states, batch.wanted, self.gap)
         preparation = time.perf_counter() - begin
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False

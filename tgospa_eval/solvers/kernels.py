@@ -66,7 +66,7 @@ def paths(states: States, value: Floats) -> Floats:
 
 def _compiled_paths(states: States, value: Floats) -> Floats:
     size = len(states.begin)
-    order, row_first = in_rows(states)
+    order, row_first = states.row_order
     rows = np.unique(states.pair_row)
     forward, none, weights = np.empty(size), np.empty(size), np.zeros(size)
     came, final = np.empty(size, np.int32), np.empty(states.nodes, np.int32)
@@ -76,17 +76,6 @@ def _compiled_paths(states: States, value: Floats) -> Floats:
     )  # fmt: skip
     kernels.trace(rows, row_first, came, final, weights)
     return weights
-
-
-def in_rows(states: States) -> tuple[Ints, Ints]:
-    """The states by (row, begin, number), and the place of the first of each node."""
-    found: tuple[Ints, Ints] = kernels.by_row(
-        kernels.in_time(states.begin, states.problem.steps),
-        states.pair_first,
-        states.pair_row,
-        states.nodes,
-    )
-    return found
 
 
 def price_cap(states: States) -> Floats:

@@ -22,7 +22,7 @@ class PlainAscent:
     The working set is what has some mass, whatever threshold is asked for.
     """
 
-    def __init__(self, states: States, wanted: NDArray[np.bool_]) -> None:
+    def __init__(self, states: States, wanted: NDArray[np.bool_], _: float) -> None:
         self.states, self.open = states, wanted
         self.weights = np.zeros(len(states.begin))
         self.prices = np.zeros(len(states.columns.step))

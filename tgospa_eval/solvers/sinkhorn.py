@@ -84,7 +84,7 @@ class Sinkhorn:
     def _sweep(self, batch: Batch) -> Answer:
         """Sweeps of one batch."""
         begin = time.perf_counter()
-        ascent = (Ascent if kernels else PlainAscent)(batch.states, batch.wanted)
+        ascent = (Ascent if kernels else PlainAscent)(batch.states, batch.wanted, self.gap)
         preparation = time.perf_counter() - begin
         wanted = batch.wanted
         half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
