@@ -14,6 +14,7 @@ from tgospa_eval import states as states_module
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Problem
 from tgospa_eval.result import ONE, best_values, certify
+from tgospa_eval.solvers import ascent
 from tgospa_eval.solvers import kernels as shared
 from tgospa_eval.states import Slots, States, merge_runs
 from tgospa_eval.timing import Stopwatch
@@ -96,31 +97,34 @@ def test_best_paths_compiled_are_as_good_as_plain(
 
 
 @compiled_only
+@pytest.mark.parametrize("reach", [0.05, 0.4, 1.1])
 @pytest.mark.parametrize("name", ["small", "crowd", "sparse"])
-def test_slacks_are_what_forbidding_the_rest_costs(name: str) -> None:
-    """The slack of a state, and of no state, against the best path that is forced that way."""
-    from tgospa_eval.solvers.ascent import Ascent
-
+def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> None:
+    """Slack of a state, and of doing without any, against best paths that are forced that way."""
     states = merge_runs(PROBLEMS[name]())
-    ascent = Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
+    survey = ascent.Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
     rng = np.random.default_rng(1)
     prices = rng.exponential(0.2, len(states.columns.step))
-    ascent.look(prices, slack=True)
+    survey.survey(prices, reach)
     value = states.gain - states.columns.totals(prices)
     best = best_values(states, value)
     row, end = states.pair_row[states.pair], states.end
+    assert survey.best[np.unique(row)] == pytest.approx(best[np.unique(row)], abs=1e-10)
     for s in rng.choice(len(value), 12, replace=False):
-        same_row = (row == row[s]) & (states.begin <= end[s]) & (end >= states.begin[s])
         forced = value.copy()
         forced[s] += 100.0
-        assert ascent.slack[s] == pytest.approx(
-            best[row[s]] - (best_values(states, forced)[row[s]] - 100.0), abs=1e-9
-        )
-        at_begin = same_row & (states.begin <= states.begin[s]) & (end >= states.begin[s])
-        barred = np.where(at_begin, -100.0, value)
-        assert ascent.none[s] == pytest.approx(
-            best[row[s]] - best_values(states, barred)[row[s]], abs=1e-9
-        )
+        slack = best[row[s]] - (best_values(states, forced)[row[s]] - 100.0)
+        here = (row == row[s]) & (states.begin <= states.begin[s]) & (end >= states.begin[s])
+        without = best[row[s]] - best_values(states, np.where(here, -100.0, value))[row[s]]
+        for loss, flag, below in (
+            (slack, ascent.NEAR, True),
+            (without, ascent.NEEDED, False),
+        ):
+            if abs(loss - reach) > 1e-9:
+                assert survey.has(flag)[s] == ((loss <= reach) == below)
+        assert survey.has(ascent.TEMPTED)[s] == (slack <= 1e-6)
+        if survey.has(ascent.BEST)[s]:
+            assert slack < 1e-10
 
 
 @compiled_only
@@ -129,15 +133,13 @@ def test_sweeps_find_the_entropic_optimum() -> None:
     truth, estimate = scene(7, 3, 3, 4, side=3.0)
     problem = evaluate(truth, estimate, 4.0, 2, 1.0).proof.states.problem
     states = merge_runs(problem)
-    from tgospa_eval.solvers.ascent import Ascent
-
     epsilon = 0.2
-    ascent = Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
+    field = ascent.Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
     chosen = np.ones(len(states.begin), np.uint8)
     chain = kernels.Chain(
-        ascent.rows, ascent.columns, ascent.row_first, ascent.order, states.begin,
-        ascent.window_end, states.columns.first, states.columns.step, states.columns.begin,
-        ascent.slot_end, chosen, ascent.gain, np.zeros(len(states.columns.step)), ascent.crossing,
+        field.rows, field.columns, field.row_first, field.order, states.begin,
+        field.window_end, states.columns.first, states.columns.step, states.columns.begin,
+        field.slot_end, chosen, field.gain, np.zeros(len(states.columns.step)), field.crossing,
     )  # fmt: skip
     chain.heat(epsilon)
     assert chain.sweep(400) < 1e-9

@@ -236,53 +236,25 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
 # --- best paths: the twin is tgospa_eval.result.best_values ---------------------------------------
 
 
-def reprice(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
-            const i32[::1] row_first, const double[::1] gain, const i32[::1] slot_begin,
-            const i32[::1] slot_end, const double[::1] price, double[::1] before,
-            double[::1] value):
-    """value = gain - sum of the prices of the slots, for the states of the rows.
-
-    `before` (K,) is work space: the sum of the prices of the earlier slots of each column.
-    """
-    cdef Py_ssize_t r, s, t
-    cdef i32 b, e
-    cdef double total
-    with nogil:
-        for r in range(columns.shape[0]):
-            total = 0.0
-            for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
-                before[t] = total
-                total += price[t]
-        for r in range(rows.shape[0]):
-            for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
-                b, e = slot_begin[s], slot_end[s]
-                if e == b:
-                    value[s] = gain[s]
-                elif e == b + 1:
-                    value[s] = gain[s] - price[b]
-                else:
-                    value[s] = gain[s] - (before[e - 1] + price[e - 1] - before[b])
-
-
-cdef double row_forward(const i32[::1] order, const i32[::1] begin, const double[::1] crossing,
-                        const double[::1] value, double[::1] forward, i32[::1] came,
-                        double[::1] none, Py_ssize_t low, Py_ssize_t high,
-                        i32* final) noexcept nogil:
+cdef double row_forward(const i32* order, const i32* begin, const double* crossing,
+                        const double* value, double* forward, i32* came, double* none,
+                        Py_ssize_t low, Py_ssize_t high, i32* final) noexcept nogil:
     """Best value of a path up to each state of one row, and the state that it came from (or -1).
 
     A group of states that begin together is entered from the state before each or from the hub
-    ("none"), into which the states before them may have left at the same transition. Returns the
-    value of the best path; its last state goes to `final`.
+    ("none"), into which the states before them may have left at the same transition; `none` is the
+    value of the hub then. Returns the value of the best path; its last state goes to `final`.
+    `value`, `forward`, `came`, `none` begin with the row.
     """
     cdef Py_ssize_t a = low, c
     cdef i32 s, k, hub_from = -1
     cdef double hub = 0.0, price, enter, best
+    final[0] = -1
     if low == high:
-        final[0] = -1
         return 0.0
     k = begin[order[low]]
     while a < high and begin[order[a]] == k:
-        s = order[a]
+        s = order[a] - <i32>low
         forward[s] = value[s]
         none[s] = 0.0
         came[s] = -1
@@ -292,14 +264,14 @@ cdef double row_forward(const i32[::1] order, const i32[::1] begin, const double
         price = crossing[k]
         c = a
         while c < high and begin[order[c]] == k:
-            s = order[c] - 1
+            s = order[c] - <i32>low - 1
             if forward[s] - price > hub:
                 hub = forward[s] - price
                 hub_from = s
             c += 1
         enter = hub - price
         while a < c:
-            s = order[a]
+            s = order[a] - <i32>low
             if forward[s - 1] >= enter:
                 forward[s] = forward[s - 1] + value[s]
                 came[s] = s - 1
@@ -311,96 +283,153 @@ cdef double row_forward(const i32[::1] order, const i32[::1] begin, const double
     best = hub
     final[0] = hub_from
     k = begin[low]
-    for s in range(low, high):
-        if (s + 1 == high or begin[s + 1] == k) and forward[s] > best:
+    for s in range(<i32>(high - low)):
+        if (low + s + 1 == high or begin[low + s + 1] == k) and forward[s] > best:
             best = forward[s]
             final[0] = s
     return best
 
 
-def forward_pass(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-                 const i32[::1] begin, const double[::1] crossing, const double[::1] value,
-                 double[::1] forward, i32[::1] came, double[::1] none, double[::1] best,
-                 i32[::1] final):
-    """Best value of a path up to each state of the rows, and of a whole path of each row.
+cdef void row_backward(const i32* order, const i32* begin, const double* crossing,
+                       const double* value, const double* forward, double* none, double* slack,
+                       double best, Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+    """Slack: what the best path of the row has over the best one through each state.
 
-    `came` is the state before (-1 for none), `none` the best value of a path that is in no state
-    when the state begins, `final` the last state of the best path of each row.
+    `none` comes from `row_forward` and becomes the same for the paths that are in no state when
+    the state begins. Within a group the best continuation of every state is known before the
+    states before them get theirs, which `slack` holds on the way.
     """
-    cdef Py_ssize_t r
-    cdef i32 i
+    cdef Py_ssize_t a = high, c
+    cdef i32 s, k = begin[low]
+    cdef double hub = 0.0, price, top, after
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == k:
+            slack[s] = 0.0
+    while a > low:
+        k = begin[order[a - 1]]
+        price = crossing[k]
+        c = a
+        top = NOTHING
+        while a > low and begin[order[a - 1]] == k:
+            a -= 1
+            s = order[a] - <i32>low
+            none[s] = best - (none[s] + hub)
+            if value[s] + slack[s] > top:
+                top = value[s] + slack[s]
+        if a == low:
+            break
+        if top - price > hub:
+            hub = top - price
+        while c > a:
+            c -= 1
+            s = order[c] - <i32>low
+            after = value[s] + slack[s]
+            if hub - price > after:
+                after = hub - price
+            slack[s - 1] = after
+    for s in range(<i32>(high - low)):
+        slack[s] = best - (forward[s] + slack[s])
+
+
+cdef Py_ssize_t longest(const i32[::1] rows, const i32[::1] row_first) noexcept nogil:
+    """Most states of a row."""
+    cdef Py_ssize_t r, most = 0
+    for r in range(rows.shape[0]):
+        if row_first[rows[r] + 1] - row_first[rows[r]] > most:
+            most = row_first[rows[r] + 1] - row_first[rows[r]]
+    return most
+
+
+def best_paths(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+               const i32[::1] begin, const double[::1] crossing, const double[::1] value,
+               double[::1] weight):
+    """Weights 0 and 1 of a best path of each of the rows."""
+    cdef Py_ssize_t r, low, most = longest(rows, row_first)
+    cdef i32 i, s
+    cdef double[::1] forward = np.empty(most + 1), none = np.empty(most + 1)
+    cdef i32[::1] came = np.empty(most + 1, np.int32)
+    if not most:
+        return
     with nogil:
         for r in range(rows.shape[0]):
             i = rows[r]
-            best[i] = row_forward(order, begin, crossing, value, forward, came, none,
-                                  row_first[i], row_first[i + 1], &final[i])
-
-
-def trace(const i32[::1] rows, const i32[::1] row_first, const i32[::1] came,
-          const i32[::1] final, double[::1] weight):
-    """Weights 0 and 1 of the best paths that `forward_pass` found."""
-    cdef Py_ssize_t r
-    cdef i32 s, i
-    with nogil:
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            weight[row_first[i]:row_first[i + 1]] = 0.0
-            s = final[i]
+            low = row_first[i]
+            row_forward(&order[0], &begin[0], &crossing[0], &value[low], &forward[0], &came[0],
+                        &none[0], low, row_first[i + 1], &s)
+            weight[low:row_first[i + 1]] = 0.0
             while s >= 0:
-                weight[s] = 1.0
+                weight[low + s] = 1.0
                 s = came[s]
 
 
-def backward_pass(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-                  const i32[::1] begin, const double[::1] crossing, const double[::1] value,
-                  const double[::1] forward, const double[::1] best, double[::1] none,
-                  double[::1] slack):
-    """Slack: what the best path of the row has over the best one through each state.
+cdef enum:
+    NEAR = 1     # slack within reach
+    NEEDED = 2   # doing without any state when this one begins costs more than the reach
+    LOSES = 4    # slack that is more than rounding
+    BEST = 8     # on the best path that was found
+    TEMPTED = 16 # hardly any slack
+cdef double REGRET = 1e-11
+cdef double HARDLY = 1e-6
 
-    `none` becomes the same for the paths that are in no state when the state begins.
 
-    Within a group the best continuation of every state is known before the states before them get
-    theirs, which `slack` holds on the way.
+def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
+           const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
+           const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] crossing,
+           const double[::1] gain, const double[::1] price, double[::1] best,
+           const double[::1] weight=None, double reach=0.0, double[::1] own=None,
+           u8[::1] flags=None):
+    """Value of the best path of each row at the prices; with `flags` what that says of each state.
+
+    The prices of a state are those of its slots, from running sums in each column. With `flags`
+    also the value `own` of the assignment in `weight` at the prices, less its changes.
     """
-    cdef Py_ssize_t r, a, c, low, high
-    cdef i32 i, s, k
-    cdef double hub, price, top, after
+    cdef Py_ssize_t r, s, t, low, high, most = longest(rows, row_first)
+    cdef i32 b, e, i, k, last
+    cdef double total
+    cdef bint judge = flags is not None
+    cdef double[::1] before = np.empty(price.shape[0] + 1)
+    cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
+    cdef double[::1] none = np.empty(most + 1), slack = np.empty(most + 1 if judge else 1)
+    cdef i32[::1] came = np.empty(most + 1, np.int32)
+    if not most:
+        return
     with nogil:
+        for r in range(columns.shape[0]):
+            total = 0.0
+            for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
+                before[t] = total
+                total += price[t]
         for r in range(rows.shape[0]):
             i = rows[r]
             low, high = row_first[i], row_first[i + 1]
-            if low == high:
+            for s in range(low, high):
+                b, e = slot_begin[s], slot_end[s]
+                if e == b:
+                    value[s - low] = gain[s]
+                elif e == b + 1:
+                    value[s - low] = gain[s] - price[b]
+                else:
+                    value[s - low] = gain[s] - (before[e - 1] + price[e - 1] - before[b])
+            best[i] = row_forward(&order[0], &begin[0], &crossing[0], &value[0], &forward[0],
+                                  &came[0], &none[0], low, high, &last)
+            if not judge or low == high:
                 continue
+            row_backward(&order[0], &begin[0], &crossing[0], &value[0], &forward[0], &none[0],
+                         &slack[0], best[i], low, high)
+            total = 0.0
             k = begin[low]
             for s in range(low, high):
-                if s + 1 == high or begin[s + 1] == k:
-                    slack[s] = 0.0
-            hub = 0.0
-            a = high
-            while a > low:
-                k = begin[order[a - 1]]
-                price = crossing[k]
-                c = a
-                top = NOTHING
-                while a > low and begin[order[a - 1]] == k:
-                    a -= 1
-                    s = order[a]
-                    none[s] = best[i] - (none[s] + hub)
-                    if value[s] + slack[s] > top:
-                        top = value[s] + slack[s]
-                if a == low:
-                    break
-                if top - price > hub:
-                    hub = top - price
-                while c > a:
-                    c -= 1
-                    s = order[c]
-                    after = value[s] + slack[s]
-                    if hub - price > after:
-                        after = hub - price
-                    slack[s - 1] = after
-            for s in range(low, high):
-                slack[s] = best[i] - (forward[s] + slack[s])
+                total += weight[s] * value[s - low]
+                if begin[s] != k and weight[s] != weight[s - 1]:
+                    total -= crossing[begin[s]] * fabs(weight[s] - weight[s - 1])
+                flags[s] = ((NEAR if slack[s - low] <= reach else 0)
+                            | (NEEDED if none[s - low] > reach else 0)
+                            | (LOSES if slack[s - low] > REGRET else 0)
+                            | (TEMPTED if slack[s - low] <= HARDLY else 0))
+            own[i] = total
+            while last >= 0:
+                flags[low + last] |= BEST
+                last = came[last]
 
 
 def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] begin,
@@ -462,44 +491,46 @@ def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order
 def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
             const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
             const double[::1] crossing, const double[::1] gain, i32[::1] load,
-            double[::1] value, double[::1] forward, i32[::1] came, double[::1] none,
             double[::1] weight):
     """Each row in turn takes its best path through what the others leave; how many changed.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
-    `value`, `forward`, `came`, `none` are work space.
     """
-    cdef Py_ssize_t r, t
-    cdef i32 s, i, final, changed = 0
+    cdef Py_ssize_t r, t, low, high, s, most = longest(rows, row_first)
+    cdef i32 i, last, changed = 0
     cdef double kept, best
-    cdef bint free
+    cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
+    cdef double[::1] none = np.empty(most + 1)
+    cdef i32[::1] came = np.empty(most + 1, np.int32)
+    if not most:
+        return 0
     with nogil:
         for r in range(rows.shape[0]):
             i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
             kept = 0.0
-            for s in range(row_first[i], row_first[i + 1]):
-                if begin[s] != begin[row_first[i]] and weight[s] != weight[s - 1]:
+            for s in range(low, high):
+                if begin[s] != begin[low] and weight[s] != weight[s - 1]:
                     kept -= crossing[begin[s]]
                 if weight[s] > 0.0:
                     kept += gain[s]
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] -= 1
-            for s in range(row_first[i], row_first[i + 1]):
-                value[s] = gain[s]
+            for s in range(low, high):
+                value[s - low] = gain[s]
                 for t in range(slot_begin[s], slot_end[s]):
                     if load[t] > 0:
-                        value[s] = NOTHING
+                        value[s - low] = NOTHING
                         break
-            best = row_forward(order, begin, crossing, value, forward, came, none, row_first[i],
-                               row_first[i + 1], &final)
+            best = row_forward(&order[0], &begin[0], &crossing[0], &value[0], &forward[0],
+                               &came[0], &none[0], low, high, &last)
             if best > kept + 1e-12:
                 changed += 1
-                weight[row_first[i]:row_first[i + 1]] = 0.0
-                s = final
-                while s >= 0:
-                    weight[s] = 1.0
-                    s = came[s]
-            for s in range(row_first[i], row_first[i + 1]):
+                weight[low:high] = 0.0
+                while last >= 0:
+                    weight[low + last] = 1.0
+                    last = came[last]
+            for s in range(low, high):
                 if weight[s] > 0.0:
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] += 1
@@ -518,11 +549,11 @@ cdef enum:
 
 def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
                 const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
-                const double[::1] slack, const double[::1] none, const double[::1] weight,
-                const double[::1] price, double threshold, u8[::1] chosen):
+                const double[::1] weight, const double[::1] price, const u8[::1] flags,
+                u8[::1] chosen):
     """Choose the states that a chain is built of; 1 = chosen, with BOUND and FINAL at its ends.
 
-    Chosen are the states with slack up to the threshold and those in use. Where a row has one
+    Chosen are the states near, by the flags of `survey`, and those in use. Where a row has one
     option only, and nobody contests it, there is nothing to find out: such stretches are left out
     but for their ends, and so are rows without any contest.
     """
@@ -535,7 +566,7 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
     with nogil:
         for r in range(rows.shape[0]):
             for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
-                chosen[s] = slack[s] <= threshold or weight[s] > 0.0
+                chosen[s] = 1 if flags[s] & NEAR or weight[s] > 0.0 else 0
                 if chosen[s]:
                     change[slot_begin[s]] += 1
                     change[slot_end[s]] -= 1
@@ -570,8 +601,7 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                     if k > first and chosen[s - 1]:
                         active -= 1
                         if crowded < since[s - 1] and is_sure(
-                                s - 1, &slack[0], &none[0], &rivals[0], &slot_begin[0],
-                                &slot_end[0], threshold):
+                                s - 1, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
                             chosen[s - 1] = 2
                     if chosen[s]:
                         active += 1
@@ -584,8 +614,7 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
             for s in range(low, high):
                 if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
                         crowded < since[s]) and is_sure(
-                            s, &slack[0], &none[0], &rivals[0], &slot_begin[0], &slot_end[0],
-                            threshold):
+                            s, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
                     chosen[s] = 2
             # Sure states stay where a neighbour in time is not sure; 3 is left out.
             for s in range(low, high):
@@ -604,10 +633,10 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                     chosen[s] = 0
 
 
-cdef bint is_sure(i32 s, const double* slack, const double* none, const i32* rivals,
-                  const i32* slot_begin, const i32* slot_end, double threshold) noexcept nogil:
-    """Whether leaving the state costs more than the threshold and nobody else wants its column."""
-    return none[s] > threshold and slack[s] <= threshold and (
+cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_begin,
+                  const i32* slot_end) noexcept nogil:
+    """Whether leaving the state costs more than the reach and nobody else wants its column."""
+    return flags[s] & (NEAR | NEEDED) == (NEAR | NEEDED) and (
         rivals[slot_end[s]] == rivals[slot_begin[s]])
 
 

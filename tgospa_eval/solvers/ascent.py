@@ -16,6 +16,10 @@ from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 from tgospa_eval.states import Slots, States, connected_components
 
+NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
+"""Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
+slack that is more than rounding; on the best path that was found; slack below 1e-6."""
+
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
 
@@ -42,9 +46,8 @@ class Ascent:
         The best assignment so far, and what it gains.
     alone : (B,) float array
         Cost of leaving all unassigned.
-    slack, none : (S,) float arrays
-        At the prices last looked at: what a path loses that passes the state, or that is in no
-        state when it begins.
+    flags : (S,) uint8 array
+        What the last survey says of each state: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
         States, those of being in none included, times half sweeps; the seconds that they took.
     seconds : dict
@@ -62,21 +65,16 @@ class Ascent:
         self.state_block = states.pair_block[states.pair]
         self.window_end = states.block_end[states.node_block]
         self.order, self.row_first = states.row_order
-        self.value, self.forward, self.slack, self.none = (np.empty(size) for _ in range(4))
-        self.came = np.empty(size, np.int32)
-        self.final = np.full(nodes, -1, np.int32)
+        self.flags = np.zeros(size, np.uint8)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
-        self.before = np.empty(slots)
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
         self.keep(wanted)
         self.soft, self.prices = np.zeros(slots), np.zeros(slots)
-        self.bound = self.look(self.prices, slack=True)
-        paths = np.zeros(size)
-        kernels.trace(self.rows, self.row_first, self.came, self.final, paths)
         self.weights = np.zeros(size)
-        self._majority(paths, self.weights)
+        self.bound = self.survey(self.prices, 0.0)
+        self._majority(self._on_best_path(), self.weights)
         self.worth = self.value_of(self.weights)
         self.alone = alone_costs(states)
 
@@ -97,26 +95,37 @@ class Ascent:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
         return self.open & is_wide(self.bound, self.worth, self.alone, gap)
 
-    def look(self, prices: Floats, *, slack: bool = False) -> Floats:
-        """Bound of each block at the prices, (B,); best paths stay, and slacks if asked for."""
+    def look(self, prices: Floats) -> Floats:
+        """Bound of each block at the prices, (B,)."""
         s = self.states
-        kernels.reprice(
-            self.columns, s.columns.first, self.rows, self.row_first, self.gain, s.columns.begin,
-            self.slot_end, prices, self.before, self.value,
+        kernels.survey(
+            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, prices, self.best,
         )  # fmt: skip
-        kernels.forward_pass(
-            self.rows, self.row_first, self.order, s.begin, self.crossing, self.value,
-            self.forward, self.came, self.none, self.best, self.final,
+        return self._bounds(prices)
+
+    def survey(self, prices: Floats, reach: float) -> Floats:
+        """`look`, with `flags` of every state and the value of the best assignment of each row."""
+        s = self.states
+        kernels.survey(
+            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, prices, self.best,
+            self.weights, reach, self.own, self.flags,
         )  # fmt: skip
-        if slack:
-            kernels.backward_pass(
-                self.rows, self.row_first, self.order, s.begin, self.crossing, self.value,
-                self.forward, self.best, self.none, self.slack,
-            )  # fmt: skip
-        blocks = len(s.block_begin)
-        return sum_by(s.node_block[self.rows], self.best[self.rows], blocks) + sum_by(
+        return self._bounds(prices)
+
+    def _bounds(self, prices: Floats) -> Floats:
+        blocks = len(self.states.block_begin)
+        return sum_by(self.states.node_block[self.rows], self.best[self.rows], blocks) + sum_by(
             self.slot_block, prices, blocks
         )
+
+    def has(self, flag: int) -> NDArray[np.bool_]:
+        """Which states bear a flag since the last survey, (S,)."""
+        return (self.flags & flag) > 0
+
+    def _on_best_path(self) -> Floats:
+        return self.has(BEST).astype(np.float64)
 
     def value_of(self, weights: Floats) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
@@ -148,14 +157,13 @@ class Ascent:
         The working set are the states with slack up to `threshold`, and those in use.
         """
         begin = time.perf_counter()
-        self.look(self.soft, slack=True)
+        self.survey(self.soft, threshold)
         s = self.states
-        shares = np.zeros(len(s.begin))
-        kernels.trace(self.rows, self.row_first, self.came, self.final, shares)
+        shares = self._on_best_path()
         chosen = np.zeros(len(s.begin), np.uint8)
         kernels.working_set(
             self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-            self.slack, self.none, self.weights, self.soft, threshold, chosen,
+            self.weights, self.soft, self.flags, chosen,
         )  # fmt: skip
         chain = kernels.Chain(
             self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
@@ -195,8 +203,7 @@ class Ascent:
         for _ in range(2):
             changed = kernels.improve(
                 self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-                self.crossing, self.gain, load, self.value, self.forward, self.came, self.none,
-                weights,
+                self.crossing, self.gain, load, weights,
             )  # fmt: skip
             if not changed:
                 break
@@ -207,37 +214,32 @@ class Ascent:
         used = np.flatnonzero(self.weights)
         return _cover(self.states.columns, used, self.weights[used]) > 1 - 1e-9
 
-    def undecided(self, reach: float, also: NDArray[np.bool_]) -> Ints:
-        """States that a programme has to decide for the bracket to close, at the prices looked at.
+    def undecided(self, also: NDArray[np.bool_]) -> Ints:
+        """States that a programme has to decide for the bracket to close, after a survey.
 
-        Near are the states with slack up to `reach`, those in use and those in `also`. Where a row
+        Near are the states within its reach, those in use and those in `also`. Where a row
         has one of them only, and cannot well do without, it is decided. What is left falls apart
         into components through shared slots and transitions; wanted are those with a seed: by the
         identity of the gap a row with regret, or a price on a column that is not full.
         """
         s = self.states
-        near = ((self.slack <= reach) | (self.weights > 0) | also) & self.open[self.state_block]
+        near = (self.has(NEAR) | (self.weights > 0) | also) & self.open[self.state_block]
         crowd = np.concatenate(([0], np.cumsum(_cover(s.rows, np.flatnonzero(near)) > 1)))
         alone = crowd[s.rows.end] == crowd[s.rows.begin]
-        decided = (self.weights > 1 - 1e-9) & alone & (self.none > reach)
+        decided = (self.weights > 1 - 1e-9) & alone & self.has(NEEDED)
         free = np.flatnonzero(near & ~decided)
         return free[self._seeded(free)]
 
     def _seeded(self, free: Ints) -> NDArray[np.bool_]:
         """Which of the free states are in a component with a seed."""
         s = self.states
-        kernels.own_values(
-            self.rows, self.row_first, s.begin, self.crossing, self.value, self.weights, self.own
-        )
         regret = np.zeros(s.nodes, bool)
         regret[self.rows] = (self.best - self.own)[self.rows] > REGRET
         changes = np.zeros(len(self.weights), bool)
         changes[1:] = np.diff(self.weights) != 0
         changes[:-1] |= changes[1:]
-        seed = ((self.weights > 0) & (self.slack > REGRET)) | changes
-        path = np.zeros(len(self.weights))
-        kernels.trace(self.rows, self.row_first, self.came, self.final, path)
-        seed |= path > self.weights
+        seed = ((self.weights > 0) & self.has(LOSES)) | changes
+        seed |= self.has(BEST) & (self.weights < 1)
         seed &= np.repeat(regret[s.pair_row], np.diff(s.pair_first))
         lost = np.concatenate(([0], np.cumsum((self.prices > REGRET) & ~self.full())))
         seed |= lost[self.slot_end] > lost[s.columns.begin]

@@ -12,7 +12,7 @@ import numpy as np
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Ints
 from tgospa_eval.result import ONE, Solution, repair
-from tgospa_eval.solvers.ascent import Ascent
+from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.contest import solve_contest
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
@@ -131,8 +131,8 @@ class _Programmes:
         for reach, box in rounds:
             if self.batch.late() or not ascent.open.any():
                 break
-            ascent.look(ascent.prices, slack=True)
-            free = ascent.undecided(reach, self.tempted)
+            ascent.survey(ascent.prices, reach)
+            free = ascent.undecided(self.tempted)
             if most is not None and len(free) > most:
                 break
             self._solve(free, box)
@@ -150,8 +150,8 @@ class _Programmes:
         self.iterations += iterations
         ascent.offer_weights(repair(ascent.states, weights) / ONE)
         ascent.offer_prices(prices)
-        ascent.look(prices, slack=True)
-        self.tempted |= ascent.slack <= 1e-6
+        ascent.survey(prices, 0.0)
+        self.tempted |= ascent.has(TEMPTED)
         for share in (0.5, 0.2):
             ascent.offer_prices(share * prices + (1 - share) * before)
         ascent.offer_prices(np.where(ascent.full(), ascent.prices, 0.0))

@@ -65,16 +65,12 @@ def paths(states: States, value: Floats) -> Floats:
 
 
 def _compiled_paths(states: States, value: Floats) -> Floats:
-    size = len(states.begin)
     order, row_first = states.row_order
-    rows = np.unique(states.pair_row)
-    forward, none, weights = np.empty(size), np.empty(size), np.zeros(size)
-    came, final = np.empty(size, np.int32), np.empty(states.nodes, np.int32)
-    kernels.forward_pass(
-        rows, row_first, order, states.begin, states.problem.crossing_price, value,
-        forward, came, none, np.empty(states.nodes), final,
+    weights = np.zeros(len(value))
+    kernels.best_paths(
+        np.unique(states.pair_row), row_first, order, states.begin,
+        states.problem.crossing_price, value, weights,
     )  # fmt: skip
-    kernels.trace(rows, row_first, came, final, weights)
     return weights
 
 
