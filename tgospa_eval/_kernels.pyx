@@ -737,54 +737,51 @@ cdef class Chain:
         cdef Py_ssize_t r, s, K = slot_step.shape[0], t, n = 0
         cdef i32 c, active, start, last
         cdef double total
+        cdef bint fill
         cdef i32[::1] opens = np.zeros(K + 1, np.int32)
         cdef i32[::1] closes = np.zeros(K + 1, np.int32)
-        cdef u8[::1] cut = np.zeros(K + 1, np.uint8)
-        cdef i32[::1] at = np.zeros(self.steps + 1, np.int32)
-        cdef i32[::1] found = np.empty(K, np.int32)
-        cdef i32[::1] count = np.empty(K, np.int32)
-        cdef double[::1] sums = np.empty(K)
+        cdef i32[::1] at = np.zeros(self.steps + 2, np.int32)
         with nogil:
             for r in range(rows.shape[0]):
                 for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
                     if chosen[s] and slot_end[s] > slot_begin[s]:
                         opens[slot_begin[s]] += 1
                         closes[slot_end[s] - 1] += 1
-                        cut[slot_begin[s]] = 1
-                        cut[slot_end[s]] = 1
-            for r in range(columns.shape[0]):
-                c = columns[r]
-                active = 0
-                t = column_first[c]
-                while t < column_first[c + 1]:
-                    active += opens[t]
-                    start = <i32>t
-                    total = price[t]
-                    t += 1
-                    while t < column_first[c + 1] and not cut[t]:
-                        total += price[t]
+        for fill in (False, True):  # how many there are at each step, then what they are
+            with nogil:
+                for r in range(columns.shape[0]):
+                    c = columns[r]
+                    active = 0
+                    t = column_first[c]
+                    while t < column_first[c + 1]:
+                        active += opens[t]
+                        start = <i32>t
+                        total = price[t]
                         t += 1
-                    if active > 1 or (active == 1 and total > 0.0):
-                        found[n], count[n], sums[n] = start, <i32>t - start, total
-                        at[slot_step[start] + 1] += 1
-                        n += 1
-                    active -= closes[t - 1]
-            for t in range(self.steps):
-                at[t + 1] += at[t]
-        self.constraints = n
-        self.step_constraint = np.append(1, np.asarray(at) + 1).astype(np.int32)
-        self.slot_first = np.zeros(n + 1, np.int32)
-        self.slot_count = np.ones(n + 1, np.int32)
-        self.price = np.zeros(n + 1)
-        cdef i32[::1] place = self.step_constraint[1:]  # ends as the place of the next step
+                        while t < column_first[c + 1] and not opens[t] and not closes[t - 1]:
+                            total += price[t]
+                            t += 1
+                        if active > 1 or (active == 1 and total > 0.0):
+                            if fill:
+                                n = at[slot_step[start]]
+                                at[slot_step[start]] += 1
+                                self.slot_first[n] = start
+                                self.slot_count[n] = <i32>t - start
+                                self.price[n] = total
+                                constraint_of[start] = <i32>n
+                            else:
+                                at[slot_step[start] + 2] += 1
+                                n += 1
+                        active -= closes[t - 1]
+            if not fill:
+                self.constraints = n
+                self.slot_first = np.zeros(n + 1, np.int32)
+                self.slot_count = np.ones(n + 1, np.int32)
+                self.price = np.zeros(n + 1)
+                at = 1 + np.cumsum(at, dtype=np.int32)
+                self.step_constraint = at  # the places move on to the next step below
+                at = at[1:]
         with nogil:
-            for t in range(n):
-                r = place[slot_step[found[t]]]
-                place[slot_step[found[t]]] += 1
-                self.slot_first[r] = found[t]
-                self.slot_count[r] = count[t]
-                self.price[r] = sums[t]
-                constraint_of[found[t]] = <i32>r
             last = <i32>K
             for t in range(K, -1, -1):
                 if constraint_of[t]:

@@ -178,6 +178,11 @@ class States:
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
 
+    def forget(self) -> None:
+        """Give up what is kept only because it is used again and again while solving."""
+        for name in ("gain", "row_order"):
+            vars(self).pop(name, None)
+
     @cached_property
     def row_order(self) -> tuple[Ints, Ints]:
         """The states by (row, begin, number), and the place of the first of each node (nodes + 1,).

@@ -122,19 +122,23 @@ def solve_in_batches(
     def work(cut: tuple[int, int]) -> Answer:
         part, state, slot = states.between(*cut)
         begin = time.perf_counter()
-        weights[state], prices[slot], left = solve_trivial(part, conflict_free=conflict_free)
+        easy, fair, left = solve_trivial(part, conflict_free=conflict_free)
+        if len(left) < len(part.block_begin):  # what is not written to is not in memory
+            weights[state], prices[slot] = easy, fair
+        del easy, fair
         preparation = time.perf_counter() - begin
-        answer = Answer(weights=weights[state], prices=prices[slot])
+        answer = Answer(weights=weights[:0], prices=prices[:0])
         if len(left):
             wanted = np.zeros(len(part.block_begin), bool)
             wanted[left] = True
             answer = solve(Batch(states=part, wanted=wanted, deadline=deadline))
             mine = np.repeat(wanted[part.pair_block], np.diff(part.pair_first))
-            weights[state][mine] = settled(part, answer.weights)[mine]
+            np.copyto(weights[state], settled(part, answer.weights), where=mine)
             mine = np.repeat(wanted[part.node_block], np.diff(part.columns.first))
-            prices[slot][mine] = answer.prices[mine]
+            np.copyto(prices[slot], answer.prices, where=mine)
         begin = time.perf_counter()
         perfect = nearly_perfect(part, weights[state]) + cut[0]
+        part.forget()
         spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
         for name, seconds in answer.seconds.items():
             spent[name] = spent.get(name, 0.0) + seconds
