@@ -3,7 +3,6 @@
 import os
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -157,6 +156,8 @@ def solve_in_batches(
     if threads <= 1:
         answers = [work(cut) for cut in cuts]
     else:
+        from concurrent.futures import ThreadPoolExecutor  # here: small problems do without
+
         with ThreadPoolExecutor(threads) as pool:
             answers = list(pool.map(work, cuts))
     perfect = np.concatenate([answer.perfect for answer in answers] or [np.zeros(0, np.int64)])

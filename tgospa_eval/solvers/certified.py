@@ -14,9 +14,7 @@ from tgospa_eval.problem import Ints
 from tgospa_eval.result import ONE, Solution, repair
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
-from tgospa_eval.solvers.contest import solve_contest
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
-from tgospa_eval.solvers.residual import residual
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -69,9 +67,12 @@ class Certified:
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
         """Solve every block exactly, or as far as the time limit allows."""
+        solve = self._ascend
+        if not kernels:
+            from tgospa_eval.solvers.contest import solve_contest as solve
         return solve_in_batches(
             states,
-            self._ascend if kernels else solve_contest,
+            solve,
             stopwatch,
             conflict_free=True,
             time_limit=self.time_limit,
@@ -141,6 +142,8 @@ class _Programmes:
 
     def _solve(self, free: Ints, box: float) -> None:
         """Propose what is best for the free states; mixtures of prices may be better."""
+        from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
+
         ascent = self.ascent
         before = ascent.prices
         weights, prices, iterations, _ = residual(

@@ -8,7 +8,7 @@ the rounded assignment, not the entropic value, which is no bound.
 
 import time
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,9 +18,11 @@ from tgospa_eval.result import Solution
 from tgospa_eval.solvers.ascent import Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
-from tgospa_eval.solvers.plain import PlainAscent
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.plain import PlainAscent
 
 SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM` sweeps."""
@@ -84,7 +86,7 @@ class Sinkhorn:
     def _sweep(self, batch: Batch) -> Answer:
         """Sweeps of one batch."""
         begin = time.perf_counter()
-        ascent = (Ascent if kernels else PlainAscent)(batch.states, batch.wanted, self.gap)
+        ascent = _ascent()(batch.states, batch.wanted, self.gap)
         preparation = time.perf_counter() - begin
         wanted = batch.wanted
         half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
@@ -131,3 +133,12 @@ class Sinkhorn:
             seconds={"preparation": preparation, **ascent.seconds},
             history=tuple(history),
         )
+
+
+def _ascent() -> "type[Ascent | PlainAscent]":
+    """What sweeps here."""
+    if kernels:
+        return Ascent
+    from tgospa_eval.solvers.plain import PlainAscent
+
+    return PlainAscent
