@@ -991,7 +991,7 @@ cdef class Chain:
                     total += self.passed[l]
                 for l in range(self.node_link[n], self.node_link[n + 1]):
                     if not self.kind[l] & INSIDE:
-                        weight[self.state[l]] = self.passed[l] / total
+                        weight[self.state[l]] = self.passed[l] / total if total > 1e-290 else 0.0
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.
@@ -1067,7 +1067,8 @@ cdef class Chain:
                 total[n] += part * u[constraint[l]] * behind[l]
             if update:
                 for n in range(low, high):
-                    total[n] = 1.0 / total[n]
+                    # Underflow: such a row has no say until the next kernel.
+                    total[n] = 1.0 / total[n] if total[n] > 1e-290 else 0.0
                 for l in range(node_link[low], node_link[high]):
                     c = constraint[l]
                     load[c] += passed[l] * u[c] * behind[l] * total[node_of[l]]

@@ -166,7 +166,9 @@ def solve_in_batches(
     _book(stopwatch, answers, time.perf_counter() - begin)
 
     missing = sum(answer.open for answer in answers)
-    status = next((a.status for a in answers if len(a.left) and (a.open or not missing)), "solved")
+    # What is worth telling, if batches ended differently: what kept one from being solved.
+    told = [a.status for a in answers if len(a.left) and (a.open or not missing)] or ["solved"]
+    status = next((s for s in told if s not in ("solved", "the bracket is met")), told[0])
     return Solution(
         weights=weights,
         prices=prices,

@@ -137,7 +137,7 @@ def _load(
         ("output_flag", False),
         ("presolve", "off"),
         ("solver", "simplex"),
-        ("threads", 1),
+        ("parallel", "off"),  # the number of threads is shared with other users of HiGHS
         ("primal_feasibility_tolerance", 1e-9),
         ("dual_feasibility_tolerance", 1e-9),
     ):

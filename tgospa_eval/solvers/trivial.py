@@ -55,6 +55,7 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
     starts = np.flatnonzero(np.diff(component[order], prepend=-1))
     sizes = np.diff(starts, append=len(order))
     weights[chosen[order[starts[sizes == 1]]]] = 1.0
+    ends = states.columns.end
     for start, size in zip(starts[sizes > 1], sizes[sizes > 1], strict=True):
         part = order[start : start + size]
         state = chosen[part]
@@ -66,7 +67,7 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
         gain[i, j] = states.gain[state]
         assigned, price = assign(gain)
         weights[state] = assigned[i] == j
-        priced = states.columns.end[state] > states.columns.begin[state]
+        priced = ends[state] > states.columns.begin[state]
         prices[states.columns.begin[state[priced]]] = price[j[priced]]
 
 
@@ -116,12 +117,10 @@ def _hold(states: States, weights: Floats) -> None:
         before[0] = after[-1] = 1.0
     held = np.flatnonzero(run & (before > 0) & (after > 0))
     whole = (weights * ONE).astype(np.int64)
+    sides = [(slots.begin, slots.end) for slots in (states.rows, states.columns)]
     room = [ONE - slots.sums(whole) for slots in (states.rows, states.columns)]
     for s in held[np.argsort(states.end[held] - states.begin[held], kind="stable")].tolist():
-        spans = [
-            r[slots.begin[s] : slots.end[s]]
-            for r, slots in zip(room, (states.rows, states.columns), strict=True)
-        ]
+        spans = [r[begin[s] : end[s]] for r, (begin, end) in zip(room, sides, strict=True)]
         if all((span >= ONE).all() for span in spans):
             for span in spans:
                 span -= ONE
