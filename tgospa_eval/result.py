@@ -119,7 +119,7 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     Breakdown
         Its cost by step; sums to the upper bound.
     """
-    weights, loads = _repaired(states, solution.weights)
+    weights, loads = repaired(states, solution.weights)
     breakdown = break_down(states, weights)
     prices = np.fmax(solution.prices, 0.0)  # NaN becomes 0
     prices[prices > 1e100] = 0.0
@@ -139,10 +139,10 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
 
 def repair(states: States, weights: Floats) -> Ints:
     """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
-    return _repaired(states, weights)[0]
+    return repaired(states, weights)[0]
 
 
-def _repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
+def repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
     """What `repair` gives, and its sums over the column slots."""
     whole = np.zeros(len(weights), np.int64)
     for part in parts(len(weights)):

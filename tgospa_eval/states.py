@@ -11,7 +11,6 @@ do not change; the assignment over a slot may sum to at most 1.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,28 +177,17 @@ class States:
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
 
-    def forget(self) -> None:
-        """Give up what is kept only because it is used again and again while solving."""
-        for name in ("gain", "row_order"):
-            vars(self).pop(name, None)
-
-    @cached_property
-    def row_order(self) -> tuple[Ints, Ints]:
-        """The states by (row, begin, number), and the place of the first of each node (nodes + 1,).
-
-        For the compiled kernels only.
-        """
-        found: tuple[Ints, Ints] = kernels.by_row(
-            _in_time(self.begin, self.problem.steps), self.pair_first, self.pair_row, self.nodes
-        )
-        return found
-
-    @cached_property
+    @property
     def gain(self) -> Floats:
         """Gain of each state, 0 for a run, (S,)."""
-        gain = np.zeros(len(self.begin))
-        gains = np.flatnonzero(self.entry >= 0)
-        gain[gains] = self.problem.gains(self.entry[gains])
+        return self.gains(slice(None))
+
+    def gains(self, chosen: Ints | slice) -> Floats:
+        """The gain of some states."""
+        entry = self.entry[chosen]
+        gain = np.zeros(len(entry))
+        gains = np.flatnonzero(entry >= 0)
+        gain[gains] = self.problem.gains(entry[gains])
         return gain
 
     def cuts(self, size: int) -> list[tuple[int, int]]:

@@ -38,7 +38,7 @@ def residual(
     held[free] = 0.0
     number = np.full(len(weights), -1)
     number[free] = np.arange(size)
-    reward = states.gain[free]
+    reward = states.gains(free)
     # Transitions between a free state and the next of its pair, either of which may be held.
     is_last = np.zeros(len(weights) + 1, bool)
     is_last[states.pair_first[1:] - 1] = True
