@@ -98,7 +98,7 @@ class Ascent:
         self.bound = self.survey(self.prices, 0.0)
         rounded = np.zeros(size, np.uint8)
         self._majority(rounded)
-        self.worth = np.full(blocks, -np.inf)
+        self.worth = np.where(wanted, -np.inf, 0.0)
         self._offer(self._values(rounded), rounded)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
