@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide
 from tgospa_eval.states import Slots, States, connected_components
 
 NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
@@ -75,8 +75,6 @@ class Ascent:
         self.weights, self.prices = weights, prices
         size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
         blocks = len(states.block_begin)
-        cap = float(price_cap(states)[wanted].max())
-        self.crossing = np.minimum(states.problem.crossing_price, cap)
         self.slot_end = states.columns.end
         self.window_end = states.block_end[states.node_block]
         self.order, self.row_first = kernels.by_row(
@@ -84,6 +82,10 @@ class Ascent:
             states.pair_row, nodes,
         )  # fmt: skip
         self.gain, self.group_first, self.offset = _relative(states, self.order, self.row_first)
+        # LP tolerances are absolute, so huge prices harm: see `price_cap`.
+        longest = int((states.block_end - states.block_begin).max()) + 1
+        cap = 2.0 * longest * self.offset.max()
+        self.crossing = np.minimum(states.problem.crossing_price, cap)
         self.flags = np.zeros(size, np.uint8)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.work, self.sweeping = 0, 0.0
@@ -151,11 +153,11 @@ class Ascent:
         total[self.rows] = self.best[self.rows]
         total = sum_by(self.states.node_block, total, blocks)
         # What the values of paths may have lost by rounding counts as well.
-        return total + (1.0 + self._rounding()) * self._paid(prices)
+        return total + self._paid(prices) + self._lost(prices)
 
-    def _rounding(self) -> float:
-        """Relative error of a sum of prices along a path."""
-        return 2.0**-53 * self.states.problem.steps
+    def _lost(self, prices: Floats) -> Floats:
+        """How wrong sums of prices along the paths of each block may be, (B,)."""
+        return 2.0**-53 * self.states.problem.steps * self._paid(prices)
 
     def _paid(self, prices: Floats) -> Floats:
         """Sum of the prices of each open block, (B,)."""
@@ -244,13 +246,11 @@ class Ascent:
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """Where rounding alone keeps a bracket wide: offer prices only where two states compete.
+        """Where mostly rounding keeps a bracket wide: offer prices only where two states compete.
 
         A price that nobody contests is as good as none, but sums of prices lose digits.
         """
-        width = self.gap - self._rounding() * self._paid(self.prices)
-        doubtful = self.open & ~is_wide(width, self.cost, self.alone, self.wanted_gap)
-        if doubtful.any():
+        if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * self._lost(self.prices))):
             self.survey(self.prices, float(self.prices.max()))
             rivals = _cover(self.states.columns, np.flatnonzero(self.has(NEAR)))
             self.offer_prices(np.where(rivals > 1, self.prices, 0.0))

@@ -72,6 +72,8 @@ class Answer:
         ``lower`` and ``upper`` of the blocks, less those of leaving all unassigned.
     left : int array
         Blocks that were not trivial.
+    wide : int array
+        Those of them that may not be exact, for `polish`.
     """
 
     iterations: int = 0
@@ -82,6 +84,7 @@ class Answer:
     seconds: dict[str, float] = field(default_factory=dict)
     history: tuple[dict[str, float], ...] = ()
     left: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    wide: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 Trivial = Callable[[States, Floats, Floats], Ints]
@@ -138,8 +141,8 @@ def solve_in_batches(
         answer = solve(batch) if len(left) else Answer()
         begin = time.perf_counter()
         settle(part, wanted, batch.weights)
-        closed = polish(part, batch.weights, batch.prices, gap, batch.late)
-        open_ = np.setdiff1d(answer.open, closed)
+        closed = polish(part, batch.weights, batch.prices, answer.wide, gap, batch.late)
+        open_ = answer.open[~np.isin(answer.open, closed)] if len(closed) else answer.open
         spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
         for name, seconds in answer.seconds.items():
             spent[name] = spent.get(name, 0.0) + seconds

@@ -115,6 +115,7 @@ class Certified:
             else "solved",
             open=np.flatnonzero(wide),
             left=left,
+            wide=np.flatnonzero(wide),
             work=ascent.work,
             sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds, "lp": programmes.seconds},

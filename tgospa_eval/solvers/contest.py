@@ -35,6 +35,7 @@ def solve_contest(batch: Batch) -> Answer:
         status=late if unsolved else "solved",
         open=np.array(unsolved, np.int64),
         left=np.flatnonzero(batch.wanted),
+        wide=np.flatnonzero(batch.wanted),
         seconds={"lp": time.perf_counter() - begin},
     )
 

@@ -111,6 +111,7 @@ def _solve_blocks(batch: Batch) -> Answer:
         status=statuses[0] if statuses else "solved",
         open=np.array(open_blocks, np.int64),
         left=np.flatnonzero(batch.wanted),
+        wide=np.flatnonzero(batch.wanted),
         seconds=seconds,
     )
 

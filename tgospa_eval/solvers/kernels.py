@@ -20,6 +20,9 @@ from tgospa_eval.result import (
 )
 from tgospa_eval.states import Slots, States
 
+DEAR = 1000.0
+"""At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
+
 THRESHOLDS = (1.0, 0.0, 3.0)
 """Prices below these multiples of the temperature are tried at 0: nobody contests those columns."""
 
@@ -90,7 +93,7 @@ def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
     at the true price. The average over time is as feasible as what it averages.
     """
     crossing = states.problem.crossing_price
-    if not blocks.any() or crossing.max() <= 0:
+    if crossing.max() < DEAR or not blocks.any():
         return
     spans = zip(states.block_begin.tolist(), states.block_end.tolist(), strict=True)
     least = np.array([crossing[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
@@ -117,8 +120,10 @@ def alone_costs(states: States) -> Floats:
     for track, alone in zip(
         (states.pair_truth, states.pair_estimate), states.problem.alone, strict=True
     ):
-        tracks, at = np.unique(track, return_index=True)
-        total += sum_by(states.pair_block[at], alone[tracks], len(total))
+        block = np.full(len(alone), -1)
+        block[track] = states.pair_block
+        mine = np.flatnonzero(block >= 0)
+        total += sum_by(block[mine], alone[mine], len(total))
     return total
 
 

@@ -57,23 +57,32 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
 
 
 def polish(
-    states: States, weights: Floats, prices: Floats, gap: float, late: Callable[[], bool]
+    states: States,
+    weights: Floats,
+    prices: Floats,
+    blocks: Ints,
+    gap: float,
+    late: Callable[[], bool],
 ) -> Ints:
-    """Close nearly perfect blocks whose bracket is open, in place; which blocks are closed then.
+    """Close those of the blocks that are nearly perfect, in place; which ones are closed then.
 
     Gains near 1 differ by less there than the tolerance of a programme, while the costs differ by
     a factor: of coincident truths each must get its own estimate. A misplaced object or a switch
     would cost more than all the rest, so that the best assignment is mostly one that never changes:
     one assignment of summed costs, by SciPy, whose prices are spread over time.
     """
+    if not len(blocks):
+        return blocks
     alone = alone_costs(states)
     of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
+    chosen = np.zeros(len(alone), bool)
+    chosen[blocks] = True
     saved = sum_by(of_state, np.clip(weights, 0.0, 1.0) * states.gain, len(alone))
-    perfect = alone - saved < 2 * NEARLY_PERFECT * alone
-    if not perfect.any():
+    chosen &= alone - saved < 2 * NEARLY_PERFECT * alone
+    if not chosen.any():
         return np.zeros(0, np.int64)
     cost, width = proven(states, weights, prices)
-    chosen = perfect & (cost < NEARLY_PERFECT * alone) & is_wide(width, cost, alone, gap)
+    chosen &= (cost < NEARLY_PERFECT * alone) & is_wide(width, cost, alone, gap)
     if not chosen.any():
         return np.zeros(0, np.int64)
     held, even, alive = weights.copy(), prices.copy(), prices.copy()

@@ -132,6 +132,7 @@ class Sinkhorn:
             status=status,
             open=np.flatnonzero(ascent.open) if status == LATE else np.zeros(0, np.int64),
             left=np.flatnonzero(wanted),
+            wide=np.flatnonzero(ascent.open),
             work=ascent.work,
             sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds},
