@@ -208,11 +208,17 @@ class Ascent:
         return np.repeat(blocks[self.states.pair_block], np.diff(self.states.pair_first))
 
     def stage(
-        self, epsilon: float, sweeps: int, threshold: float, late: Callable[[], bool]
+        self,
+        epsilon: float,
+        sweeps: int,
+        threshold: float,
+        late: Callable[[], bool],
+        calm: float = 0.0,
     ) -> tuple[int, float]:
         """Sweep at a temperature and judge; number of sweeps, and the largest violation at the end.
 
-        The working set are the states with slack up to `threshold`, and those in use.
+        The working set are the states with slack up to `threshold`, and those in use. It ends
+        early when no column is violated by more than `calm`.
         """
         begin = time.perf_counter()
         chain = self._chain(threshold)
@@ -222,7 +228,7 @@ class Ascent:
         while done < sweeps:
             violation = chain.sweep(1)
             done += 1
-            if late():
+            if violation < calm or late():
                 break
         self.work += 2 * done * (chain.links + chain.nodes)
         self.sweeping += time.perf_counter() - hot

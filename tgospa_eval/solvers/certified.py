@@ -22,6 +22,9 @@ from tgospa_eval.timing import Stopwatch
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
 
+CALM, WARM = 0.1, 0.01
+"""Above the temperature, columns violated by less than this are good enough to go on."""
+
 EASY = 0.01
 """A bracket that is narrower than this fraction of the cost may skip a stage."""
 
@@ -99,7 +102,10 @@ class Certified:
             if skip:
                 skip = False
                 continue
-            done, _ = ascent.stage(epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.late)
+            done, _ = ascent.stage(
+                epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.late,
+                CALM if epsilon > WARM else 0.0,
+            )  # fmt: skip
             iterations += done
             ascent.keep(ascent.wide(self.gap))
             cost = ascent.cost[ascent.open].sum()
