@@ -176,7 +176,10 @@ class Result:
     def normalised(self) -> dict[str, float]:
         """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
         problem = self.proof.states.problem
-        occupied = len(np.union1d(problem.truth_step, problem.estimate_step))
+        is_occupied = np.zeros(problem.steps, bool)
+        is_occupied[problem.truth_step] = True
+        is_occupied[problem.estimate_step] = True
+        occupied = int(np.count_nonzero(is_occupied))
         return {"tgospa": self._root(self.proof.bounds.upper / occupied) if occupied else 0.0}
 
     @property

@@ -67,8 +67,9 @@ def paths(states: States, value: Floats) -> Floats:
 def _compiled_paths(states: States, value: Floats) -> Floats:
     order, row_first = states.row_order
     weights = np.zeros(len(value))
+    rows = np.flatnonzero(np.bincount(states.pair_row)).astype(np.int32)
     kernels.best_paths(
-        np.unique(states.pair_row), row_first, order, states.begin,
+        rows, row_first, order, states.begin,
         states.problem.crossing_price, value, weights,
     )  # fmt: skip
     return weights
