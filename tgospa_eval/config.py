@@ -1,6 +1,5 @@
 """Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -80,6 +79,8 @@ def _section(document: dict[str, Any]) -> Any:
 
 
 def _read(path: str) -> dict[str, Any]:
+    import tomllib  # here: most runs have no such file
+
     try:
         with Path(path).open("rb") as file:
             return tomllib.load(file)

@@ -1,6 +1,5 @@
 """The result that a user holds: names of the JSON, tables, text. Knows no solver and no file."""
 
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -363,6 +362,8 @@ class Result:
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""
+        import json  # here: the table does without
+
         return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
 
     def _repr_html_(self) -> str:
