@@ -39,7 +39,7 @@ class Labels:
     unit: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Proof:
     """What `certify` returned, with what it was proven for.
 

@@ -19,7 +19,7 @@ SAMPLE = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Pairs:
     """Near pairs, sorted by (step, truth, estimate).
 
