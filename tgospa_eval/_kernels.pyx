@@ -650,6 +650,7 @@ cdef enum:
     FIRST = 4    # of a node: the window begins
     BOUND = 8    # of a node and its state: before it the row was surely in this pair
     FINAL = 16   # of a node and its state: after it the row is surely in this pair
+    FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
 
 
 def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
@@ -751,7 +752,7 @@ cdef class Chain:
     A *node* is a row at a step where something happens to it: a state of the working set begins or
     has just ended, or a stretch of slots begins for which a state of it competes. It has a *link*
     for each state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0
-    stands for "none before" and "none after" and holds 0; constraint 0 for "no price".
+    stands for "none before" and "none after" and holds 0; the first constraints for "no price".
 
     Parameters
     ----------
@@ -770,7 +771,7 @@ cdef class Chain:
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
     cdef double[::1] crossing, kernel, none_kernel, ahead, behind, passed, total, into
     cdef double[::1] none_ahead, none_behind
-    cdef double[::1] price, slack, u, load, stay
+    cdef double[::1] price, slack, cap, u, load, stay
     cdef double[::1] row
     cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
     cdef i32[::1] step_constraint, slot_first, slot_count
@@ -807,7 +808,7 @@ cdef class Chain:
         self.state = np.zeros(self.links + 1, np.int32)
         self.previous = np.zeros(self.links + 1, np.int32)
         self.next = np.zeros(self.links + 1, np.int32)
-        self.constraint = np.zeros(self.links + 1, np.int32)
+        self.constraint = np.arange(self.links + 1, dtype=np.int32) % FREE
         self.node_of = np.zeros(self.links + 1, np.int32)
         self.kind = np.zeros(self.links + 1, np.uint8)
         self.ends = np.zeros(self.nodes + 1, np.uint8)
@@ -827,9 +828,10 @@ cdef class Chain:
         self.none_kernel = np.zeros(self.nodes + 1)
         self.none_ahead = np.zeros(self.nodes + 1)
         self.none_behind = np.zeros(self.nodes + 1)
-        self.slack = np.ones(self.constraints + 1)
-        self.u = np.ones(self.constraints + 1)
-        self.load = np.zeros(self.constraints + 1)
+        self.slack = np.ones(self.constraints + FREE)
+        self.cap = np.ones(self.constraints + FREE)
+        self.u = np.ones(self.constraints + FREE)
+        self.load = np.zeros(self.constraints + FREE)
         self.stay = np.empty(self.steps)
         self.row = np.empty(4 * max(self.rows, 1))
 
@@ -882,10 +884,10 @@ cdef class Chain:
                         active -= closes[t - 1]
             if not fill:
                 self.constraints = n
-                self.slot_first = np.zeros(n + 1, np.int32)
-                self.slot_count = np.ones(n + 1, np.int32)
-                self.price = np.zeros(n + 1)
-                at = 1 + np.cumsum(at, dtype=np.int32)
+                self.slot_first = np.zeros(n + FREE, np.int32)
+                self.slot_count = np.ones(n + FREE, np.int32)
+                self.price = np.zeros(n + FREE)
+                at = FREE + np.cumsum(at, dtype=np.int32)
                 self.step_constraint = at  # the places move on to the next step below
                 at = at[1:]
         with nogil:
@@ -1034,9 +1036,10 @@ cdef class Chain:
         cdef Py_ssize_t n, l, c, k
         cdef double top, value
         with nogil:
-            for c in range(1, self.constraints + 1):
+            for c in range(FREE, self.constraints + FREE):
                 self.u[c] = 1.0
                 self.slack[c] = exp(-self.price[c] / epsilon)
+                self.cap[c] = exp(min(self.price[c] / epsilon, 230.0))
             for k in range(self.steps):
                 self.stay[k] = exp(-self.crossing[k] / epsilon)
                 if self.stay[k] < 1e-60:
@@ -1070,7 +1073,7 @@ cdef class Chain:
         """Take the changes of the prices out of the messages into `price`."""
         cdef Py_ssize_t c
         with nogil:
-            for c in range(1, self.constraints + 1):
+            for c in range(FREE, self.constraints + FREE):
                 self.price[c] -= epsilon * log(self.u[c])
                 if self.price[c] < 0.0:
                     self.price[c] = 0.0
@@ -1081,7 +1084,7 @@ cdef class Chain:
         cdef Py_ssize_t c, t
         cdef double total
         with nogil:
-            for c in range(1, self.constraints + 1):
+            for c in range(FREE, self.constraints + FREE):
                 total = 0.0
                 for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
                     total += price[t]
@@ -1119,7 +1122,7 @@ cdef class Chain:
         """
         cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row
-        cdef double r, q, none, hub, keep, bound, rho, most, part, violation = 0.0
+        cdef double r, q, none, hub, keep, bound, rho, part, violation = 0.0
         cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
         cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
         cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
@@ -1131,10 +1134,11 @@ cdef class Chain:
         cdef double* slack = &self.slack[0]
         cdef double* passed = &self.passed[0]
         cdef double* load = &self.load[0]
+        cdef double* cap = &self.cap[0]
         cdef double* stay = &self.stay[0]
         cdef double* total = &self.total[0]
         cdef double* into = &self.into[0]  # of each node: from the hub, and the factors of staying
-        cdef double* at = &self.row[0]     # of each row: none, all, those that pass the hub, q
+        cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass the hub, q
         cdef double* here
         cdef i32* constraint = &self.constraint[0]
         cdef i32* node_link = &self.node_link[0]
@@ -1163,7 +1167,7 @@ cdef class Chain:
                 if q < 0.0 or ends[n] & start:  # nothing to pay
                     none, hub, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
                 else:
-                    r = here[0] + here[1]
+                    r = here[0] + here[1] + here[2]
                     r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
                     none = r * (here[0] + q * here[2])
                     hub = q * none
@@ -1197,13 +1201,11 @@ cdef class Chain:
                     if bound < 1e-40:
                         bound = 1e-40
                     rho = u[c] / (bound * sqrt(bound))
-                    most = 1e100 if slack[c] < 1e-100 else 1.0 / slack[c]
-                    u[c] = most if rho > most else (1e-60 if rho < 1e-60 else rho)
+                    # At most 1 / slack, where the price is 0.
+                    u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
             for l in range(node_link[low], node_link[high]):
                 here = at + 4 * node_row[node_of[l]]
                 part = passed[l] * u[constraint[l]]
                 passed[l] = part
-                here[1] += part
-                if not kind[l] & held:
-                    here[2] += part
+                here[1 if kind[l] & held else 2] += part
         return violation
