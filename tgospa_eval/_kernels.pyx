@@ -823,8 +823,8 @@ cdef class Chain:
         self.ahead = np.zeros(self.links + 1)
         self.behind = np.zeros(self.links + 1)
         self.passed = np.zeros(self.links + 1)
-        self.total = np.empty(self.nodes + 1)
-        self.into = np.empty(3 * (self.nodes + 1))
+        self.total = np.empty(nodes.max(initial=0) + 1)
+        self.into = np.empty(3 * (nodes.max(initial=0) + 1))
         self.none_kernel = np.zeros(self.nodes + 1)
         self.none_ahead = np.zeros(self.nodes + 1)
         self.none_behind = np.zeros(self.nodes + 1)
@@ -1137,7 +1137,8 @@ cdef class Chain:
         cdef double* cap = &self.cap[0]
         cdef double* stay = &self.stay[0]
         cdef double* total = &self.total[0]
-        cdef double* into = &self.into[0]  # of each node: from the hub, and the factors of staying
+        # Of each node of one step: sum of the shares; from the hub, and the factors of staying.
+        cdef double* into = &self.into[0]
         cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass the hub, q
         cdef double* here
         cdef i32* constraint = &self.constraint[0]
@@ -1175,10 +1176,11 @@ cdef class Chain:
                 none_ahead[n] = none
                 none *= none_kernel[n]
                 here[0], here[1], here[2], here[3] = none, 0.0, 0.0, stay[k]
-                into[3 * n], into[3 * n + 1], into[3 * n + 2] = hub, keep, r
-                total[n] = none * none_behind[n]
+                into[3 * (n - low)], into[3 * (n - low) + 1] = hub, keep
+                into[3 * (n - low) + 2] = r
+                total[n - low] = none * none_behind[n]
             for l in range(node_link[low], node_link[high]):
-                n = node_of[l]
+                n = node_of[l] - low
                 part = passed[source[l]]
                 part = into[3 * n + 2] * part if kind[l] & straight else (
                     into[3 * n + 1] * part + into[3 * n])
@@ -1187,12 +1189,12 @@ cdef class Chain:
                 passed[l] = part
                 total[n] += part * u[constraint[l]] * behind[l]
             if update:
-                for n in range(low, high):
+                for n in range(high - low):
                     # Underflow: such a row has no say until the next kernel.
                     total[n] = 1.0 / total[n] if total[n] > 1e-290 else 0.0
                 for l in range(node_link[low], node_link[high]):
                     c = constraint[l]
-                    load[c] += passed[l] * u[c] * behind[l] * total[node_of[l]]
+                    load[c] += passed[l] * u[c] * behind[l] * total[node_of[l] - low]
                 for c in range(step_constraint[k], step_constraint[k + 1]):
                     # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
                     bound = u[c] * slack[c] + load[c]

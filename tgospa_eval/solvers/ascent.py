@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide
-from tgospa_eval.states import Slots, States, connected_components
+from tgospa_eval.solvers.limits import load
+from tgospa_eval.states import States, connected_components
 
 NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
 """Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
@@ -258,7 +259,7 @@ class Ascent:
         """
         if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * self._lost(self.prices))):
             self.survey(self.prices, float(self.prices.max()))
-            rivals = _cover(self.states.columns, np.flatnonzero(self.has(NEAR)))
+            rivals = load(self.states.columns, self.has(NEAR))
             self.offer_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
@@ -297,8 +298,7 @@ class Ascent:
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
-        used = np.flatnonzero(self.weights)
-        return _cover(self.states.columns, used, self.weights[used]) > 1 - 1e-9
+        return load(self.states.columns, self.weights) > 1 - 1e-9
 
     def undecided(self, also: NDArray[np.bool_]) -> Ints:
         """States that a programme has to decide for the bracket to close, after a survey.
@@ -308,12 +308,17 @@ class Ascent:
         into components through shared slots and transitions; wanted are those with a seed: by the
         identity of the gap a row with regret, or a price on a column that is not full.
         """
-        s = self.states
-        near = (self.has(NEAR) | (self.weights > 0) | also) & self._states_of(self.open)
-        crowd = np.concatenate(([0], np.cumsum(_cover(s.rows, np.flatnonzero(near)) > 1)))
-        alone = crowd[s.rows.end] == crowd[s.rows.begin]
-        decided = (self.weights > 1 - 1e-9) & alone & self.has(NEEDED)
-        free = np.flatnonzero(near & ~decided)
+        rows = self.states.rows
+        near = self.has(NEAR)
+        near |= self.weights > 0
+        near |= also
+        near &= self._states_of(self.open)
+        crowd = _running(load(rows, near) > 1)
+        decided = crowd[rows.end] == crowd[rows.begin]
+        decided &= self.weights > 1 - 1e-9
+        decided &= self.has(NEEDED)
+        near &= ~decided
+        free = np.flatnonzero(near)
         return free[self._seeded(free)]
 
     def _seeded(self, free: Ints) -> NDArray[np.bool_]:
@@ -321,21 +326,23 @@ class Ascent:
         s = self.states
         regret = np.zeros(s.nodes, bool)
         regret[self.rows] = (self.best - self.own)[self.rows] > REGRET
-        changes = np.zeros(len(self.weights), bool)
-        changes[1:] = np.diff(self.weights) != 0
-        changes[:-1] |= changes[1:]
-        seed = ((self.weights > 0) & self.has(LOSES)) | changes
-        seed |= self.has(BEST) & (self.weights < 1)
-        seed &= np.repeat(regret[s.pair_row], np.diff(s.pair_first))
-        lost = np.concatenate(([0], np.cumsum((self.prices > REGRET) & ~self.full())))
-        seed |= lost[self.slot_end] > lost[s.columns.begin]
+        weights, flags = self.weights[free], self.flags[free]
+        pair = np.searchsorted(s.pair_first, free, side="right") - 1
+        seed = (weights > 0) & (flags & LOSES > 0)
+        for near, inside in (
+            (free - 1, free > s.pair_first[pair]),
+            (free + 1, free + 1 < s.pair_first[pair + 1]),
+        ):
+            seed |= inside & (weights != self.weights[np.where(inside, near, 0)])
+        seed |= (flags & BEST > 0) & (weights < 1)
+        seed &= regret[s.pair_row[pair]]
+        lost = _running((self.prices > REGRET) & ~self.full())
+        begin, end = s.columns.begin[free], s.columns.end[free]
+        seed |= lost[end] > lost[begin]
 
         size = len(free)
-        number = np.zeros(len(seed), np.int32)
-        number[free] = np.arange(size)
-        joined = free[:-1][np.diff(free) == 1]
-        joined = joined[s.begin[joined + 1] > s.begin[joined]]  # of one pair
-        one, other, nodes = [number[joined]], [number[joined + 1]], size
+        joined = np.flatnonzero((np.diff(free) == 1) & (np.diff(pair) == 0))
+        one, other, nodes = [joined], [joined + 1], size
         for slots in (s.rows, s.columns):
             begin = slots.begin[free]
             length = slots.end[free] - begin
@@ -345,7 +352,7 @@ class Ascent:
             nodes += len(slots.step)
         component = connected_components(np.concatenate(one), np.concatenate(other), nodes)[:size]
         wanted = np.zeros(nodes, bool)
-        wanted[component[seed[free]]] = True
+        wanted[component[seed]] = True
         return wanted[component]
 
     def _majority(self, weights: NDArray[np.uint8]) -> Ints:
@@ -374,9 +381,8 @@ def _relative(states: States, order: Ints, row_first: Ints) -> tuple[Floats, Int
     return found
 
 
-def _cover(slots: Slots, chosen: Ints, weight: Floats | None = None) -> Floats:
-    """Sum of the weights of the chosen states (their number by default) over each slot, (K,)."""
-    size = len(slots.step) + 1
-    change = np.bincount(slots.begin[chosen], weight, size)
-    change = change - np.bincount(slots.end[chosen], weight, size)
-    return np.cumsum(change, dtype=np.float64)[:-1]
+def _running(marked: NDArray[np.bool_]) -> Ints:
+    """Number of marked slots before each, (K + 1,)."""
+    number = np.zeros(len(marked) + 1, np.int32)
+    np.cumsum(marked, out=number[1:])
+    return number

@@ -10,11 +10,12 @@ from typing import ClassVar
 import numpy as np
 
 from tgospa_eval.compiled import kernels
-from tgospa_eval.problem import Ints
+from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import ONE, Solution, repair
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
+from tgospa_eval.solvers.limits import load
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -38,6 +39,10 @@ SMALL = ((0.03, 0.03), (0.1, 0.03), (0.2, 0.03))
 ROUNDS = ((0.2, 0.03), (0.2, 0.03), (0.2, 0.03), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
 """Slack of the states that enter a programme, early and at the end, and how far it may move prices:
 much less, or the states that are left out would win."""
+
+SNAP, OVERFULL = 1e-9, 1e-15
+"""Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
+by more than rounding are scaled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +150,7 @@ class _Programmes:
                 break
             ascent.survey(ascent.prices, reach)
             free = ascent.undecided(self.tempted)
-            if most is not None and len(free) > most:
+            if not len(free) or (most is not None and len(free) > most):
                 break
             self._solve(free, box)
             ascent.keep(ascent.wide(gap))
@@ -156,16 +161,33 @@ class _Programmes:
         from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
 
         ascent = self.ascent
-        before = ascent.prices.copy()
-        weights, prices, iterations, _ = residual(
-            ascent.states, free, ascent.weights, before, ascent.crossing,
-            np.full(len(before), box), self.batch.left(),
+        found = residual(
+            ascent.states, free, ascent.weights, ascent.prices, ascent.crossing, box,
+            self.batch.left(),
         )  # fmt: skip
-        self.iterations += iterations
-        ascent.offer_weights(repair(ascent.states, weights) / ONE)
+        self.iterations += found.iterations
+        self._propose_weights(free, found.weights)
+        prices = ascent.prices.copy()
+        before = prices[found.slot]
+        prices[found.slot] = found.prices
         ascent.offer_prices(prices)
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(TEMPTED)
         for share in (0.5, 0.2):
-            ascent.offer_prices(share * prices + (1 - share) * before)
-        ascent.offer_prices(np.where(ascent.full(), ascent.prices, 0.0))
+            prices[found.slot] = share * found.prices + (1 - share) * before
+            ascent.offer_prices(prices)
+        prices[:] = ascent.prices
+        prices[~ascent.full()] = 0.0
+        ascent.offer_prices(prices)
+
+    def _propose_weights(self, free: Ints, weights: Floats) -> None:
+        """Offer the weights for the free states, made feasible."""
+        states = self.ascent.states
+        proposed = self.ascent.weights.copy()
+        proposed[free] = np.where(weights < SNAP, 0.0, np.where(weights > 1 - SNAP, 1.0, weights))
+        if any(
+            load(slots, proposed).max(initial=0.0) > 1 + OVERFULL
+            for slots in (states.rows, states.columns)
+        ):
+            proposed = repair(states, proposed) / ONE
+        self.ascent.offer_weights(proposed)

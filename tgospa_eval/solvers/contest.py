@@ -49,7 +49,6 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool]:
     """
     slots = states.columns
     prices = np.zeros(len(slots.step))
-    unlimited = np.full(len(prices), np.inf)
     crossing = np.minimum(states.problem.crossing_price, price_cap(states)[0])
     row = states.pair_row[states.pair]
     paths = best_paths(states, prices)
@@ -64,12 +63,16 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool]:
         if attempt == ROUNDS or active.sum() > MOST * is_row.sum():
             active |= is_row
         free = np.flatnonzero(active[row])
-        held = np.where(active[row], 0.0, paths)
-        weights, prices, steps, solved = residual(
-            states, free, held, np.zeros(len(prices)), crossing, unlimited, batch.left()
-        )
-        iterations += steps
-        if not solved:
+        if batch.late():
+            return paths, prices, iterations, False
+        found = residual(
+            states, free, np.where(active[row], 0.0, paths), np.zeros(len(prices)), crossing,
+            np.inf, batch.left(),
+        )  # fmt: skip
+        weights, prices = paths.copy(), np.zeros(len(prices))
+        weights[free], prices[found.slot] = found.weights, found.prices
+        iterations += found.iterations
+        if not found.finished:
             return better(states, weights, best_paths(states, prices)), prices, iterations, False
         value = states.gain - slots.totals(prices)
         own = sum_by(row, paths * value, states.nodes)

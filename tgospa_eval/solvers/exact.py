@@ -16,13 +16,12 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.kernels import (
-    Limits,
     better,
     check_time_limit,
-    limits,
     price_cap,
     settle,
 )
+from tgospa_eval.solvers.limits import Limits, limits
 from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.solvers.trivial import solve_rows
 from tgospa_eval.states import States
@@ -99,8 +98,9 @@ def _solve_blocks(batch: Batch) -> Answer:
         if programme.weights.value is not None:
             weights[state] = programme.weights.value
         if programme.columns is not None and programme.columns.dual_value is not None:
-            prices[slot] = programme.priced.spread(
-                programme.columns.dual_value, np.zeros(len(part.columns.step))
+            priced = programme.priced
+            prices[slot][priced.slot] = priced.spread(
+                programme.columns.dual_value, np.zeros(len(priced.slot))
             )
     settle(states, batch.wanted, weights)
     # An interior point leaves a little of everything everywhere, at full price.
@@ -144,8 +144,7 @@ def _build(states: States) -> _Programme:
     every = np.arange(len(gain))
     constraints = []
     for slots in (states.rows, states.columns):
-        nothing = np.zeros(len(slots.step))
-        priced = limits(slots, every, np.zeros(len(gain)), nothing, nothing)
+        priced = limits(slots, every, np.zeros(len(gain)))
         count = len(priced.room)
         matrix = sparse.csr_array(
             (np.ones(len(priced.limit)), (priced.limit, priced.state)), shape=(count, len(gain))

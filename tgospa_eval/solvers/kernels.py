@@ -1,13 +1,12 @@
-"""What solvers share: best paths at given prices, capacities as a matrix, prices cut to size."""
+"""What solvers share: best paths at given prices, costs block by block, checks of settings."""
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.problem import Floats, sum_by
 from tgospa_eval.result import (
     ONE,
     ROUNDING,
@@ -18,7 +17,7 @@ from tgospa_eval.result import (
     repaired,
     turns,
 )
-from tgospa_eval.states import Slots, States
+from tgospa_eval.states import States
 
 DEAR = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
@@ -171,87 +170,6 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
     """Block by block the better of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(wins[states.pair_block[states.pair]], second, first)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limits:
-    """Capacity constraints on some states: sum of the states of each limit <= room.
-
-    Parameters
-    ----------
-    limit, state : (nnz,) int arrays
-        Limit, and position among the chosen states, of every entry.
-    room : (L,) float array
-        What the held states leave.
-    price, box : (L,) float arrays
-        Sum of the prices of its slots, and how far it may move.
-    of_slot : (K,) int array
-        Limit of each slot, -1 where none is needed.
-    """
-
-    limit: Ints
-    state: Ints
-    room: Floats
-    price: Floats
-    box: Floats
-    of_slot: Ints
-
-    def spread(self, new: Floats, prices: Floats) -> Floats:
-        """Slot prices for new prices of the limits: the rise on the first slot, or all scaled."""
-        slots = np.flatnonzero(self.of_slot >= 0)
-        limit = self.of_slot[slots]
-        spread = prices.copy()
-        with np.errstate(invalid="ignore", divide="ignore"):
-            factor = np.where(new < self.price, new / self.price, 1.0)
-        spread[slots] *= factor[limit]
-        first = slots[np.flatnonzero(np.diff(limit, prepend=-1))]
-        spread[first] += np.maximum(new - self.price, 0.0)
-        return spread
-
-
-def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats, box: Floats) -> Limits:
-    """The constraints of the chosen states where `held` (S,) of the others use the slots up.
-
-    Neighbouring slots with the same states and the same room are one. Slots without a price that
-    have room for their only state are left out.
-    """
-    count = len(slots.step)
-    end = slots.end
-    used = np.flatnonzero(held)
-    load = np.cumsum(
-        np.bincount(slots.begin[used], held[used], count + 1)
-        - np.bincount(end[used], held[used], count + 1)
-    )[:count]
-    begin, end = slots.begin[chosen], end[chosen]
-    state = np.flatnonzero(end > begin)
-    begin, end = begin[state], end[state]
-    room = np.clip(1.0 - load, 0.0, 1.0)
-    fresh = np.zeros(count + 1, bool)
-    fresh[begin] = fresh[end] = fresh[slots.first] = True
-    fresh = fresh[:count]
-    fresh[1:] |= (np.abs(np.diff(room)) > 1e-12) | (box[1:] != box[:-1])
-    group = np.cumsum(fresh) - 1
-    covers = np.cumsum(
-        np.bincount(begin, minlength=count + 1) - np.bincount(end, minlength=count + 1)
-    )
-    first = np.flatnonzero(fresh)
-    covers, room = covers[first], room[first]
-    price = sum_by(group, prices, len(first))
-    needed = (covers > 1) | ((covers > 0) & ((room < 1) | (price > 0)))
-    number = np.where(needed, np.cumsum(needed) - 1, -1)
-
-    length = group[end - 1] + 1 - group[begin]
-    entry = np.repeat(state, length)
-    offset = np.arange(len(entry)) - np.repeat(np.cumsum(length) - length, length)
-    limit = number[np.repeat(group[begin], length) + offset]
-    return Limits(
-        limit=limit[limit >= 0],
-        state=entry[limit >= 0],
-        room=room[needed],
-        price=price[needed],
-        box=box[first[needed]],
-        of_slot=number[group] if count else np.zeros(0, np.int64),
-    )
 
 
 def is_wide(width: Floats, cost: Floats, alone: Floats, gap: float) -> NDArray[np.bool_]:
