@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
@@ -96,8 +97,10 @@ class Sinkhorn:
         half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
         warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
         history: list[dict[str, float]] = []
-        status = "" if ascent.open.any() else "the bracket is met"
-        count = 0
+        status, count = "", 0
+        if not ascent.open.any():
+            status = "the bracket is met"
+            history.append(_check(ascent, wanted, 0, self.epsilon, 0.0))
         while not status:
             cold = len(history) >= len(warm)
             epsilon = self.epsilon if cold else warm[len(history)]
@@ -107,16 +110,7 @@ class Sinkhorn:
             count += done
             after = ascent.gap[wanted].sum()
             ascent.keep(ascent.wide(self.gap))
-            upper = float((ascent.cost - ascent.alone)[wanted].sum())
-            history.append(
-                {
-                    "sweep": count,
-                    "epsilon": epsilon,
-                    "violation": violation,
-                    "lower": upper - max(float(after), 0.0),
-                    "upper": upper,
-                }
-            )
+            history.append(_check(ascent, wanted, count, epsilon, violation))
             if not ascent.open.any():
                 status = "the bracket is met"
             elif batch.late():
@@ -138,6 +132,24 @@ class Sinkhorn:
             seconds={"preparation": preparation, **ascent.seconds},
             history=tuple(history),
         )
+
+
+def _check(
+    ascent: "Ascent | PlainAscent",
+    blocks: NDArray[np.bool_],
+    sweep: int,
+    epsilon: float,
+    violation: float,
+) -> dict[str, float]:
+    """One record of the history."""
+    upper = float((ascent.cost - ascent.alone)[blocks].sum())
+    return {
+        "sweep": sweep,
+        "epsilon": epsilon,
+        "violation": violation,
+        "lower": upper - max(float(ascent.gap[blocks].sum()), 0.0),
+        "upper": upper,
+    }
 
 
 def _ascent() -> "type[Ascent | PlainAscent]":
