@@ -12,6 +12,7 @@ import tgospa_eval.solvers.sinkhorn as sinkhorn_module
 from tgospa_eval import Certified, Result, Sinkhorn, evaluate
 from tgospa_eval import states as states_module
 from tgospa_eval.compiled import kernels
+from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.problem import Problem
 from tgospa_eval.result import ONE, best_values, certify
 from tgospa_eval.solvers import ascent
@@ -75,6 +76,21 @@ def test_merging_compiled_equals_plain(
     for field in dataclasses.fields(States):
         if field.name not in ("problem", "columns"):
             assert np.array_equal(getattr(fast, field.name), getattr(plain, field.name)), field.name
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_more_states_than_indices_are_refused(plain: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = PROBLEMS["small"]()
+    check_size("states", 2**31 - 2)
+    if plain:
+        monkeypatch.setattr(states_module, "kernels", None)
+    ends = np.zeros(2, np.int32), np.full(2, 2**30, np.int32)
+    with pytest.raises(InputError, match="2147483650 states are too many"):
+        states_module._split(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
+    for field, what in (("steps", "steps"), ("truths", "trajectories")):
+        large = dataclasses.replace(problem, **{field: 2**31 - 1})
+        with pytest.raises(InputError, match=f"{what} are too many"):
+            merge_runs(large)
 
 
 @compiled_only

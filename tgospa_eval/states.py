@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
+from tgospa_eval.errors import check_size
 from tgospa_eval.problem import Floats, Ints, Problem
 
 PART = 1 << 19
@@ -117,8 +118,9 @@ class Slots:
         unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
         running = np.zeros(len(price) + 1, np.int64)
         for part in parts(len(price)):
-            slots: Ints = np.diff(np.clip(self.first, part.start, part.stop))
-            running[1:][part] = np.rint(price[part] / np.repeat(unit, slots))
+            first = np.clip(self.first, part.start, part.stop)
+            count = first[1:] - first[:-1]
+            running[1:][part] = np.rint(price[part] / np.repeat(unit, count))
         return unit, np.cumsum(running, out=running)
 
     def totals(self, price: Floats, chosen: Ints | None = None) -> Floats:
@@ -298,7 +300,20 @@ def merge_runs(problem: Problem) -> States:
     Valid for the LP (docs/theory): pairs that never gain are gone; components are apart; steps
     before the first and after the last gain of a component are gone; runs without gain are one
     state each, border runs included. With time-varying switch prices a run stays one state a step.
+
+    Raises
+    ------
+    InputError
+        There is more of something than 32-bit indices can number.
     """
+    for what, count in (
+        ("steps", problem.steps),
+        ("trajectories", problem.truths + problem.estimates),
+        ("rows of truths", len(problem.truth_step)),
+        ("rows of estimates", len(problem.estimate_step)),
+        ("near pairs", len(problem.cost)),
+    ):
+        check_size(what, count)
     pair_of, truth, estimate = _number_pairs(problem)
     component = connected_components(
         truth, estimate + problem.truths, problem.truths + problem.estimates
@@ -446,7 +461,8 @@ def _split(
     run_begin = np.concatenate((before[head], step[tail] + 1))
     run_end = np.concatenate((step[head] - 1, last[pair[tail]]))
     if single:
-        length = run_end - run_begin + 1
+        length = run_end.astype(np.int64) - run_begin + 1
+        check_size("states", len(pair) + int(length.sum()))
         offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
         run_pair = np.repeat(run_pair, length)
         run_begin = np.repeat(run_begin, length) + offset
