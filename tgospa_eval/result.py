@@ -50,6 +50,13 @@ class Solution:
     finished: bool = True
     history: tuple[dict[str, float], ...] = field(default=())
 
+    def give_up(self) -> tuple[Floats, Floats]:
+        """Weights and prices, which the solution holds no longer: they are large."""
+        weights, prices = self.weights, self.prices
+        for name in ("weights", "prices"):
+            object.__setattr__(self, name, np.zeros(0))
+        return weights, prices
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
@@ -119,7 +126,7 @@ def certify(
     solution : Solution
         What is proposed.
     use_up : bool
-        Whether the arrays of the solution may be written over, to do without copies of them.
+        Whether the arrays of the solution are written over rather than copied; it loses them.
 
     Returns
     -------
@@ -131,9 +138,10 @@ def certify(
         Its cost by step; sums to the upper bound.
     """
     given, prices = (
-        np.require(array if use_up else array.copy(), np.float64, ["C", "W"])
-        for array in (solution.weights, solution.prices)
+        solution.give_up() if use_up else (solution.weights.copy(), solution.prices.copy())
     )
+    given = np.require(given, np.float64, ["C", "W"])
+    prices = np.require(prices, np.float64, ["C", "W"])
     weights = given.view(np.int64)
     regret = np.zeros(states.nodes)
     for low, high in states.cuts(PART):
@@ -142,6 +150,7 @@ def certify(
         _whole(given[state], weights[state])
         regret[node] = _regrets(part, weights[state], prices[slot])
     idle = prices.sum()
+    del prices
     breakdown = break_down(states, weights)
 
     upper = breakdown.total
