@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.states import PART, Slots, States, changed, parts, whole
+from tgospa_eval.states import PART, Slots, States, changed, divided, parts
 
 ONE = 1 << 50
 """The integer that stands for the weight 1."""
@@ -237,7 +237,7 @@ def row_parts(states: States) -> Iterator[tuple[States, slice]]:
     if 0 < len(states.begin) <= PART:
         yield states, slice(None)
         return
-    bounds = whole(states.pair_row, states.pair_first, PART)
+    bounds = divided(states.pair_row, states.pair_first, PART)
     for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
         first = states.pair_first[pairs.start : pairs.stop + 1]
         own = slice(int(first[0]), int(first[-1]))
@@ -432,30 +432,28 @@ def break_down(states: States, weights: Ints) -> Breakdown:
     """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
     problem, steps = states.problem, states.problem.steps
 
-    def assigned() -> Iterator[tuple[slice, Ints, Ints]]:
-        """The gains in use, part by part: which part, where in it, and their entries."""
+    localisation = np.zeros(steps)
+
+    def unassigned(name: str) -> tuple[Floats, Floats]:
+        """Cost and number of one side's unassigned objects at each step; one side at a time."""
+        row, step, price = (getattr(problem, f"{name}_{of}") for of in ("row", "step", "price"))
+        free = np.full(len(step), ONE)
         for part in parts(len(weights)):
             used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
-            yield part, used, states.entry[part][used].astype(np.intp)
-
-    def unassigned(row: Ints, step: Ints, price: Floats) -> tuple[Floats, Floats]:
-        free = np.full(len(step), ONE)
-        for part, used, entry in assigned():
-            np.subtract.at(free, row[entry].astype(np.intp), weights[part][used])
+            entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
+            np.subtract.at(free, row[entry].astype(np.intp), whole)
+            if name == "truth":
+                paid = whole / ONE * problem.cost[entry]
+                np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
         cost, count = np.zeros(steps), np.zeros(steps)
         for part in parts(len(free)):
-            left = np.flatnonzero(free[part] != 0)
+            left = np.flatnonzero(free[part])
             at, share = step[part][left].astype(np.intp), free[part][left] / ONE
             np.add.at(count, at, share)
             np.add.at(cost, at, share * price[part][left])
         return cost, count
 
-    missed = unassigned(problem.truth_row, problem.truth_step, problem.truth_price)
-    false = unassigned(problem.estimate_row, problem.estimate_step, problem.estimate_price)
-    localisation = np.zeros(steps)
-    for part, used, entry in assigned():
-        cost = weights[part][used] / ONE * problem.cost[entry]
-        localisation += sum_by(states.begin[part][used], cost, steps)
+    missed, false = unassigned("truth"), unassigned("estimate")
     moved, amount = changes(states, weights)
     variation = sum_by(states.begin[moved], amount, steps)
     return Breakdown(

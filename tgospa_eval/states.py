@@ -34,11 +34,13 @@ def parts(size: int) -> Iterator[slice]:
     return (slice(low, min(low + PART, size)) for low in range(0, size, PART))
 
 
-def whole(group: Ints, pair_first: Ints, size: int) -> list[int]:
+def divided(group: Ints, pair_first: Ints, size: int) -> list[int]:
     """Pairs at which to divide so that no group is, in parts of some `size` states; first and end.
 
     `group` (P,) is that of each pair: its row or its block; those of one group are neighbours.
     """
+    if 0 < pair_first[-1] <= size:
+        return [0, len(group)]
     opens = np.flatnonzero(np.diff(group, prepend=-1))  # first pair of each group
     part = pair_first[opens] // size
     return [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(group)]
@@ -118,7 +120,7 @@ class Slots:
         unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
         running = np.zeros(len(price) + 1, np.int64)
         for part in parts(len(price)):
-            first = np.clip(self.first, part.start, part.stop)
+            first = np.minimum(np.maximum(self.first, part.start), part.stop)
             count = first[1:] - first[:-1]
             running[1:][part] = np.rint(price[part] / np.repeat(unit, count))
         return unit, np.cumsum(running, out=running)
@@ -494,26 +496,30 @@ def _slots(
     They are made for some groups of pairs at a time: rows or blocks, which share no node, and of
     which later ones have nodes with larger numbers.
     """
+    bounds = divided(group, pair_first, max(CACHE, steps))
+    if len(bounds) == 2:
+        first, step, slot = _slots_of_part(begin, pair_first, pair_node, nodes, steps)
+        return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
     first = np.zeros(nodes + 1, np.int32)
     slot = np.empty(len(begin), np.int32)
-    step: list[Ints] = [np.zeros(0, np.int32)]
+    made: list[Ints] = [np.zeros(0, np.int32)]
     done = 0
-    for low, high in itertools.pairwise(whole(group, pair_first, max(CACHE, steps))):
+    for low, high in itertools.pairwise(bounds):
         own = slice(pair_first[low], pair_first[high])
         node = pair_node[low:high]
-        least, most = int(node.min()), int(node.max())
+        least, size = int(node.min()), int(np.ptp(node)) + 1
         place, fresh, at = _slots_of_part(
-            begin[own], pair_first[low : high + 1] - pair_first[low], node - least, steps
+            begin[own], pair_first[low : high + 1] - pair_first[low], node - least, size, steps
         )
-        first[least + 1 : most + 2] = np.diff(place)
+        first[least + 1 : least + 1 + size] = np.diff(place)
         slot[own] = at
         slot[own] += done
-        step.append(fresh)
+        made.append(fresh)
         done += len(fresh)
     np.cumsum(first, out=first)
     return Slots(
         first=first,
-        step=np.concatenate(step),
+        step=np.concatenate(made),
         begin=slot,
         pair_first=pair_first,
         pair_node=pair_node,
@@ -521,12 +527,11 @@ def _slots(
 
 
 def _slots_of_part(
-    begin: Ints, pair_first: Ints, pair_node: Ints, steps: int
+    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int
 ) -> tuple[Ints, Ints, Ints]:
     """First slot of each node, step of each slot, first slot of each state."""
     in_time = _in_time(begin, steps)
-    count = np.bincount(pair_node)
-    shared, nodes = count > 1, len(count)
+    shared = np.bincount(pair_node, minlength=nodes) > 1
     if kernels:
         found: tuple[Ints, Ints, Ints] = kernels.slots(
             in_time, begin, pair_first, pair_node, shared.view(np.uint8)
