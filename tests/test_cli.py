@@ -265,6 +265,23 @@ def test_help_imports_nothing_heavy(environment: dict[str, str], arguments: list
     assert not modules & {"numpy", "pandas", "scipy", "cvxpy", "clarabel", "highspy", "matplotlib"}
 
 
+def test_a_small_evaluation_imports_little(
+    environment: dict[str, str], quickstart: Pair, tmp_path: Path
+) -> None:
+    code = (
+        "import sys\nfrom tgospa_eval.cli import main\n"
+        f"try:\n    main({list(quickstart)})\nfinally:\n"
+        "    print(*sorted(sys.modules), file=sys.stderr)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True, text=True, env=environment, check=True, cwd=tmp_path,
+    )  # fmt: skip
+    modules = set(done.stderr.splitlines()[-1].split())
+    assert "numpy" in modules
+    assert not modules & {"pandas", "cvxpy", "clarabel", "numpy.ma", "tomllib"}
+
+
 def test_option_choices_are_the_members() -> None:
     # Spelled out in the options, because importing the members would make --help slow.
     from tgospa_eval.distances import DISTANCES

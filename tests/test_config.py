@@ -145,7 +145,17 @@ def test_the_file_in_use_is_named(
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[project]\nname = 'x'\n", "[tool.ruff]\ncutoff = 3\n", "not TOML", "tool = 3"]
+    "text",
+    [
+        "",
+        "[project]\nname = 'x'\n",
+        "[tool.ruff]\ncutoff = 3\n",
+        "not TOML",
+        "tool = 3",
+        "[project]\nname = 'tgospa-eval'\n",
+        "tgospa-eval, not TOML",
+        "tool = 'tgospa-eval'",
+    ],
 )
 def test_a_pyproject_of_others_is_not_ours(
     invoke: Invoke, scene: list[str], settings: Settings, text: str

@@ -14,11 +14,13 @@ from tgospa_eval import states as states_module
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.problem import Problem
-from tgospa_eval.result import ONE, best_values, certify
+from tgospa_eval.result import ONE, add_gains, best_values, certify, row_steps
 from tgospa_eval.solvers import ascent
-from tgospa_eval.solvers import kernels as shared
 from tgospa_eval.states import Slots, States, merge_runs
 from tgospa_eval.timing import Stopwatch
+
+MOST = 32
+"""Flag of the kernels: more than half of the row."""
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 
@@ -93,25 +95,37 @@ def test_more_states_than_indices_are_refused(plain: bool, monkeypatch: pytest.M
             merge_runs(large)
 
 
+def ascent_of(states: States) -> ascent.Ascent:
+    """An ascent of all blocks."""
+    return ascent.Ascent(
+        states,
+        np.ones(len(states.block_begin), bool),
+        1e-9,
+        np.zeros(len(states.begin)),
+        np.zeros(len(states.columns.step)),
+    )
+
+
 @compiled_only
-@pytest.mark.parametrize("name", ["small", "crowd", "sparse"])
-def test_best_paths_compiled_are_as_good_as_plain(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    states = merge_runs(PROBLEMS[name]())
-    rng = np.random.default_rng(0)
-    value = states.gain - states.columns.totals(rng.exponential(0.2, len(states.columns.step)))
-    row = states.pair_row[states.pair]
-    best = best_values(states, value)
-    for keep in (kernels, None):
-        monkeypatch.setattr(shared, "kernels", keep)
-        weights = shared.paths(states, value)
-        own = np.bincount(row, weights * value, states.nodes)
-        follows = states.pair[1:] == states.pair[:-1]
-        moved = np.flatnonzero(follows & (np.diff(weights) != 0)) + 1
-        paid = states.problem.crossing_price[states.begin[moved]]
-        own -= np.bincount(row[moved], paid, states.nodes)
-        assert own == pytest.approx(best, abs=1e-10)
+@pytest.mark.parametrize("uniform", [True, False])
+@pytest.mark.parametrize("name", ["small", "crowd", "sparse", "estimate alone"])
+def test_relative_gains_are_those_of_the_certificate(name: str, uniform: bool) -> None:
+    problem = PROBLEMS[name]()
+    if not uniform:
+        prices = 0.5 + np.random.default_rng(0).random(len(problem.truth_price))
+        problem = dataclasses.replace(problem, truth_price=prices)
+    states = merge_runs(problem)
+    field = ascent_of(states)
+    value = np.zeros(len(states.begin))
+    steps = row_steps(states)
+    offset = add_gains(states, steps, value)
+    assert np.array_equal(field.group_first, steps.first)
+    assert field.offset == pytest.approx(offset, abs=1e-15)
+    assert field.gain == pytest.approx(value, abs=1e-12)
+    off = np.add.reduceat(np.append(offset, 0.0), steps.first[:-1])
+    off[np.diff(steps.first) == 0] = 0.0
+    field.look(np.zeros(len(states.columns.step)))
+    assert field.best + off == pytest.approx(best_values(states, states.gain), abs=1e-10)
 
 
 @compiled_only
@@ -120,14 +134,15 @@ def test_best_paths_compiled_are_as_good_as_plain(
 def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> None:
     """Slack of a state, and of doing without any, against best paths that are forced that way."""
     states = merge_runs(PROBLEMS[name]())
-    survey = ascent.Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
+    survey = ascent_of(states)
     rng = np.random.default_rng(1)
     prices = rng.exponential(0.2, len(states.columns.step))
     survey.survey(prices, reach)
     value = states.gain - states.columns.totals(prices)
     best = best_values(states, value)
     row, end = states.pair_row[states.pair], states.end
-    assert survey.best[np.unique(row)] == pytest.approx(best[np.unique(row)], abs=1e-10)
+    off = [survey.offset[slice(*survey.group_first[[i, i + 1]])].sum() for i in range(states.nodes)]
+    assert (survey.best + off)[np.unique(row)] == pytest.approx(best[np.unique(row)], abs=1e-10)
     for s in rng.choice(len(value), 12, replace=False):
         forced = value.copy()
         forced[s] += 100.0
@@ -147,35 +162,36 @@ def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> No
 
 @compiled_only
 def test_sweeps_find_the_entropic_optimum() -> None:
-    """Marginals of a converged chain against those of all paths, listed one by one."""
+    """Shares of all paths, listed one by one, at the prices of a converged chain."""
     truth, estimate = scene(7, 3, 3, 4, side=3.0)
     problem = evaluate(truth, estimate, 4.0, 2, 1.0).proof.states.problem
     states = merge_runs(problem)
     epsilon = 0.2
-    field = ascent.Ascent(states, np.ones(len(states.block_begin), bool), 1e-9)
+    field = ascent_of(states)
     chosen = np.ones(len(states.begin), np.uint8)
     chain = kernels.Chain(
         field.rows, field.columns, field.row_first, field.order, states.begin,
         field.window_end, states.columns.first, states.columns.step, states.columns.begin,
-        field.slot_end, chosen, field.gain, np.zeros(len(states.columns.step)), field.crossing,
+        field.slot_end, chosen, states.entry, field.gain, field.group_first, field.offset,
+        np.zeros(len(states.columns.step)), field.crossing, 10**6,
     )  # fmt: skip
     chain.heat(epsilon)
     assert chain.sweep(400) < 1e-9
-    shares, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
-    chain.write_marginals(shares)
+    prices = np.zeros(len(states.columns.step))
+    chain.write_majorities(field.flags)
     chain.cool(epsilon)
     chain.write_prices(prices)
 
     value = states.gain - states.columns.totals(prices)
     price = problem.crossing_price
-    expected = np.zeros(len(shares))
+    shares = np.zeros(len(value))
     for node in np.unique(states.pair_row):
         own = np.flatnonzero(states.pair_row[states.pair] == node)
         totals: dict[int, float] = {}
         weight_of_all = 0.0
         for path in all_paths(states, own):
             score = value[list(path)].sum() if path else 0.0
-            on = np.zeros(len(shares))
+            on = np.zeros(len(value))
             on[list(path)] = 1.0
             follows = states.pair[1:] == states.pair[:-1]
             moved = np.flatnonzero(follows & (np.diff(on) != 0)) + 1
@@ -186,8 +202,8 @@ def test_sweeps_find_the_entropic_optimum() -> None:
             for s in path:
                 totals[s] = totals.get(s, 0.0) + weight
         for s, weight in totals.items():
-            expected[s] = weight / weight_of_all
-    assert shares == pytest.approx(expected, abs=1e-6)
+            shares[s] = weight / weight_of_all
+    assert np.array_equal(field.has(MOST), shares > 0.5)
     load = np.zeros(len(prices))
     for s in range(len(shares)):
         load[states.columns.begin[s] : states.columns.end[s]] += shares[s]
@@ -231,7 +247,7 @@ def test_compiled_and_plain_solvers_agree(seed: int, monkeypatch: pytest.MonkeyP
     truth, estimate = scene(seed, 9, 10, 30, side=7.0, noise=1.5)
     fast = evaluate(truth, estimate, 5.0, 2, 2.0)
     soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")
-    for module in (states_module, shared, certified_module, sinkhorn_module):
+    for module in (states_module, certified_module, sinkhorn_module):
         monkeypatch.setattr(module, "kernels", None)
     plain = evaluate(truth, estimate, 5.0, 2, 2.0)
     plain_soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")

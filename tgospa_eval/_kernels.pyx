@@ -15,7 +15,12 @@ from tgospa_eval.errors import check_size
 ctypedef int i32
 ctypedef unsigned char u8
 
+ctypedef fused Weight:
+    double
+    u8
+
 cdef double NOTHING = -1e300
+cdef double NEVER = 1e300
 
 
 # --- merging of runs: the twin is tgospa_eval.states ---------------------------------------------
@@ -228,20 +233,106 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
     return ordered, row_first
 
 
+# --- gains relative to the cheapest pair: the twin is tgospa_eval.result.add_gains -----------------
+
+
+def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
+                   const i32[::1] entry, const double[::1] cost, double price,
+                   const double[::1] prices=None):
+    """Gains less those of the cheapest pair of their row and group, and what was taken off.
+
+    A *group* are the states of a row that begin together. Gains near 1 differ in their last
+    digits, which sums over many groups lose; their differences are differences of costs, and
+    exact. A run loses what was taken off while it lasts, and so does "none", in `row_forward`.
+
+    Parameters
+    ----------
+    price : float
+        Cost of leaving both objects of an entry unassigned, where that is the same for all.
+    prices : (N,) float array, optional
+        The same for each entry.
+
+    Returns
+    -------
+    gain : (S,) float array
+    group_first : (nodes + 1,) int array
+        The first group of each row.
+    offset : (G,) float array
+        What was taken off in each group.
+    """
+    cdef Py_ssize_t S = order.shape[0], nodes = row_first.shape[0] - 1, i, a, c, low, high, width
+    cdef i32 s, k, g, total = 0
+    cdef double least, least_price, running
+    cdef bint vary = prices is not None
+    group_first_array = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] group_first = group_first_array
+    with nogil:
+        width = 0
+        for i in range(nodes):
+            low, high = row_first[i], row_first[i + 1]
+            if high - low > width:
+                width = high - low
+            for a in range(low, high):
+                if a == low or begin[order[a]] != begin[order[a - 1]]:
+                    total += 1
+            group_first[i + 1] = total
+    gain_array, offset_array = np.empty(S), np.zeros(total)
+    cdef double[::1] gain = gain_array, offset = offset_array
+    cdef double[::1] before = np.empty(width + 1)  # what was taken off before the group of a state
+    cdef i32[::1] group = np.empty(width + 1, np.int32)
+    with nogil:
+        for i in range(nodes):
+            low, high = row_first[i], row_first[i + 1]
+            g = group_first[i]
+            running = 0.0
+            a = low
+            while a < high:
+                k = begin[order[a]]
+                c = a
+                least = NEVER
+                while c < high and begin[order[c]] == k:
+                    s = order[c]
+                    before[s - low], group[s - low] = running, g
+                    if entry[s] >= 0 and cost[entry[s]] < least:
+                        least = cost[entry[s]]
+                        least_price = prices[entry[s]] if vary else price
+                    if k > begin[low] and entry[s - 1] < 0:
+                        gain[s - 1] = (-offset[g - 1] if group[s - 1 - low] == g - 1
+                                       else before[s - 1 - low] - running)
+                    c += 1
+                if least < NEVER:
+                    offset[g] = least_price - least
+                while a < c:
+                    s = order[a]
+                    if entry[s] >= 0:
+                        gain[s] = least - cost[entry[s]]
+                        if vary:
+                            gain[s] += prices[entry[s]] - least_price
+                    a += 1
+                running += offset[g]
+                g += 1
+            for s in range(<i32>low, <i32>high):
+                if (s + 1 == high or begin[s + 1] == begin[low]) and entry[s] < 0:
+                    gain[s] = (-offset[g - 1] if group[s - low] == g - 1
+                               else before[s - low] - running)
+    return gain_array, group_first_array, offset_array
+
+
 # --- best paths: the twin is tgospa_eval.result.best_values ---------------------------------------
 
 
 cdef double row_forward(const i32* order, const i32* begin, const double* crossing,
-                        const double* value, double* forward, i32* came, double* none,
-                        Py_ssize_t low, Py_ssize_t high, i32* final) noexcept nogil:
+                        const double* value, const double* offset, double* forward, i32* came,
+                        double* none, Py_ssize_t low, Py_ssize_t high, i32* final) noexcept nogil:
     """Best value of a path up to each state of one row, and the state that it came from (or -1).
 
     A group of states that begin together is entered from the state before each or from the hub
     ("none"), into which the states before them may have left at the same transition; `none` is the
-    value of the hub then. Returns the value of the best path; its last state goes to `final`.
-    `value`, `forward`, `came`, `none` begin with the row.
+    value of the hub then. In the hub a path loses the `offset` of each group. Returns the value of
+    the best path; its last state goes to `final`. `value`, `offset`, `forward`, `came`, `none`
+    begin with the row.
     """
-    cdef Py_ssize_t a = low, c
+    cdef Py_ssize_t a = low, c, g = 0
     cdef i32 s, k, hub_from = -1
     cdef double hub = 0.0, price, enter, best
     final[0] = -1
@@ -255,6 +346,8 @@ cdef double row_forward(const i32* order, const i32* begin, const double* crossi
         came[s] = -1
         a += 1
     while a < high:
+        hub -= offset[g]
+        g += 1
         k = begin[order[a]]
         price = crossing[k]
         c = a
@@ -275,7 +368,7 @@ cdef double row_forward(const i32* order, const i32* begin, const double* crossi
                 came[s] = hub_from
             none[s] = hub
             a += 1
-    best = hub
+    best = hub - offset[g]
     final[0] = hub_from
     k = begin[low]
     for s in range(<i32>(high - low)):
@@ -286,17 +379,18 @@ cdef double row_forward(const i32* order, const i32* begin, const double* crossi
 
 
 cdef void row_backward(const i32* order, const i32* begin, const double* crossing,
-                       const double* value, const double* forward, double* none, double* slack,
-                       double best, Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+                       const double* value, const double* offset, Py_ssize_t groups,
+                       const double* forward, double* none, double* slack, double best,
+                       Py_ssize_t low, Py_ssize_t high) noexcept nogil:
     """Slack: what the best path of the row has over the best one through each state.
 
     `none` comes from `row_forward` and becomes the same for the paths that are in no state when
     the state begins. Within a group the best continuation of every state is known before the
     states before them get theirs, which `slack` holds on the way.
     """
-    cdef Py_ssize_t a = high, c
+    cdef Py_ssize_t a = high, c, g = groups - 1
     cdef i32 s, k = begin[low]
-    cdef double hub = 0.0, price, top, after
+    cdef double hub = -offset[g], price, top, after
     for s in range(<i32>(high - low)):
         if low + s + 1 == high or begin[low + s + 1] == k:
             slack[s] = 0.0
@@ -322,6 +416,8 @@ cdef void row_backward(const i32* order, const i32* begin, const double* crossin
             if hub - price > after:
                 after = hub - price
             slack[s - 1] = after
+        g -= 1
+        hub -= offset[g]
     for s in range(<i32>(high - low)):
         slack[s] = best - (forward[s] + slack[s])
 
@@ -335,34 +431,13 @@ cdef Py_ssize_t longest(const i32[::1] rows, const i32[::1] row_first) noexcept 
     return most
 
 
-def best_paths(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-               const i32[::1] begin, const double[::1] crossing, const double[::1] value,
-               double[::1] weight):
-    """Weights 0 and 1 of a best path of each of the rows."""
-    cdef Py_ssize_t r, low, most = longest(rows, row_first)
-    cdef i32 i, s
-    cdef double[::1] forward = np.empty(most + 1), none = np.empty(most + 1)
-    cdef i32[::1] came = np.empty(most + 1, np.int32)
-    if not most:
-        return
-    with nogil:
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            low = row_first[i]
-            row_forward(&order[0], &begin[0], &crossing[0], &value[low], &forward[0], &came[0],
-                        &none[0], low, row_first[i + 1], &s)
-            weight[low:row_first[i + 1]] = 0.0
-            while s >= 0:
-                weight[low + s] = 1.0
-                s = came[s]
-
-
 cdef enum:
     NEAR = 1     # slack within reach
     NEEDED = 2   # doing without any state when this one begins costs more than the reach
     LOSES = 4    # slack that is more than rounding
     BEST = 8     # on the best path that was found
     TEMPTED = 16 # hardly any slack
+    MOST = 32    # on the best path, or more than half of the row in the last sweeps
 cdef double REGRET = 1e-11
 cdef double HARDLY = 1e-6
 
@@ -370,16 +445,17 @@ cdef double HARDLY = 1e-6
 def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
            const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
            const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] crossing,
-           const double[::1] gain, const double[::1] price, double[::1] best,
-           const double[::1] weight=None, double reach=0.0, double[::1] own=None,
-           u8[::1] flags=None):
+           const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
+           const double[::1] price, double[::1] best, const double[::1] weight=None,
+           double reach=0.0, double[::1] own=None, u8[::1] flags=None):
     """Value of the best path of each row at the prices; with `flags` what that says of each state.
 
-    The prices of a state are those of its slots, from running sums in each column. With `flags`
-    also the value `own` of the assignment in `weight` at the prices, less its changes.
+    Gains are those of `relative_gains`. The prices of a state are those of its slots, from running
+    sums in each column. With `flags` also the value `own` of the assignment in `weight` at the
+    prices, less its changes.
     """
     cdef Py_ssize_t r, s, t, low, high, most = longest(rows, row_first)
-    cdef i32 b, e, i, k, last
+    cdef i32 b, e, i, last
     cdef double total
     cdef bint judge = flags is not None
     cdef double[::1] before = np.empty(price.shape[0] + 1)
@@ -405,59 +481,81 @@ def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] r
                     value[s - low] = gain[s] - price[b]
                 else:
                     value[s - low] = gain[s] - (before[e - 1] + price[e - 1] - before[b])
-            best[i] = row_forward(&order[0], &begin[0], &crossing[0], &value[0], &forward[0],
-                                  &came[0], &none[0], low, high, &last)
+            best[i] = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
+                                  &offset[group_first[i]], &forward[0], &came[0], &none[0], low,
+                                  high, &last)
             if not judge or low == high:
                 continue
-            row_backward(&order[0], &begin[0], &crossing[0], &value[0], &forward[0], &none[0],
-                         &slack[0], best[i], low, high)
-            total = 0.0
-            k = begin[low]
+            row_backward(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
+                         group_first[i + 1] - group_first[i], &forward[0], &none[0], &slack[0],
+                         best[i], low, high)
+            own[i] = row_own(&order[0], &begin[0], &crossing[0], &value[0],
+                             &offset[group_first[i]], &weight[low], low, high)
             for s in range(low, high):
-                total += weight[s] * value[s - low]
-                if begin[s] != k and weight[s] != weight[s - 1]:
-                    total -= crossing[begin[s]] * fabs(weight[s] - weight[s - 1])
                 flags[s] = ((NEAR if slack[s - low] <= reach else 0)
                             | (NEEDED if none[s - low] > reach else 0)
                             | (LOSES if slack[s - low] > REGRET else 0)
                             | (TEMPTED if slack[s - low] <= HARDLY else 0))
-            own[i] = total
             while last >= 0:
-                flags[low + last] |= BEST
+                flags[low + last] |= BEST | MOST
                 last = came[last]
 
 
-def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] begin,
-               const double[::1] crossing, const double[::1] value, const double[::1] weight,
+cdef double row_own(const i32* order, const i32* begin, const double* crossing,
+                    const double* value, const double* offset, const Weight* weight,
+                    Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+    """Value of the assignment of one row: sum of weight x value, less its changes and offsets.
+
+    `value`, `offset` and `weight` begin with the row.
+    """
+    cdef Py_ssize_t a = low, g = 0
+    cdef i32 s, k, first = begin[low]
+    cdef double total = 0.0, cover = 0.0, change
+    while a < high:
+        k = begin[order[a]]
+        while a < high and begin[order[a]] == k:
+            s = order[a] - <i32>low
+            total += weight[s] * value[s]
+            change = weight[s]
+            if k > first:
+                change -= weight[s - 1]
+                if change != 0.0:
+                    total -= crossing[k] * fabs(change)
+            cover += change
+            a += 1
+        total -= (1.0 - cover) * offset[g]
+        g += 1
+    return total
+
+
+def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+               const i32[::1] begin, const double[::1] crossing, const double[::1] value,
+               const i32[::1] group_first, const double[::1] offset, const Weight[::1] weight,
                double[::1] own):
-    """Value of the assignment of each row: sum of weight x value, less its changes."""
+    """Value of the assignment of each row, as in `row_own`."""
     cdef Py_ssize_t r
-    cdef i32 s, i, k
-    cdef double total
+    cdef i32 i
     with nogil:
         for r in range(rows.shape[0]):
             i = rows[r]
-            total = 0.0
+            own[i] = 0.0
             if row_first[i] < row_first[i + 1]:
-                k = begin[row_first[i]]
-                for s in range(row_first[i], row_first[i + 1]):
-                    total += weight[s] * value[s]
-                    if begin[s] != k and weight[s] != weight[s - 1]:
-                        total -= crossing[begin[s]] * fabs(weight[s] - weight[s - 1])
-            own[i] = total
+                own[i] = row_own(&order[0], &begin[0], &crossing[0], &value[row_first[i]],
+                                 &offset[group_first[i]], &weight[row_first[i]], row_first[i],
+                                 row_first[i + 1])
 
 
 def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
              const i32[::1] begin, const i32[::1] window_end, const i32[::1] slot_begin,
-             const i32[::1] slot_end, const double[::1] share, double[::1] weight,
-             i32[::1] load):
-    """Feasible weights 0 and 1: states with more than half, unless one before is in their way.
+             const i32[::1] slot_end, const u8[::1] flags, u8[::1] weight, i32[::1] load):
+    """Feasible weights 0 and 1: states that are MOST, unless one before is in their way.
 
-    `load` (K,) must come as zeros and becomes the number of rows on each column slot.
+    `load` (K,) must come as zeros and becomes the number of rows on each column slot. Returns
+    whether a state lost its place.
     """
     cdef Py_ssize_t r, a, t
     cdef i32 i, s, high, until
-    cdef bint free
+    cdef bint free, lost = False
     with nogil:
         for r in range(rows.shape[0]):
             i = rows[r]
@@ -465,8 +563,11 @@ def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order
             until = -1
             for a in range(row_first[i], high):
                 s = order[a]
-                weight[s] = 0.0
-                if share[s] <= 0.5 or begin[s] <= until:
+                weight[s] = 0
+                if not flags[s] & MOST:
+                    continue
+                if begin[s] <= until:
+                    lost = True
                     continue
                 free = True
                 for t in range(slot_begin[s], slot_end[s]):
@@ -474,26 +575,29 @@ def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order
                         free = False
                         break
                 if not free:
+                    lost = True
                     continue
                 for t in range(slot_begin[s], slot_end[s]):
                     load[t] = 1
-                weight[s] = 1.0
+                weight[s] = 1
                 until = window_end[i]
                 if s + 1 < high and begin[s + 1] > begin[s]:
                     until = begin[s + 1] - 1
+    return lost
 
 
 def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
             const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
-            const double[::1] crossing, const double[::1] gain, i32[::1] load,
-            double[::1] weight):
+            const double[::1] crossing, const double[::1] gain, const i32[::1] group_first,
+            const double[::1] offset, i32[::1] load, u8[::1] weight, double[::1] own):
     """Each row in turn takes its best path through what the others leave; how many changed.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
+    `own` becomes the value of each row.
     """
     cdef Py_ssize_t r, t, low, high, s, most = longest(rows, row_first)
     cdef i32 i, last, changed = 0
-    cdef double kept, best
+    cdef double best
     cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
     cdef double[::1] none = np.empty(most + 1)
     cdef i32[::1] came = np.empty(most + 1, np.int32)
@@ -503,30 +607,31 @@ def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
         for r in range(rows.shape[0]):
             i = rows[r]
             low, high = row_first[i], row_first[i + 1]
-            kept = 0.0
             for s in range(low, high):
-                if begin[s] != begin[low] and weight[s] != weight[s - 1]:
-                    kept -= crossing[begin[s]]
-                if weight[s] > 0.0:
-                    kept += gain[s]
+                if weight[s]:
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] -= 1
+            own[i] = row_own(&order[0], &begin[0], &crossing[0], &gain[low],
+                             &offset[group_first[i]], &weight[low], low, high)
             for s in range(low, high):
                 value[s - low] = gain[s]
                 for t in range(slot_begin[s], slot_end[s]):
                     if load[t] > 0:
                         value[s - low] = NOTHING
                         break
-            best = row_forward(&order[0], &begin[0], &crossing[0], &value[0], &forward[0],
-                               &came[0], &none[0], low, high, &last)
-            if best > kept + 1e-12:
-                changed += 1
-                weight[low:high] = 0.0
+            best = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
+                               &offset[group_first[i]], &forward[0], &came[0], &none[0], low,
+                               high, &last)
+            if best > own[i]:
+                # Sums in another order differ in the last digit: that is no change for the better.
+                changed += best > own[i] + 1e-12
+                own[i] = best
+                weight[low:high] = 0
                 while last >= 0:
-                    weight[low + last] = 1.0
+                    weight[low + last] = 1
                     last = came[last]
             for s in range(low, high):
-                if weight[s] > 0.0:
+                if weight[s]:
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] += 1
     return changed
@@ -540,6 +645,7 @@ cdef enum:
     FIRST = 4    # of a node: the window begins
     BOUND = 8    # of a node and its state: before it the row was surely in this pair
     FINAL = 16   # of a node and its state: after it the row is surely in this pair
+    FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
 
 
 def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
@@ -557,7 +663,7 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
     cdef bint contested
     cdef i32[::1] change = np.zeros(K + 1, np.int32)
     cdef i32[::1] rivals = np.zeros(K + 1, np.int32)
-    cdef i32[::1] since = np.empty(begin.shape[0], np.int32)
+    cdef i32[::1] since = np.empty(longest(rows, row_first) + 1, np.int32)
     with nogil:
         for r in range(rows.shape[0]):
             for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
@@ -595,12 +701,12 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                     s = order[c]
                     if k > first and chosen[s - 1]:
                         active -= 1
-                        if crowded < since[s - 1] and is_sure(
+                        if crowded < since[s - 1 - low] and is_sure(
                                 s - 1, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
                             chosen[s - 1] = 2
                     if chosen[s]:
                         active += 1
-                        since[s] = group
+                        since[s - low] = group
                     c += 1
                 if active > 1:
                     crowded = group
@@ -608,7 +714,7 @@ def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] or
                 a = c
             for s in range(low, high):
                 if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
-                        crowded < since[s]) and is_sure(
+                        crowded < since[s - low]) and is_sure(
                             s, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
                     chosen[s] = 2
             # Sure states stay where a neighbour in time is not sure; 3 is left out.
@@ -641,7 +747,7 @@ cdef class Chain:
     A *node* is a row at a step where something happens to it: a state of the working set begins or
     has just ended, or a stretch of slots begins for which a state of it competes. It has a *link*
     for each state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0
-    stands for "none before" and "none after" and holds 0; constraint 0 for "no price".
+    stands for "none before" and "none after" and holds 0; the first constraints for "no price".
 
     Parameters
     ----------
@@ -651,14 +757,16 @@ cdef class Chain:
         The working set, from `working_set`.
     price : (K,) float array
         Prices at the start, absorbed into the kernel.
+    most : int
+        Nothing is built if there were more links; `links` says how many.
     others : arrays
         As in `tgospa_eval.solvers.ascent.Ascent`.
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
-    cdef double[::1] crossing, value, kernel, none_kernel, ahead, behind, passed, total, into
+    cdef double[::1] crossing, kernel, none_kernel, ahead, behind, passed, total, into
     cdef double[::1] none_ahead, none_behind
-    cdef double[::1] price, slack, u, load, stay
+    cdef double[::1] price, slack, cap, u, load, stay
     cdef double[::1] row
     cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
     cdef i32[::1] step_constraint, slot_first, slot_count
@@ -668,9 +776,10 @@ cdef class Chain:
     def __init__(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
                  const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
                  const i32[::1] column_first, const i32[::1] slot_step, const i32[::1] slot_begin,
-                 const i32[::1] slot_end, const u8[::1] chosen, const double[::1] gain,
-                 const double[::1] price, const double[::1] crossing):
-        cdef Py_ssize_t K = slot_step.shape[0], l
+                 const i32[::1] slot_end, const u8[::1] chosen, const i32[::1] entry,
+                 const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
+                 const double[::1] price, const double[::1] crossing, Py_ssize_t most):
+        cdef Py_ssize_t K = slot_step.shape[0]
         self.crossing = crossing.copy()
         self.steps = crossing.shape[0]
         self.rows = rows.shape[0]
@@ -682,31 +791,30 @@ cdef class Chain:
         cdef i32[::1] node_at = np.zeros(self.steps + 1, np.int32)
         cdef i32[::1] link_at = np.zeros(self.steps + 1, np.int32)
         self._emit(False, rows, row_first, order, begin, window_end, slot_step, slot_begin,
-                   slot_end, chosen, constraint_of, after, node_at, link_at)
+                   slot_end, chosen, entry, gain, group_first, offset, constraint_of, after,
+                   node_at, link_at)
         nodes, links = np.asarray(node_at), np.asarray(link_at)
-        self.nodes, self.links = int(nodes.sum()), int(links.sum())
+        self.nodes, self.links = nodes.sum(dtype=np.int64), links.sum(dtype=np.int64)
+        if self.links > most:
+            return
         node_at = np.concatenate(([0], np.cumsum(nodes)[:self.steps])).astype(np.int32)
         link_at = np.concatenate(([1], 1 + np.cumsum(links)[:self.steps])).astype(np.int32)
         self.step_node = np.append(np.asarray(node_at)[:self.steps], self.nodes).astype(np.int32)
         self.state = np.zeros(self.links + 1, np.int32)
         self.previous = np.zeros(self.links + 1, np.int32)
         self.next = np.zeros(self.links + 1, np.int32)
-        self.constraint = np.zeros(self.links + 1, np.int32)
+        self.constraint = np.arange(self.links + 1, dtype=np.int32) % FREE
         self.node_of = np.zeros(self.links + 1, np.int32)
         self.kind = np.zeros(self.links + 1, np.uint8)
         self.ends = np.zeros(self.nodes + 1, np.uint8)
         self.node_row = np.empty(self.nodes + 1, np.int32)
         self.node_link = np.empty(self.nodes + 1, np.int32)
         self.node_link[self.nodes] = <i32>(self.links + 1)
-        self._emit(True, rows, row_first, order, begin, window_end, slot_step, slot_begin,
-                   slot_end, chosen, constraint_of, after, node_at, link_at)
-
-        self.value = np.zeros(self.links + 1)
-        with nogil:
-            for l in range(1, self.links + 1):
-                if not self.kind[l] & INSIDE:
-                    self.value[l] = gain[self.state[l]]
         self.kernel = np.zeros(self.links + 1)
+        self._emit(True, rows, row_first, order, begin, window_end, slot_step, slot_begin,
+                   slot_end, chosen, entry, gain, group_first, offset, constraint_of, after,
+                   node_at, link_at)
+
         self.ahead = np.zeros(self.links + 1)
         self.behind = np.zeros(self.links + 1)
         self.passed = np.zeros(self.links + 1)
@@ -715,9 +823,10 @@ cdef class Chain:
         self.none_kernel = np.zeros(self.nodes + 1)
         self.none_ahead = np.zeros(self.nodes + 1)
         self.none_behind = np.zeros(self.nodes + 1)
-        self.slack = np.ones(self.constraints + 1)
-        self.u = np.ones(self.constraints + 1)
-        self.load = np.zeros(self.constraints + 1)
+        self.slack = np.ones(self.constraints + FREE)
+        self.cap = np.ones(self.constraints + FREE)
+        self.u = np.ones(self.constraints + FREE)
+        self.load = np.zeros(self.constraints + FREE)
         self.stay = np.empty(self.steps)
         self.row = np.empty(4 * max(self.rows, 1))
 
@@ -770,10 +879,10 @@ cdef class Chain:
                         active -= closes[t - 1]
             if not fill:
                 self.constraints = n
-                self.slot_first = np.zeros(n + 1, np.int32)
-                self.slot_count = np.ones(n + 1, np.int32)
-                self.price = np.zeros(n + 1)
-                at = 1 + np.cumsum(at, dtype=np.int32)
+                self.slot_first = np.zeros(n + FREE, np.int32)
+                self.slot_count = np.ones(n + FREE, np.int32)
+                self.price = np.zeros(n + FREE)
+                at = FREE + np.cumsum(at, dtype=np.int32)
                 self.step_constraint = at  # the places move on to the next step below
                 at = at[1:]
         with nogil:
@@ -786,11 +895,13 @@ cdef class Chain:
     def _emit(self, bint fill, const i32[::1] rows, const i32[::1] row_first,
               const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
               const i32[::1] slot_step, const i32[::1] slot_begin, const i32[::1] slot_end,
-              const u8[::1] chosen, const i32[::1] constraint_of, const i32[::1] after,
-              i32[::1] node_at, i32[::1] link_at):
+              const u8[::1] chosen, const i32[::1] entry, const double[::1] gain,
+              const i32[::1] group_first, const double[::1] offset,
+              const i32[::1] constraint_of, const i32[::1] after, i32[::1] node_at,
+              i32[::1] link_at):
         """Walk the rows in time; count nodes and links of every step, or write them."""
         cdef Py_ssize_t r, a, c, low, high, x, y, width = 1
-        cdef i32 i, s, k, e, first, active, link
+        cdef i32 i, s, k, e, g, first, active, link
         cdef bint event
         with nogil:
             for r in range(rows.shape[0]):
@@ -805,7 +916,7 @@ cdef class Chain:
         cdef i32[::1] held = np.empty(width, np.int32)    # states that the row could be in
         cdef i32[::1] cursor = np.empty(width, np.int32)  # the next slot that they compete for
         cdef i32[::1] latest = np.empty(width, np.int32)  # their latest link
-        cdef i32[::1] link_of = np.zeros(begin.shape[0] if fill else 0, np.int32)
+        cdef i32[::1] link_of = np.empty(longest(rows, row_first) + 1, np.int32)
         with nogil:
             for r in range(rows.shape[0]):
                 i = rows[r]
@@ -815,6 +926,7 @@ cdef class Chain:
                 first = begin[low]
                 active = 0
                 a = low
+                g = group_first[i] - 1
                 while True:
                     k = begin[order[a]] if a < high else window_end[i] + 1
                     while active:
@@ -831,6 +943,7 @@ cdef class Chain:
                         break
                     event = False
                     c = a
+                    g += 1
                     while c < high and begin[order[c]] == k:
                         s = order[c]
                         if chosen[s]:
@@ -849,7 +962,7 @@ cdef class Chain:
                         s = held[x]
                         if s + 1 < high and begin[s + 1] == k:
                             if fill:
-                                link_of[s] = latest[x]
+                                link_of[s - low] = latest[x]
                         else:
                             held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
                             y += 1
@@ -869,13 +982,15 @@ cdef class Chain:
                         if fill:
                             link = link_at[k]
                             self.state[link] = s
+                            if entry[s] >= 0:
+                                self.kernel[link] = gain[s] + offset[g]
                             self.node_of[link] = node_at[k] - 1
                             self.ends[node_at[k] - 1] |= chosen[s] & (BOUND | FINAL)
                             if k == first:
                                 self.ends[node_at[k] - 1] |= FIRST
                             elif chosen[s - 1] and not chosen[s] & BOUND:
-                                self.previous[link] = link_of[s - 1]
-                                self.next[link_of[s - 1]] = link
+                                self.previous[link] = link_of[s - 1 - low]
+                                self.next[self.previous[link]] = link
                             latest[active] = link
                         if cursor[active] < slot_end[s] and slot_step[cursor[active]] == k:
                             if fill:
@@ -912,13 +1027,14 @@ cdef class Chain:
                 cursor[x] = after[cursor[x] + 1]
 
     def heat(self, double epsilon):
-        """Absorb the prices into the kernel at a temperature; messages begin anew."""
+        """Make the kernel of the gains and prices at a temperature, once."""
         cdef Py_ssize_t n, l, c, k
         cdef double top, value
         with nogil:
-            for c in range(1, self.constraints + 1):
+            for c in range(FREE, self.constraints + FREE):
                 self.u[c] = 1.0
                 self.slack[c] = exp(-self.price[c] / epsilon)
+                self.cap[c] = exp(min(self.price[c] / epsilon, 230.0))
             for k in range(self.steps):
                 self.stay[k] = exp(-self.crossing[k] / epsilon)
                 if self.stay[k] < 1e-60:
@@ -926,7 +1042,7 @@ cdef class Chain:
             for n in range(self.nodes):
                 top = 0.0
                 for l in range(self.node_link[n], self.node_link[n + 1]):
-                    value = self.value[l] - self.price[self.constraint[l]]
+                    value = self.kernel[l] - self.price[self.constraint[l]]
                     self.kernel[l] = value
                     if value > top:
                         top = value
@@ -952,7 +1068,7 @@ cdef class Chain:
         """Take the changes of the prices out of the messages into `price`."""
         cdef Py_ssize_t c
         with nogil:
-            for c in range(1, self.constraints + 1):
+            for c in range(FREE, self.constraints + FREE):
                 self.price[c] -= epsilon * log(self.u[c])
                 if self.price[c] < 0.0:
                     self.price[c] = 0.0
@@ -963,7 +1079,7 @@ cdef class Chain:
         cdef Py_ssize_t c, t
         cdef double total
         with nogil:
-            for c in range(1, self.constraints + 1):
+            for c in range(FREE, self.constraints + FREE):
                 total = 0.0
                 for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
                     total += price[t]
@@ -973,10 +1089,11 @@ cdef class Chain:
                     for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
                         price[t] *= self.price[c] / total
 
-    def write_marginals(self, double[::1] weight):
-        """Share of every state of the working set in the paths of its row."""
+    def write_majorities(self, u8[::1] flags):
+        """Set MOST where a state of the working set has more than half of the paths of its row."""
         cdef Py_ssize_t n, l
         cdef double total
+        cdef i32 s
         with nogil:
             for n in range(self.nodes):
                 total = self.none_ahead[n] * self.none_kernel[n] * self.none_behind[n]
@@ -986,7 +1103,10 @@ cdef class Chain:
                     total += self.passed[l]
                 for l in range(self.node_link[n], self.node_link[n + 1]):
                     if not self.kind[l] & INSIDE:
-                        weight[self.state[l]] = self.passed[l] / total if total > 1e-290 else 0.0
+                        s = self.state[l]
+                        flags[s] = flags[s] & ~MOST
+                        if total > 1e-290 and self.passed[l] > 0.5 * total:
+                            flags[s] |= MOST
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.
@@ -997,7 +1117,7 @@ cdef class Chain:
         """
         cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row
-        cdef double r, q, none, hub, keep, bound, rho, most, part, violation = 0.0
+        cdef double r, q, none, hub, keep, bound, rho, part, violation = 0.0
         cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
         cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
         cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
@@ -1009,10 +1129,11 @@ cdef class Chain:
         cdef double* slack = &self.slack[0]
         cdef double* passed = &self.passed[0]
         cdef double* load = &self.load[0]
+        cdef double* cap = &self.cap[0]
         cdef double* stay = &self.stay[0]
         cdef double* total = &self.total[0]
         cdef double* into = &self.into[0]  # of each node: from the hub, and the factors of staying
-        cdef double* at = &self.row[0]     # of each row: none, all, those that pass the hub, q
+        cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass the hub, q
         cdef double* here
         cdef i32* constraint = &self.constraint[0]
         cdef i32* node_link = &self.node_link[0]
@@ -1041,7 +1162,7 @@ cdef class Chain:
                 if q < 0.0 or ends[n] & start:  # nothing to pay
                     none, hub, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
                 else:
-                    r = here[0] + here[1]
+                    r = here[0] + here[1] + here[2]
                     r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
                     none = r * (here[0] + q * here[2])
                     hub = q * none
@@ -1075,13 +1196,11 @@ cdef class Chain:
                     if bound < 1e-40:
                         bound = 1e-40
                     rho = u[c] / (bound * sqrt(bound))
-                    most = 1e100 if slack[c] < 1e-100 else 1.0 / slack[c]
-                    u[c] = most if rho > most else (1e-60 if rho < 1e-60 else rho)
+                    # At most 1 / slack, where the price is 0.
+                    u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
             for l in range(node_link[low], node_link[high]):
                 here = at + 4 * node_row[node_of[l]]
                 part = passed[l] * u[constraint[l]]
                 passed[l] = part
-                here[1] += part
-                if not kind[l] & held:
-                    here[2] += part
+                here[1 if kind[l] & held else 2] += part
         return violation

@@ -182,10 +182,14 @@ def _regrets(states: States, weights: Ints, prices: Floats) -> Floats:
 
 def repair(states: States, weights: Floats) -> Ints:
     """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
+    return repaired(states, weights)[0]
+
+
+def repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
+    """What `repair` gives, and its sums over the column slots."""
     whole = np.empty(len(weights), np.int64)
     _whole(weights, whole)
-    _feasible(states, whole)
-    return whole
+    return whole, _feasible(states, whole)
 
 
 def _whole(weights: Floats, whole: Ints) -> None:

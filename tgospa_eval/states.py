@@ -208,8 +208,7 @@ class States:
 
     def forget(self) -> None:
         """Give up what is kept only because it is used again and again while solving."""
-        for name in ("gain", "row_order", "rows"):
-            vars(self).pop(name, None)
+        vars(self).pop("rows", None)
 
     @cached_property
     def rows(self) -> Slots:
@@ -223,23 +222,17 @@ class States:
             group=self.pair_row,
         )
 
-    @cached_property
-    def row_order(self) -> tuple[Ints, Ints]:
-        """The states by (row, begin, number), and the place of the first of each node (nodes + 1,).
-
-        For the compiled kernels only.
-        """
-        found: tuple[Ints, Ints] = kernels.by_row(
-            _in_time(self.begin, self.problem.steps), self.pair_first, self.pair_row, self.nodes
-        )
-        return found
-
-    @cached_property
+    @property
     def gain(self) -> Floats:
         """Gain of each state, 0 for a run, (S,)."""
-        gain = np.zeros(len(self.begin))
-        gains = np.flatnonzero(self.entry >= 0)
-        gain[gains] = self.problem.gains(self.entry[gains])
+        return self.gains(slice(None))
+
+    def gains(self, chosen: Ints | slice) -> Floats:
+        """The gain of some states."""
+        entry = self.entry[chosen]
+        gain = np.zeros(len(entry))
+        gains = np.flatnonzero(entry >= 0)
+        gain[gains] = self.problem.gains(entry[gains])
         return gain
 
     def cuts(self, size: int) -> list[tuple[int, int]]:

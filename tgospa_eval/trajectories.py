@@ -1,6 +1,7 @@
 """Trajectories: one flat table, a row per object and step. Knows no file and no metric."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,7 +180,7 @@ def align(
                 )
     if first.dtype == second.dtype and np.array_equal(first, second) and len(first):
         return truth, estimate
-    times = np.union1d(first, second)
+    times = _union(first, second)
     labels = None
     clock = truth.clock if len(truth.times) else estimate.clock
     if clock != "number":
@@ -191,6 +192,14 @@ def align(
         _on(truth, first, times, clock, labels),
         _on(estimate, second, times, clock, labels),
     )
+
+
+def _union(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    """Each of the values once, in order. np.union1d imports numpy.ma, slower than most runs."""
+    both = np.sort(np.concatenate((first, second)), kind="stable")  # stable merges sorted runs
+    fresh = np.ones(len(both), bool)
+    np.not_equal(both[1:], both[:-1], out=fresh[1:])
+    return both[fresh]
 
 
 def _on(

@@ -1,5 +1,7 @@
 """The command line: a group of verbs, each imported when it is asked for."""
 
+import atexit
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -97,6 +99,9 @@ def cli() -> None:  # \b keeps click from filling the lines below
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with the status of docs/reference/cli.md."""
+    # Memory goes with the process: to look through all modules for cycles first takes as long as
+    # a small evaluation.
+    atexit.register(gc.freeze)
     try:
         status = cli.main(
             args=None if arguments is None else list(arguments),

@@ -32,7 +32,7 @@ SAMPLE = 100
 """Truths whose near pairs are counted for a guess."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
     """The rows of one side at some consecutive steps.
 
@@ -54,7 +54,7 @@ class Side:
     axes: Floats
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Candidates:
     """For each truth, runs of the estimates in an order of their own.
 

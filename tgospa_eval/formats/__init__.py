@@ -7,7 +7,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.trajectories import Trajectories
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
     """What was read from a file, and what the user should know about it.
 

@@ -15,7 +15,7 @@ EXACT = 2.0**53
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Times:
     """Times of all rows.
 

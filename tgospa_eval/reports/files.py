@@ -3,8 +3,6 @@
 import csv
 import io
 import os
-import shutil
-import tempfile
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
@@ -58,6 +56,9 @@ def write_folder(result: Result, folder: str, *, force: bool) -> None:
     ConfigError
         The folder cannot be written.
     """
+    import shutil  # here, with tempfile: they bring compression and random numbers
+    import tempfile
+
     check_folder(folder, force=force)
     texts = {
         "result.json": result.to_json(),

@@ -7,18 +7,23 @@ Bounds here steer the solvers; those that are reported are made anew by `tgospa_
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide
 from tgospa_eval.states import Slots, States, connected_components
 
 NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
 """Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
 slack that is more than rounding; on the best path that was found; slack below 1e-6."""
+
+LINKS, FEW, TINY = 8, 100_000, 1e-3
+"""A chain has at most so many links for each state, or so many; else its threshold is halved,
+unless it is tiny."""
 
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
@@ -26,6 +31,9 @@ REGRET = 1e-11
 
 class Ascent:
     """Prices, assignments and both bounds of some blocks on the way to the optimum.
+
+    Gains are relative to the cheapest pair of each row and step, so that small costs keep their
+    digits; so are all values. Nothing but width and cost of a bracket has a meaning outside.
 
     Parameters
     ----------
@@ -35,15 +43,16 @@ class Ascent:
         Those that take part until `keep` leaves more out.
     gap : float
         Relative gap at which no further candidates are tried.
+    weights, prices : (S,), (K,) float arrays
+        Where the best assignment and the best prices are kept; come as zeros in the wanted blocks,
+        and nothing else is written to.
 
     Attributes
     ----------
     soft : (K,) float array
         Prices of the sweeps.
-    prices, bound : (K,), (B,) float arrays
-        The best prices so far, and what they prove that a block can gain at most.
-    weights, worth : (S,), (B,) float arrays
-        The best assignment so far, and what it gains.
+    bound, worth : (B,), (B,) float arrays
+        What the prices prove that a block can gain at most, and what the assignment gains.
     alone : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
@@ -54,29 +63,45 @@ class Ascent:
         Time by kind of work.
     """
 
-    def __init__(self, states: States, wanted: NDArray[np.bool_], gap: float) -> None:
+    def __init__(
+        self,
+        states: States,
+        wanted: NDArray[np.bool_],
+        gap: float,
+        weights: Floats,
+        prices: Floats,
+    ) -> None:
         self.states, self.wanted_gap = states, gap
+        self.weights, self.prices = weights, prices
         size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
-        cap = float(price_cap(states)[wanted].max())
-        self.crossing = np.minimum(states.problem.crossing_price, cap)
-        self.gain = states.gain
+        blocks = len(states.block_begin)
         self.slot_end = states.columns.end
-        self.slot_block = states.node_block[states.columns.node]
-        self.state_block = states.pair_block[states.pair]
         self.window_end = states.block_end[states.node_block]
-        self.order, self.row_first = states.row_order
+        self.order, self.row_first = kernels.by_row(
+            kernels.in_time(states.begin, states.problem.steps), states.pair_first,
+            states.pair_row, nodes,
+        )  # fmt: skip
+        self.gain, self.group_first, self.offset = _relative(states, self.order, self.row_first)
+        # LP tolerances are absolute, so huge prices harm: see `price_cap`.
+        longest = int((states.block_end - states.block_begin).max()) + 1
+        cap = 2.0 * longest * self.offset.max()
+        self.crossing = np.minimum(states.problem.crossing_price, cap)
         self.flags = np.zeros(size, np.uint8)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
         self.keep(wanted)
-        self.soft, self.prices = np.zeros(slots), np.zeros(slots)
-        self.weights = np.zeros(size)
-        self.bound = self.survey(self.prices, 0.0)
-        self._majority(self._on_best_path(), self.weights)
-        self.worth = self.value_of(self.weights)
         self.alone = alone_costs(states)
+        off = np.add.reduceat(np.append(self.offset, 0.0), self.group_first[:-1])
+        off[self.group_first[1:] == self.group_first[:-1]] = 0.0
+        self.taken_off = sum_by(states.node_block, off, blocks)
+        self.soft = np.zeros(slots)
+        self.bound = self.survey(self.prices, 0.0)
+        rounded = np.zeros(size, np.uint8)
+        self._majority(rounded)
+        self.worth = np.where(wanted, -np.inf, 0.0)
+        self._offer(self._values(rounded), rounded)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
@@ -89,18 +114,26 @@ class Ascent:
     @property
     def gap(self) -> Floats:
         """Width of the bracket of each block, (B,)."""
-        return self.bound - self.worth
+        gap: Floats = self.bound - self.worth
+        return gap
+
+    @property
+    def cost(self) -> Floats:
+        """Cost of the best assignment of each block, (B,)."""
+        cost: Floats = np.maximum(self.alone - self.taken_off - self.worth, 0.0)
+        return cost
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & is_wide(self.bound, self.worth, self.alone, gap)
+        return self.open & is_wide(self.gap, self.cost, self.alone, gap)
 
     def look(self, prices: Floats) -> Floats:
         """Bound of each block at the prices, (B,)."""
         s = self.states
         kernels.survey(
             self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.crossing, self.gain, prices, self.best,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            self.offset, prices, self.best,
         )  # fmt: skip
         return self._bounds(prices)
 
@@ -109,30 +142,44 @@ class Ascent:
         s = self.states
         kernels.survey(
             self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.crossing, self.gain, prices, self.best,
-            self.weights, reach, self.own, self.flags,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            self.offset, prices, self.best, self.weights, reach, self.own, self.flags,
         )  # fmt: skip
         return self._bounds(prices)
 
     def _bounds(self, prices: Floats) -> Floats:
         blocks = len(self.states.block_begin)
-        return sum_by(self.states.node_block[self.rows], self.best[self.rows], blocks) + sum_by(
-            self.slot_block, prices, blocks
-        )
+        total = np.zeros(self.states.nodes)
+        total[self.rows] = self.best[self.rows]
+        total = sum_by(self.states.node_block, total, blocks)
+        # What the values of paths may have lost by rounding counts as well.
+        return total + self._paid(prices) + self._lost(prices)
+
+    def _lost(self, prices: Floats) -> Floats:
+        """How wrong sums of prices along the paths of each block may be, (B,)."""
+        return 2.0**-53 * self.states.problem.steps * self._paid(prices)
+
+    def _paid(self, prices: Floats) -> Floats:
+        """Sum of the prices of each open block, (B,)."""
+        s = self.states
+        of_node = np.add.reduceat(np.append(prices, 0.0), s.columns.first[:-1])
+        of_node[s.columns.first[1:] == s.columns.first[:-1]] = 0.0
+        return sum_by(s.node_block, of_node, len(s.block_begin)) * self.open
 
     def has(self, flag: int) -> NDArray[np.bool_]:
         """Which states bear a flag since the last survey, (S,)."""
         return (self.flags & flag) > 0
 
-    def _on_best_path(self) -> Floats:
-        return self.has(BEST).astype(np.float64)
-
-    def value_of(self, weights: Floats) -> Floats:
+    def _values(self, weights: NDArray[Any]) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
-        s = self.states
         kernels.own_values(
-            self.rows, self.row_first, s.begin, self.crossing, self.gain, weights, self.own
-        )
+            self.rows, self.row_first, self.order, self.states.begin, self.crossing, self.gain,
+            self.group_first, self.offset, weights, self.own,
+        )  # fmt: skip
+        return self._sum_own()
+
+    def _sum_own(self) -> Floats:
+        s = self.states
         return sum_by(s.node_block[self.rows], self.own[self.rows], len(s.block_begin))
 
     def offer_prices(self, prices: Floats) -> None:
@@ -140,74 +187,113 @@ class Ascent:
         bound = self.look(prices)
         wins = self.open & (bound < self.bound)
         self.bound = np.where(wins, bound, self.bound)
-        self.prices = np.where(wins[self.slot_block], prices, self.prices)
+        np.copyto(self.prices, prices, where=self._slots_of(wins))
 
     def offer_weights(self, weights: Floats) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
-        worth = self.value_of(weights)
+        self._offer(self._values(weights), weights)
+
+    def _offer(self, worth: Floats, weights: NDArray[Any]) -> None:
         wins = self.open & (worth > self.worth)
         self.worth = np.where(wins, worth, self.worth)
-        self.weights = np.where(wins[self.state_block], weights, self.weights)
+        np.copyto(self.weights, weights, where=self._states_of(wins))
+
+    def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the block of each column slot is one of these, (K,)."""
+        columns = self.states.columns
+        return np.repeat(blocks[self.states.node_block], np.diff(columns.first))
+
+    def _states_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the block of each state is one of these, (S,)."""
+        return np.repeat(blocks[self.states.pair_block], np.diff(self.states.pair_first))
 
     def stage(
-        self, epsilon: float, sweeps: int, threshold: float, late: Callable[[], bool]
-    ) -> float:
-        """Sweep at a temperature and judge; the largest violation of a column at the end.
+        self,
+        epsilon: float,
+        sweeps: int,
+        threshold: float,
+        late: Callable[[], bool],
+        calm: float = 0.0,
+    ) -> tuple[int, float]:
+        """Sweep at a temperature and judge; number of sweeps, and the largest violation at the end.
 
-        The working set are the states with slack up to `threshold`, and those in use.
+        The working set are the states with slack up to `threshold`, and those in use. It ends
+        early when no column is violated by more than `calm`.
         """
         begin = time.perf_counter()
-        self.survey(self.soft, threshold)
-        s = self.states
-        shares = self._on_best_path()
-        chosen = np.zeros(len(s.begin), np.uint8)
-        kernels.working_set(
-            self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-            self.weights, self.soft, self.flags, chosen,
-        )  # fmt: skip
-        chain = kernels.Chain(
-            self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
-            s.columns.first, s.columns.step, s.columns.begin, self.slot_end,
-            chosen, self.gain, self.soft, self.crossing,
-        )  # fmt: skip
+        chain = self._chain(threshold)
         chain.heat(epsilon)
         hot = time.perf_counter()
-        violation = np.inf
-        for _ in range(sweeps):
+        done, violation = 0, np.inf
+        while done < sweeps:
             violation = chain.sweep(1)
-            self.work += 2 * (chain.links + chain.nodes)
-            if late():
+            done += 1
+            if violation < calm or late():
                 break
+        self.work += 2 * done * (chain.links + chain.nodes)
         self.sweeping += time.perf_counter() - hot
-        chain.write_marginals(shares)
+        chain.write_majorities(self.flags)
         chain.cool(epsilon)
         chain.write_prices(self.soft)
+        del chain  # the largest array of all
         rounded = time.perf_counter()
-        self.offer_weights(self.round(shares))
+        self._round()
         judged = time.perf_counter()
         for cut in THRESHOLDS:
             self.offer_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
             if not self.wide(self.wanted_gap).any():
                 break
+        else:
+            self._thin_out()
         end = time.perf_counter()
         self.seconds["sweeps"] += rounded - begin
         self.seconds["rounding"] += judged - rounded
         self.seconds["bounds"] += end - judged
-        return float(violation)
+        return done, float(violation)
 
-    def round(self, shares: Floats) -> Floats:
-        """Majorities of the shares as paths, each then re-optimised given the others."""
+    def _thin_out(self) -> None:
+        """Where mostly rounding keeps a bracket wide: offer prices only where two states compete.
+
+        A price that nobody contests is as good as none, but sums of prices lose digits.
+        """
+        if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * self._lost(self.prices))):
+            self.survey(self.prices, float(self.prices.max()))
+            rivals = _cover(self.states.columns, np.flatnonzero(self.has(NEAR)))
+            self.offer_prices(np.where(rivals > 1, self.prices, 0.0))
+
+    def _chain(self, threshold: float) -> Any:
+        """The chain of the working set; of a smaller one where it would be too long."""
         s = self.states
-        weights = np.zeros(len(shares))
-        load = self._majority(shares, weights)
+        chosen = np.zeros(len(s.begin), np.uint8)
+        most = max(LINKS * len(s.begin), FEW)
+        while True:
+            self.survey(self.soft, threshold)
+            kernels.working_set(
+                self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
+                self.weights, self.soft, self.flags, chosen,
+            )  # fmt: skip
+            chain = kernels.Chain(
+                self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
+                s.columns.first, s.columns.step, s.columns.begin, self.slot_end, chosen, s.entry,
+                self.gain, self.group_first, self.offset, self.soft, self.crossing, most,
+            )  # fmt: skip
+            if chain.links <= most or threshold < TINY:
+                return chain
+            threshold *= 0.5
+
+    def _round(self) -> None:
+        """Offer the majorities as paths, each then re-optimised given the others."""
+        s = self.states
+        rounded = np.zeros(len(s.begin), np.uint8)
+        load = self._majority(rounded)
         for _ in range(2):
             changed = kernels.improve(
                 self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-                self.crossing, self.gain, load, weights,
+                self.crossing, self.gain, self.group_first, self.offset, load, rounded, self.own,
             )  # fmt: skip
             if not changed:
                 break
-        return weights
+        self._offer(self._sum_own(), rounded)
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
@@ -223,7 +309,7 @@ class Ascent:
         identity of the gap a row with regret, or a price on a column that is not full.
         """
         s = self.states
-        near = (self.has(NEAR) | (self.weights > 0) | also) & self.open[self.state_block]
+        near = (self.has(NEAR) | (self.weights > 0) | also) & self._states_of(self.open)
         crowd = np.concatenate(([0], np.cumsum(_cover(s.rows, np.flatnonzero(near)) > 1)))
         alone = crowd[s.rows.end] == crowd[s.rows.begin]
         decided = (self.weights > 1 - 1e-9) & alone & self.has(NEEDED)
@@ -262,15 +348,30 @@ class Ascent:
         wanted[component[seed[free]]] = True
         return wanted[component]
 
-    def _majority(self, shares: Floats, weights: Floats) -> Ints:
+    def _majority(self, weights: NDArray[np.uint8]) -> Ints:
         """Write feasible weights 0 and 1; what uses each column slot."""
         s = self.states
         load = np.zeros(len(s.columns.step), np.int32)
         kernels.majority(
             self.rows, self.row_first, self.order, s.begin, self.window_end, s.columns.begin,
-            self.slot_end, shares, weights, load,
+            self.slot_end, self.flags, weights, load,
         )  # fmt: skip
         return load
+
+
+def _relative(states: States, order: Ints, row_first: Ints) -> tuple[Floats, Ints, Floats]:
+    """Relative gains, first group of each node, and offset of each group."""
+    problem = states.problem
+    price, prices = 0.0, None
+    truth, estimate = problem.truth_price, problem.estimate_price
+    if all((side == side[0]).all() for side in (truth, estimate) if len(side)):
+        price = float(truth[0] + estimate[0])
+    else:
+        prices = truth[problem.truth_row] + estimate[problem.estimate_row]
+    found: tuple[Floats, Ints, Floats] = kernels.relative_gains(
+        row_first, order, states.begin, states.entry, problem.cost, price, prices
+    )
+    return found
 
 
 def _cover(slots: Slots, chosen: Ints, weight: Floats | None = None) -> Floats:

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.kernels import alone_costs, block_costs, settled
-from tgospa_eval.solvers.rounding import nearly_perfect, polish
-from tgospa_eval.solvers.trivial import solve_trivial
+from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
+from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -31,12 +30,16 @@ class Batch:
         The blocks.
     wanted : (B,) bool array
         Which to solve.
+    weights, prices : (S,), (K,) float arrays
+        Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
     deadline : float, optional
         On the clock of `time.monotonic`.
     """
 
     states: States
     wanted: NDArray[np.bool_]
+    weights: Floats
+    prices: Floats
     deadline: float | None
 
     def left(self) -> float | None:
@@ -54,13 +57,11 @@ class Answer:
 
     Parameters
     ----------
-    weights, prices : (S,), (K,) float arrays
-        As in `Solution`.
     iterations : int
         Sweeps and simplex iterations.
     status : str
         How it ended, for the user.
-    open : int
+    open : int array
         Blocks that were not solved.
     work, sweeping : int, float
         States times half sweeps, and the seconds that they took.
@@ -71,29 +72,32 @@ class Answer:
         ``lower`` and ``upper`` of the blocks, less those of leaving all unassigned.
     left : int array
         Blocks that were not trivial.
-    perfect : int array
-        Those of the problem for `polish`.
+    wide : int array
+        Those of them that may not be exact, for `polish`.
     """
 
-    weights: Floats
-    prices: Floats
     iterations: int = 0
     status: str = "solved"
-    open: int = 0
+    open: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     work: int = 0
     sweeping: float = 0.0
     seconds: dict[str, float] = field(default_factory=dict)
     history: tuple[dict[str, float], ...] = ()
     left: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
-    perfect: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    wide: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+
+
+Trivial = Callable[[States, Floats, Floats], Ints]
+"""Writes weights and prices of the blocks that need no solver; returns the others."""
 
 
 def solve_in_batches(
     states: States,
+    trivial: Trivial,
     solve: Callable[[Batch], Answer],
     stopwatch: Stopwatch,
     *,
-    conflict_free: bool,
+    gap: float,
     time_limit: float | None,
     jobs: int | None,
 ) -> Solution:
@@ -103,12 +107,14 @@ def solve_in_batches(
     ----------
     states : States
         The reduced problem.
+    trivial : Trivial
+        One of `tgospa_eval.solvers.trivial`.
     solve : callable
         Solves one batch; called from several threads.
     stopwatch : Stopwatch
         Gets the time by kind of work; of several threads, their shares of the time on the wall.
-    conflict_free : bool
-        As of `solve_trivial`.
+    gap : float
+        Relative gap that counts as exact.
     time_limit : float, optional
         Seconds.
     jobs : int, optional
@@ -121,33 +127,31 @@ def solve_in_batches(
     def work(cut: tuple[int, int]) -> Answer:
         part, state, slot = states.between(*cut)
         begin = time.perf_counter()
-        easy, fair, left = solve_trivial(part, conflict_free=conflict_free)
-        if len(left) < len(part.block_begin):  # what is not written to is not in memory
-            weights[state], prices[slot] = easy, fair
-        del easy, fair
+        left = trivial(part, weights[state], prices[slot])
+        wanted = np.zeros(len(part.block_begin), bool)
+        wanted[left] = True
+        batch = Batch(
+            states=part,
+            wanted=wanted,
+            weights=weights[state],
+            prices=prices[slot],
+            deadline=deadline,
+        )
         preparation = time.perf_counter() - begin
-        answer = Answer(weights=weights[:0], prices=prices[:0])
-        if len(left):
-            wanted = np.zeros(len(part.block_begin), bool)
-            wanted[left] = True
-            answer = solve(Batch(states=part, wanted=wanted, deadline=deadline))
-            mine = np.repeat(wanted[part.pair_block], np.diff(part.pair_first))
-            np.copyto(weights[state], settled(part, answer.weights), where=mine)
-            mine = np.repeat(wanted[part.node_block], np.diff(part.columns.first))
-            np.copyto(prices[slot], answer.prices, where=mine)
+        answer = solve(batch) if len(left) else Answer()
         begin = time.perf_counter()
-        perfect = nearly_perfect(part, weights[state]) + cut[0]
+        settle(part, wanted, batch.weights)
+        closed = polish(part, batch.weights, batch.prices, answer.wide, gap, batch.late)
         part.forget()
+        open_ = answer.open[~np.isin(answer.open, closed)] if len(closed) else answer.open
         spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
         for name, seconds in answer.seconds.items():
             spent[name] = spent.get(name, 0.0) + seconds
         return replace(
             answer,
-            weights=weights[:0],
-            prices=prices[:0],
             seconds=spent,
-            left=left,
-            perfect=perfect,
+            open=open_,
+            status=answer.status if len(open_) == len(answer.open) else "solved",
         )
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
@@ -160,14 +164,11 @@ def solve_in_batches(
 
         with ThreadPoolExecutor(threads) as pool:
             answers = list(pool.map(work, cuts))
-    perfect = np.concatenate([answer.perfect for answer in answers] or [np.zeros(0, np.int64)])
-    if len(perfect):
-        weights, prices = polish(states, weights, prices, perfect)
     _book(stopwatch, answers, time.perf_counter() - begin)
 
-    missing = sum(answer.open for answer in answers)
+    missing = sum(len(answer.open) for answer in answers)
     # What is worth telling, if batches ended differently: what kept one from being solved.
-    told = [a.status for a in answers if len(a.left) and (a.open or not missing)] or ["solved"]
+    told = [a.status for a in answers if len(a.left) and (len(a.open) or not missing)] or ["solved"]
     status = next((s for s in told if s not in ("solved", "the bracket is met")), told[0])
     return Solution(
         weights=weights,

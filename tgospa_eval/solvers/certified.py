@@ -15,11 +15,15 @@ from tgospa_eval.result import ONE, Solution, repair
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
+from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
+
+CALM, WARM = 0.1, 0.01
+"""Above the temperature, columns violated by less than this are good enough to go on."""
 
 EASY = 0.01
 """A bracket that is narrower than this fraction of the cost may skip a stage."""
@@ -67,14 +71,17 @@ class Certified:
 
     def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
         """Solve every block exactly, or as far as the time limit allows."""
-        solve = self._ascend
+        trivial, solve = solve_steps, self._ascend
         if not kernels:
             from tgospa_eval.solvers.contest import solve_contest as solve
+
+            trivial = solve_conflict_free
         return solve_in_batches(
             states,
+            trivial,
             solve,
             stopwatch,
-            conflict_free=True,
+            gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
         )
@@ -82,35 +89,39 @@ class Certified:
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
-        ascent = Ascent(batch.states, batch.wanted, self.gap)
+        ascent = Ascent(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
         programmes = _Programmes(ascent, batch)
         ascent.keep(ascent.wide(self.gap))
+        left = np.flatnonzero(ascent.open)
         for epsilon, sweeps in STAGES:
             if not ascent.open.any() or batch.late():
                 break
             if skip:
                 skip = False
                 continue
-            ascent.stage(epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.late)
-            iterations += sweeps
+            done, _ = ascent.stage(
+                epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.late,
+                CALM if epsilon > WARM else 0.0,
+            )  # fmt: skip
+            iterations += done
             ascent.keep(ascent.wide(self.gap))
-            cost = (ascent.alone - ascent.worth)[ascent.open].sum()
+            cost = ascent.cost[ascent.open].sum()
             skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
             if epsilon <= EARLY and ascent.gap[ascent.open].sum() < HOPE * cost:
                 programmes.run(SMALL, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
         wide = ascent.wide(self.gap)
         return Answer(
-            weights=ascent.weights,
-            prices=ascent.prices,
             iterations=iterations + programmes.iterations,
             status=("stopped by the time limit" if batch.late() else "not solved")
             if wide.any()
             else "solved",
-            open=int(np.count_nonzero(wide)),
+            open=np.flatnonzero(wide),
+            left=left,
+            wide=np.flatnonzero(wide),
             work=ascent.work,
             sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds, "lp": programmes.seconds},
@@ -145,7 +156,7 @@ class _Programmes:
         from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
 
         ascent = self.ascent
-        before = ascent.prices
+        before = ascent.prices.copy()
         weights, prices, iterations, _ = residual(
             ascent.states, free, ascent.weights, before, ascent.crossing,
             np.full(len(before), box), self.batch.left(),

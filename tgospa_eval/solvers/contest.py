@@ -22,21 +22,20 @@ REGRET = 1e-11
 def solve_contest(batch: Batch) -> Answer:
     """Solve each block of a batch on the rows that matter."""
     begin = time.perf_counter()
-    weights = np.zeros(len(batch.states.begin))
-    prices = np.zeros(len(batch.states.columns.step))
-    iterations = unsolved = 0
+    iterations, unsolved = 0, []
     for number in np.flatnonzero(batch.wanted).tolist():
         part, state, slot = batch.states.between(number, number + 1)
-        weights[state], prices[slot], steps, solved = _solve(part, batch)
+        batch.weights[state], batch.prices[slot], steps, solved = _solve(part, batch)
         iterations += steps
-        unsolved += not solved
+        if not solved:
+            unsolved.append(number)
     late = "stopped by the time limit" if batch.late() else "HiGHS failed"
     return Answer(
-        weights=weights,
-        prices=prices,
         iterations=iterations,
         status=late if unsolved else "solved",
-        open=unsolved,
+        open=np.array(unsolved, np.int64),
+        left=np.flatnonzero(batch.wanted),
+        wide=np.flatnonzero(batch.wanted),
         seconds={"lp": time.perf_counter() - begin},
     )
 

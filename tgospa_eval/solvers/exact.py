@@ -21,12 +21,14 @@ from tgospa_eval.solvers.kernels import (
     check_time_limit,
     limits,
     price_cap,
-    settled,
+    settle,
 )
 from tgospa_eval.solvers.rounding import round_paths
+from tgospa_eval.solvers.trivial import solve_rows
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
+GAP = 1e-9
 SETTINGS = {
     "tol_gap_abs": 1e-10,
     "tol_gap_rel": 1e-10,
@@ -60,9 +62,10 @@ class Exact:
         """Solve every block that is not trivial, each as a fresh problem."""
         return solve_in_batches(
             states,
+            solve_rows,
             _solve_blocks,
             stopwatch,
-            conflict_free=False,
+            gap=GAP,
             time_limit=self.time_limit,
             jobs=1,
         )
@@ -71,13 +74,15 @@ class Exact:
 def _solve_blocks(batch: Batch) -> Answer:
     """The blocks of a batch, one by one."""
     states = batch.states
-    weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
+    weights, prices = batch.weights, batch.prices
     statuses: list[str] = []
+    open_blocks: list[int] = []
     iterations = 0
     seconds = {"build": 0.0, "lp": 0.0}
     for block in np.flatnonzero(batch.wanted).tolist():
         if batch.late():
             statuses.append("stopped by the time limit")
+            open_blocks.append(block)
             continue
         part, state, slot = states.between(block, block + 1)
         begin = time.perf_counter()
@@ -86,24 +91,27 @@ def _solve_blocks(batch: Batch) -> Answer:
         status, steps = _solve(programme, batch.left())
         seconds["build"] += built - begin
         seconds["lp"] += time.perf_counter() - built
-        statuses.append(status)
+        # "inaccurate" met a looser tolerance; the bracket says how good it is.
+        if status not in ("optimal", "optimal_inaccurate"):
+            statuses.append(status)
+            open_blocks.append(block)
         iterations += steps
         if programme.weights.value is not None:
-            weights[state] = settled(part, programme.weights.value)
+            weights[state] = programme.weights.value
         if programme.columns is not None and programme.columns.dual_value is not None:
             prices[slot] = programme.priced.spread(
                 programme.columns.dual_value, np.zeros(len(part.columns.step))
             )
-    # "inaccurate" met a looser tolerance; the bracket says how good it is.
-    open_ones = [s for s in statuses if s not in ("optimal", "optimal_inaccurate")]
+    settle(states, batch.wanted, weights)
     # An interior point leaves a little of everything everywhere, at full price.
     value = states.gain - states.columns.totals(np.maximum(prices, 0.0))
+    weights[:] = better(states, weights, round_paths(states, value, weights))
     return Answer(
-        weights=better(states, weights, round_paths(states, value, weights)),
-        prices=prices,
         iterations=iterations,
-        status=open_ones[0] if open_ones else "solved",
-        open=len(open_ones),
+        status=statuses[0] if statuses else "solved",
+        open=np.array(open_blocks, np.int64),
+        left=np.flatnonzero(batch.wanted),
+        wide=np.flatnonzero(batch.wanted),
         seconds=seconds,
     )
 

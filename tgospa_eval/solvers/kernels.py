@@ -6,11 +6,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.result import ONE, best_values, changes, repair, turns
+from tgospa_eval.result import (
+    ONE,
+    ROUNDING,
+    best_values,
+    changes,
+    regrets,
+    repair,
+    repaired,
+    turns,
+)
 from tgospa_eval.states import Slots, States
+
+DEAR = 1000.0
+"""At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
 
 THRESHOLDS = (1.0, 0.0, 3.0)
 """Prices below these multiples of the temperature are tried at 0: nobody contests those columns."""
@@ -27,8 +38,6 @@ def paths(states: States, value: Floats) -> Floats:
     The Viterbi recursion of `tgospa_eval.result.best_values` with back pointers: the state from
     which each state is reached, and the state from which the hub of each row got its value.
     """
-    if kernels:
-        return _compiled_paths(states, value)
     turn, crossing = turns(states), states.problem.crossing_price
     row = states.pair_row
     hub = np.zeros(states.nodes)
@@ -64,16 +73,6 @@ def paths(states: States, value: Floats) -> Floats:
     return weights
 
 
-def _compiled_paths(states: States, value: Floats) -> Floats:
-    order, row_first = states.row_order
-    weights = np.zeros(len(value))
-    kernels.best_paths(
-        np.unique(states.pair_row), row_first, order, states.begin,
-        states.problem.crossing_price, value, weights,
-    )  # fmt: skip
-    return weights
-
-
 def price_cap(states: States) -> Floats:
     """Switch price of each block beyond which more cannot matter, (B,).
 
@@ -87,22 +86,24 @@ def price_cap(states: States) -> Floats:
     return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 
-def settled(states: States, weights: Floats) -> Floats:
-    """The weights, averaged over time for each pair of a block where every price was cut.
+def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
+    """Average the weights over time for each pair of those blocks where every price was cut.
 
     There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
     at the true price. The average over time is as feasible as what it averages.
     """
     crossing = states.problem.crossing_price
+    if crossing.max() < DEAR or not blocks.any():
+        return
     spans = zip(states.block_begin.tolist(), states.block_end.tolist(), strict=True)
     least = np.array([crossing[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
-    held = (least > price_cap(states)) & np.isfinite(least)
+    held = blocks & (least > price_cap(states)) & np.isfinite(least)
     if not held.any():
-        return weights
+        return
     length = (states.end - states.begin + 1).astype(np.float64)
     pair, pairs = states.pair, len(states.pair_row)
     mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length, pairs)
-    return np.where(held[states.pair_block[pair]], mean[pair], weights)
+    np.copyto(weights, mean[pair], where=held[states.pair_block[pair]])
 
 
 def dual_values(states: States, prices: Floats) -> Floats:
@@ -119,8 +120,10 @@ def alone_costs(states: States) -> Floats:
     for track, alone in zip(
         (states.pair_truth, states.pair_estimate), states.problem.alone, strict=True
     ):
-        tracks, at = np.unique(track, return_index=True)
-        total += sum_by(states.pair_block[at], alone[tracks], len(total))
+        block = np.full(len(alone), -1)
+        block[track] = states.pair_block
+        mine = np.flatnonzero(block >= 0)
+        total += sum_by(block[mine], alone[mine], len(total))
     return total
 
 
@@ -149,6 +152,19 @@ def block_costs(states: States, weights: Floats) -> Floats:
         price = free / ONE * getattr(problem, f"{side}_price")
         total += sum_by(at[at >= 0], price[at >= 0], blocks)
     return total
+
+
+def proven(states: States, weights: Floats, prices: Floats) -> tuple[Floats, Floats]:
+    """Cost of each block, and how wide the bracket of its assignment and prices is, (B,), (B,).
+
+    As `tgospa_eval.result.certify` has it, block by block.
+    """
+    whole, loads = repaired(states, weights)
+    value = -states.columns.totals(prices)
+    width = sum_by(states.node_block, regrets(states, value, whole), len(states.block_begin))
+    idle = prices * (ONE - loads) / ONE
+    width += sum_by(states.node_block[states.columns.node], idle, len(width))
+    return block_costs(states, weights), width
 
 
 def better(states: States, first: Floats, second: Floats) -> Floats:
@@ -238,9 +254,9 @@ def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats, box: Floats
     )
 
 
-def is_wide(bound: Floats, worth: Floats, alone: Floats, gap: float) -> NDArray[np.bool_]:
+def is_wide(width: Floats, cost: Floats, alone: Floats, gap: float) -> NDArray[np.bool_]:
     """Whether the bracket of each block is wider than `gap`, relative, and than rounding allows."""
-    return bound - worth > np.maximum(gap * (alone - worth), 1e-15 * alone)
+    return width > np.maximum(gap * cost, ROUNDING * alone)
 
 
 def check_gap(gap: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import THRESHOLDS, block_costs, dual_values, is_wide
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, block_costs, dual_values, is_wide
 from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.states import States
 
@@ -22,11 +22,17 @@ class PlainAscent:
     The working set is what has some mass, whatever threshold is asked for.
     """
 
-    def __init__(self, states: States, wanted: NDArray[np.bool_], _: float) -> None:
+    def __init__(
+        self,
+        states: States,
+        wanted: NDArray[np.bool_],
+        _: float,
+        weights: Floats,
+        prices: Floats,
+    ) -> None:
         self.states, self.open = states, wanted
-        self.weights = np.zeros(len(states.begin))
-        self.prices = np.zeros(len(states.columns.step))
-        self.alone = block_costs(states, self.weights)
+        self.weights, self.prices = weights, prices
+        self.alone = alone_costs(states)
         self.worth = np.zeros(len(self.alone))
         self.bound = dual_values(states, self.prices)
         self.slot_block = states.node_block[states.columns.node]
@@ -44,16 +50,24 @@ class PlainAscent:
         """Width of the bracket of each block, (B,)."""
         return self.bound - self.worth
 
+    @property
+    def cost(self) -> Floats:
+        """Cost of the best assignment of each block, (B,)."""
+        return np.maximum(self.alone - self.worth, 0.0)
+
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & is_wide(self.bound, self.worth, self.alone, gap)
+        return self.open & is_wide(self.gap, self.cost, self.alone, gap)
 
-    def stage(self, epsilon: float, sweeps: int, _: float, late: Callable[[], bool]) -> float:
-        """Sweep at a temperature and judge; the largest violation of a column at the end."""
+    def stage(
+        self, epsilon: float, sweeps: int, _: float, late: Callable[[], bool]
+    ) -> tuple[int, float]:
+        """Sweep at a temperature and judge; how many sweeps, and the last violation."""
         begin = time.perf_counter()
-        violation = np.inf
-        for _sweep in range(sweeps):
+        done, violation = 0, np.inf
+        while done < sweeps:
             violation = self.sweeps.sweep(epsilon)
+            done += 1
             self.work += 2 * (len(self.sweeps.state) + len(self.sweeps.group))
             if late():
                 break
@@ -66,19 +80,19 @@ class PlainAscent:
             bound = dual_values(self.states, trial)
             wins = self.open & (bound < self.bound)
             self.bound = np.where(wins, bound, self.bound)
-            self.prices = np.where(wins[self.slot_block], trial, self.prices)
+            np.copyto(self.prices, trial, where=wins[self.slot_block])
         judged = time.perf_counter()
         value = self.states.gain - self.states.columns.totals(self.prices)
         for trial in (soft, round_paths(self.states, value, soft)):
             worth = self.alone - block_costs(self.states, trial)
             wins = self.open & (worth > self.worth)
             self.worth = np.where(wins, worth, self.worth)
-            self.weights = np.where(wins[self.state_block], trial, self.weights)
+            np.copyto(self.weights, trial, where=wins[self.state_block])
         end = time.perf_counter()
         self.seconds["sweeps"] += swept - begin
         self.seconds["bounds"] += judged - swept
         self.seconds["rounding"] += end - judged
-        return violation
+        return done, violation
 
 
 class _Sweeps:

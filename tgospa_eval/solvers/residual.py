@@ -38,12 +38,12 @@ def residual(
     held[free] = 0.0
     number = np.full(len(weights), -1)
     number[free] = np.arange(size)
-    reward = states.gain[free]
+    reward = states.gains(free)
     # Transitions between a free state and the next of its pair, either of which may be held.
-    is_last = np.zeros(len(weights) + 1, bool)
-    is_last[states.pair_first[1:] - 1] = True
-    before = np.union1d(free, free - 1)
-    before = before[(before >= 0) & ~is_last[before]]
+    follows = np.zeros(len(weights) + 1, bool)
+    follows[free] = follows[free + 1] = True
+    follows[states.pair_first] = False
+    before = np.flatnonzero(follows) - 1
     a, b = number[before], number[before + 1]
     paid = crossing[states.begin[before + 1]]
     constant = np.where(a < 0, held[before], held[before + 1])

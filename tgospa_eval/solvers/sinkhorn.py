@@ -18,6 +18,7 @@ from tgospa_eval.result import Solution
 from tgospa_eval.solvers.ascent import Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
+from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -31,6 +32,7 @@ WARM = 12
 CHECK = 24
 """Sweeps between two looks at the bracket."""
 
+LATE = "stopped by the time limit"
 MOST_SWEEPS = 2000
 VIOLATION = 1e-6
 NEGLIGIBLE = 25.0
@@ -76,9 +78,10 @@ class Sinkhorn:
         """Sweep until the bracket is met or settles, or the columns are full to 1e-6."""
         return solve_in_batches(
             states,
+            solve_steps if kernels else solve_conflict_free,
             self._sweep,
             stopwatch,
-            conflict_free=True,
+            gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
         )
@@ -86,23 +89,25 @@ class Sinkhorn:
     def _sweep(self, batch: Batch) -> Answer:
         """Sweeps of one batch."""
         begin = time.perf_counter()
-        ascent = _ascent()(batch.states, batch.wanted, self.gap)
+        ascent = _ascent()(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
+        wanted = ascent.wide(0.0)
+        ascent.keep(ascent.wide(self.gap))
         preparation = time.perf_counter() - begin
-        wanted = batch.wanted
         half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
         warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
         history: list[dict[str, float]] = []
-        status, count, open_blocks = "", 0, 0
+        status = "" if ascent.open.any() else "the bracket is met"
+        count = 0
         while not status:
             cold = len(history) >= len(warm)
             epsilon = self.epsilon if cold else warm[len(history)]
             sweeps = min(CHECK if cold else WARM, MOST_SWEEPS - count)
             before = ascent.gap[wanted].sum()
-            violation = ascent.stage(epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.late)
-            count += sweeps
+            done, violation = ascent.stage(epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.late)
+            count += done
             after = ascent.gap[wanted].sum()
             ascent.keep(ascent.wide(self.gap))
-            upper = -float(ascent.worth[wanted].sum())
+            upper = float((ascent.cost - ascent.alone)[wanted].sum())
             history.append(
                 {
                     "sweep": count,
@@ -115,7 +120,7 @@ class Sinkhorn:
             if not ascent.open.any():
                 status = "the bracket is met"
             elif batch.late():
-                status, open_blocks = "stopped by the time limit", int(ascent.open.sum())
+                status = LATE
             elif cold and violation <= VIOLATION:
                 status = f"columns are full to {VIOLATION:g}"
             elif cold and after > 0.95 * before:
@@ -123,11 +128,11 @@ class Sinkhorn:
             elif count >= MOST_SWEEPS:
                 status = "reached 2,000 sweeps"
         return Answer(
-            weights=ascent.weights,
-            prices=ascent.prices,
             iterations=count,
             status=status,
-            open=open_blocks,
+            open=np.flatnonzero(ascent.open) if status == LATE else np.zeros(0, np.int64),
+            left=np.flatnonzero(wanted),
+            wide=np.flatnonzero(ascent.open),
             work=ascent.work,
             sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds},

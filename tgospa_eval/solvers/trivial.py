@@ -8,37 +8,51 @@ from tgospa_eval.solvers.kernels import paths
 from tgospa_eval.states import States, connected_components
 
 
-def solve_trivial(states: States, *, conflict_free: bool = False) -> tuple[Floats, Floats, Ints]:
-    """Weights and prices of the trivial blocks, and the numbers of the blocks that are left.
+def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
+    """Write weights (S,) and prices (K,) of the blocks without transitions; the other blocks.
 
-    A block with one row (one pair included) is a shortest path. Blocks of one step, and all steps
-    apart if switches are free, are linear assignments. With `conflict_free` a block whose rows do
-    not claim a column twice, each on its best path, is done as well: prices 0 prove it.
+    Blocks of one step, and all steps apart if switches are free, are linear assignments. `weights`
+    and `prices` come as zeros.
     """
-    weights = np.zeros(len(states.pair))
-    prices = np.zeros(len(states.columns.node))
-    single = np.flatnonzero(states.entry >= 0)
     if not np.any(states.problem.switch_price):
-        _assign_steps(states, single, weights, prices)
+        _assign_steps(states, np.flatnonzero(states.entry >= 0), weights, prices)
         _hold(states, weights)
-        return weights, prices, np.zeros(0, np.int64)
-
+        return np.zeros(0, np.int64)
     one_step = states.block_begin == states.block_end
-    is_row = np.zeros(len(states.node_block), bool)
+    if one_step.any():
+        of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
+        _assign_steps(states, np.flatnonzero(one_step[of_state]), weights, prices)
+    return np.flatnonzero(~one_step)
+
+
+def solve_rows(states: States, weights: Floats, prices: Floats) -> Ints:
+    """`solve_steps`, and the blocks with one row (one pair included): each is a shortest path."""
+    return _solve_paths(states, weights, prices, conflict_free=False)
+
+
+def solve_conflict_free(states: States, weights: Floats, prices: Floats) -> Ints:
+    """`solve_rows`, and the blocks whose rows want different columns: prices 0 prove it."""
+    return _solve_paths(states, weights, prices, conflict_free=True)
+
+
+def _solve_paths(states: States, weights: Floats, prices: Floats, *, conflict_free: bool) -> Ints:
+    left = solve_steps(states, weights, prices)
+    is_row = np.zeros(states.nodes, bool)
     is_row[states.pair_row] = True
-    done = np.bincount(states.node_block[is_row], minlength=len(one_step)) == 1
-    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
-    if conflict_free or done.any():
-        weights = paths(states, states.gain)
+    blocks = len(states.block_begin)
+    done = np.bincount(states.node_block[is_row], minlength=blocks) == 1
+    if len(left) and (conflict_free or done[left].any()):
+        best = paths(states, states.gain)
         if conflict_free:
-            claims = states.columns.sums(weights.astype(np.int64))
+            claims = states.columns.sums(best.astype(np.int64))
             clash = states.node_block[states.columns.node[claims > 1]]
-            done |= np.bincount(clash, minlength=len(done)) == 0
-        weights = np.where(done[of_state], weights, 0.0)
-    todo = one_step & ~done
-    if todo.any():
-        _assign_steps(states, np.flatnonzero(todo[of_state]), weights, prices)
-    return weights, prices, np.flatnonzero(~done & ~one_step)
+            done |= np.bincount(clash, minlength=blocks) == 0
+        mine = np.zeros(blocks, bool)
+        mine[left] = done[left]
+        of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
+        np.copyto(weights, best, where=mine[of_state])
+    open_ones: Ints = left[~done[left]]
+    return open_ones
 
 
 def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats) -> None:
@@ -64,7 +78,7 @@ def _assign_steps(states: States, chosen: Ints, weights: Floats, prices: Floats)
         _, i = np.unique(row, return_inverse=True)
         _, j = np.unique(column, return_inverse=True)
         gain = np.zeros((i.max() + 1, j.max() + 1))
-        gain[i, j] = states.gain[state]
+        gain[i, j] = states.gains(state)
         assigned, price = assign(gain)
         weights[state] = assigned[i] == j
         priced = ends[state] > states.columns.begin[state]
