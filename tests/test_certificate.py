@@ -158,6 +158,21 @@ def test_parts_change_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("seed", range(12))
+def test_a_solution_that_is_used_up_proves_the_same(seed: int) -> None:
+    states = instance(seed)
+    for solution in solutions(states, seed):
+        kept = solution.weights.copy(), solution.prices.copy()
+        bounds, weights, _ = certify(states, solution)
+        assert np.array_equal(solution.weights, kept[0], equal_nan=True)
+        assert np.array_equal(solution.prices, kept[1], equal_nan=True)
+        used, again, _ = certify(states, solution, use_up=True)
+        assert bounds == used
+        assert np.array_equal(weights, again)
+        assert not len(solution.weights)
+        assert not len(solution.prices)
+
+
+@pytest.mark.parametrize("seed", range(12))
 def test_a_best_path_is_worth_the_best_value(seed: int) -> None:
     states = instance(seed)
     rng = np.random.default_rng(seed)

@@ -12,6 +12,7 @@ import tgospa_eval.solvers.sinkhorn as sinkhorn_module
 from tgospa_eval import Certified, Result, Sinkhorn, evaluate
 from tgospa_eval import states as states_module
 from tgospa_eval.compiled import kernels
+from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.problem import Problem
 from tgospa_eval.result import ONE, add_gains, best_values, certify, row_steps
 from tgospa_eval.solvers import ascent
@@ -66,15 +67,32 @@ def test_merging_compiled_equals_plain(
         price = np.linspace(0.1, 0.2, max(problem.steps - 1, 0))
         problem = dataclasses.replace(problem, switch_price=price)
     fast = merge_runs(problem)
+    sides = [(fast.rows, fast.columns)]
     monkeypatch.setattr(states_module, "kernels", None)
+    monkeypatch.setattr(states_module, "CACHE", 32)  # parts of a few rows or blocks
     plain = merge_runs(problem)
+    sides.append((plain.rows, plain.columns))
+    for one, other in zip(*sides, strict=True):
+        for part in dataclasses.fields(Slots):
+            assert np.array_equal(getattr(one, part.name), getattr(other, part.name))
     for field in dataclasses.fields(States):
-        one, other = getattr(fast, field.name), getattr(plain, field.name)
-        if field.name in ("rows", "columns"):
-            for part in dataclasses.fields(Slots):
-                assert np.array_equal(getattr(one, part.name), getattr(other, part.name))
-        elif field.name != "problem":
-            assert np.array_equal(one, other), field.name
+        if field.name not in ("problem", "columns"):
+            assert np.array_equal(getattr(fast, field.name), getattr(plain, field.name)), field.name
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_more_states_than_indices_are_refused(plain: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = PROBLEMS["small"]()
+    check_size("states", 2**31 - 2)
+    if plain:
+        monkeypatch.setattr(states_module, "kernels", None)
+    ends = np.zeros(2, np.int32), np.full(2, 2**30, np.int32)
+    with pytest.raises(InputError, match="2147483650 states are too many"):
+        states_module._split(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
+    for field, what in (("steps", "steps"), ("truths", "trajectories")):
+        large = dataclasses.replace(problem, **{field: 2**31 - 1})
+        with pytest.raises(InputError, match=f"{what} are too many"):
+            merge_runs(large)
 
 
 def ascent_of(states: States) -> ascent.Ascent:

@@ -10,6 +10,8 @@ import numpy as np
 
 from libc.math cimport exp, fabs, log, sqrt
 
+from tgospa_eval.errors import check_size
+
 ctypedef int i32
 ctypedef unsigned char u8
 
@@ -24,27 +26,35 @@ cdef double NEVER = 1e300
 # --- merging of runs: the twin is tgospa_eval.states ---------------------------------------------
 
 
+cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
+    """Positions by (key, position): a counting sort.
+
+    `at` comes as zeros, one more than there are keys, and becomes the end of each key in `order`.
+    """
+    cdef Py_ssize_t n
+    for n in range(key.shape[0]):
+        at[key[n] + 1] += 1
+    for n in range(at.shape[0] - 1):
+        at[n + 1] += at[n]
+    for n in range(key.shape[0]):
+        order[at[key[n]]] = <i32>n
+        at[key[n]] += 1
+
+
 def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
     """Pair of each entry, and truth and estimate of each pair, in order of truth and appearance.
 
     The entries of one truth are visited together, so that a stamp for each estimate is enough.
     """
     cdef Py_ssize_t N = truth.shape[0], e, a
-    cdef i32 i, j, pairs = 0
+    cdef i32 j, pairs = 0
     cdef i32[::1] at = np.zeros(truths + 1, np.int32)
     cdef i32[::1] order = np.empty(N, np.int32)
     cdef i32[::1] pair_of = np.empty(N, np.int32)
     cdef i32[::1] stamp = np.full(max(estimates, 1), -1, np.int32)
     cdef i32[::1] number = np.empty(max(estimates, 1), np.int32)
-    cdef i32[::1] begin
     with nogil:
-        for e in range(N):
-            at[truth[e] + 1] += 1
-        for i in range(truths):
-            at[i + 1] += at[i]
-        for e in range(N):
-            order[at[truth[e]]] = <i32>e
-            at[truth[e]] += 1
+        sort_by(truth, at, order)
         for a in range(N):
             e = order[a]
             j = estimate[e]
@@ -94,22 +104,14 @@ def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, con
     `first`, `last` (P,): the window of each pair. With `single` a run is one state for each step.
     Entries come in order of time.
     """
-    cdef Py_ssize_t N = pair_of.shape[0], e, a, P = first.shape[0], p, n = 0
+    cdef Py_ssize_t N = pair_of.shape[0], a, P = first.shape[0], p, n = 0
     cdef i32 k, next_step
-    at_array = np.zeros(P + 1, np.int32)
-    cdef i32[::1] at = at_array
+    cdef i32[::1] at = np.zeros(P + 1, np.int32)
     cdef i32[::1] order = np.empty(N, np.int32)
     pair_first = np.zeros(P + 1, np.int32)
     cdef i32[::1] pf = pair_first
     with nogil:
-        for e in range(N):
-            at[pair_of[e] + 1] += 1
-        for p in range(P):
-            at[p + 1] += at[p]
-        for e in range(N):
-            p = pair_of[e]
-            order[at[p]] = <i32>e
-            at[p] += 1
+        sort_by(pair_of, at, order)
         a = 0
         for p in range(P):
             next_step = first[p]
@@ -123,6 +125,7 @@ def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, con
             if next_step <= last[p]:
                 n += last[p] - next_step + 1 if single else 1
             pf[p + 1] = <i32>n
+    check_size("states", n)
     begin = np.empty(n, np.int32)
     entry = np.empty(n, np.int32)
     cdef i32[::1] begins = begin, entries = entry
@@ -151,19 +154,11 @@ def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, con
 
 def in_time(const i32[::1] begin, int steps):
     """The states by (begin, number): a stable counting sort."""
-    cdef Py_ssize_t S = begin.shape[0], s
-    cdef int k
-    order = np.empty(S, np.int32)
+    order = np.empty(begin.shape[0], np.int32)
     cdef i32[::1] out = order
     cdef i32[::1] at = np.zeros(steps + 1, np.int32)
     with nogil:
-        for s in range(S):
-            at[begin[s] + 1] += 1
-        for k in range(steps):
-            at[k + 1] += at[k]
-        for s in range(S):
-            out[at[begin[s]]] = <i32>s
-            at[begin[s]] += 1
+        sort_by(begin, at, out)
     return order
 
 
@@ -175,7 +170,7 @@ def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
     their node.
     """
     cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
-    cdef i32 node, total = 0, place
+    cdef i32 node
     cdef i32[::1] node_of = np.empty(S, np.int32)
     cdef i32[::1] latest = np.full(nodes, -1, np.int32)
     node_first = np.zeros(nodes + 1, np.int32)

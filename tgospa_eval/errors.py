@@ -6,6 +6,9 @@ TgospaError
     SolverError    a solver failed and left no usable answer (exit 4)
 """
 
+MOST = 2**31 - 2
+"""Of anything that is numbered with 32 bits, ends of ranges included."""
+
 
 class TgospaError(Exception):
     """Base of everything that this package raises on purpose."""
@@ -39,6 +42,21 @@ class InputError(TgospaError, ValueError):
     """An input file or table is wrong; the message says where, what and the remedy."""
 
     exit_status = 3
+
+
+def check_size(what: str, count: int) -> None:
+    """Whether 32-bit indices suffice.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    if count > MOST:
+        raise InputError(
+            f"{count} {what} are too many, {MOST} are possible; evaluate the scene in parts, "
+            "or with a smaller cutoff"
+        )
 
 
 class SolverError(TgospaError, RuntimeError):

@@ -133,10 +133,11 @@ def evaluate_trajectories(
         pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
+        del pairs  # the distances are as long as the entries
         states = merge_runs(problem)
     solution = solver(states, stopwatch)
     with stopwatch.span("certify"):
-        bounds, weights, breakdown = certify(states, solution)
+        bounds, weights, breakdown = certify(states, solution, use_up=True)
     return Result(
         proof=Proof(
             parameters=parameters,

@@ -144,6 +144,14 @@ class Problem:
             sum_by(self.estimate_track, self.estimate_price, self.estimates),
         )
 
+    @cached_property
+    def pair_price(self) -> float | None:
+        """A + B where that is the same for all pairs of objects."""
+        prices = self.truth_price, self.estimate_price
+        if any(not len(price) or (price != price[0]).any() for price in prices):
+            return None
+        return float(self.truth_price[0] + self.estimate_price[0])
+
     @property
     def gain(self) -> Floats:
         """What assigning each pair saves, A + B - cost, (N,); small costs lose digits."""

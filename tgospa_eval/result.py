@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.states import PART, Slots, States, changed, parts
+from tgospa_eval.states import PART, Slots, States, changed, divided, parts
 
 ONE = 1 << 50
 """The integer that stands for the weight 1."""
@@ -49,6 +49,13 @@ class Solution:
     iterations: int = 0
     finished: bool = True
     history: tuple[dict[str, float], ...] = field(default=())
+
+    def give_up(self) -> tuple[Floats, Floats]:
+        """Weights and prices, which the solution holds no longer: they are large."""
+        weights, prices = self.weights, self.prices
+        for name in ("weights", "prices"):
+            object.__setattr__(self, name, np.zeros(0))
+        return weights, prices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,12 +110,23 @@ class Breakdown:
         return float((self.localisation + self.missed + self.false + self.switch).sum())
 
 
-def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:
+def certify(
+    states: States, solution: Solution, *, use_up: bool = False
+) -> tuple[Bounds, Ints, Breakdown]:
     """Prove bounds from a proposed assignment and proposed prices.
 
     The upper bound U is the cost of the repaired assignment, summed in cost form. The lower bound
     is L = max(0, U - sum_i (best_i - own_i) - sum_s v_s (1 - load_s)): the Lagrangian bound of any
     prices v >= 0, in a form that does not cancel (docs/theory, "Certificate").
+
+    Parameters
+    ----------
+    states : States
+        What was solved.
+    solution : Solution
+        What is proposed.
+    use_up : bool
+        Whether the arrays of the solution are written over rather than copied; it loses them.
 
     Returns
     -------
@@ -119,22 +137,47 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     Breakdown
         Its cost by step; sums to the upper bound.
     """
-    weights, loads = repaired(states, solution.weights)
-    breakdown = break_down(states, weights)
-    prices = np.fmax(solution.prices, 0.0)  # NaN becomes 0
-    prices[prices > 1e100] = 0.0
-    value = states.columns.totals(prices)
-    np.negative(value, out=value)
+    given, prices = (
+        solution.give_up() if use_up else (solution.weights.copy(), solution.prices.copy())
+    )
+    given = np.require(given, np.float64, ["C", "W"])
+    prices = np.require(prices, np.float64, ["C", "W"])
+    weights = given.view(np.int64)
     regret = np.zeros(states.nodes)
-    for part, own in row_parts(states):
-        regret += regrets(part, value[own], weights[own])
+    for low, high in states.cuts(PART):
+        part, state, slot = states.between(low, high)
+        node = slice(*np.searchsorted(states.node_block, (low, high)))
+        _whole(given[state], weights[state])
+        regret[node] = _regrets(part, weights[state], prices[slot])
+    idle = prices.sum()
+    del prices
+    breakdown = break_down(states, weights)
 
     upper = breakdown.total
     problem = states.problem
-    idle = (ONE - loads) / ONE
-    lower = min(max(upper - regret.sum() - (prices * idle).sum(), 0.0), upper)
+    lower = min(max(upper - regret.sum() - idle, 0.0), upper)
     allowance = ROUNDING * float(problem.truth_price.sum() + problem.estimate_price.sum())
     return Bounds(lower=float(lower), upper=upper, allowance=allowance), weights, breakdown
+
+
+def _regrets(states: States, weights: Ints, prices: Floats) -> Floats:
+    """Make the weights feasible and the prices fair, in place; what each row loses by then.
+
+    The prices become what is lost by leaving their slots idle.
+    """
+    loads = _feasible(states, weights)
+    np.fmax(prices, 0.0, out=prices)  # NaN becomes 0
+    prices[prices > 1e100] = 0.0
+    running = states.columns.running(prices)
+    for part in parts(len(prices)):
+        prices[part] *= (ONE - loads[part]) / ONE
+    del loads
+    regret = np.zeros(states.nodes)
+    for rows, own in row_parts(states):
+        value = rows.columns.spans(running)
+        np.negative(value, out=value)
+        regret += regrets(rows, value, weights[own])
+    return regret
 
 
 def repair(states: States, weights: Floats) -> Ints:
@@ -144,16 +187,28 @@ def repair(states: States, weights: Floats) -> Ints:
 
 def repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
     """What `repair` gives, and its sums over the column slots."""
-    whole = np.zeros(len(weights), np.int64)
+    whole = np.empty(len(weights), np.int64)
+    _whole(weights, whole)
+    return whole, _feasible(states, whole)
+
+
+def _whole(weights: Floats, whole: Ints) -> None:
+    """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
     for part in parts(len(weights)):
         used = np.flatnonzero(weights[part] != 0)
         fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0
         fixed *= ONE
         fixed[fixed < SNAP] = 0
         fixed[fixed > ONE - SNAP] = ONE
+        whole[part] = 0
         whole[part][used] = fixed
-    _fit(states.rows, whole)
-    return whole, _fit(states.columns, whole)
+
+
+def _feasible(states: States, weights: Ints) -> Ints:
+    """Scale the weights where a slot is too full, in place; their sums over the column slots."""
+    for part, own in row_parts(states):
+        _fit(part.rows, weights[own])
+    return _fit(states.columns, weights)
 
 
 def _fit(slots: Slots, weights: Ints) -> Ints:
@@ -186,14 +241,11 @@ def row_parts(states: States) -> Iterator[tuple[States, slice]]:
     if 0 < len(states.begin) <= PART:
         yield states, slice(None)
         return
-    rows = np.flatnonzero(np.diff(states.pair_row, prepend=-1))  # first pair of each
-    group = states.pair_first[rows] // PART
-    bounds = [*rows[np.diff(group, prepend=-1) > 0].tolist(), len(states.pair_row)]
+    bounds = divided(states.pair_row, states.pair_first, PART)
     for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
         first = states.pair_first[pairs.start : pairs.stop + 1]
         own = slice(int(first[0]), int(first[-1]))
         row, column = states.pair_row[pairs], states.pair_column[pairs]
-        low, high = states.rows.first[[row[0], row[-1] + 1]].tolist()
         yield (
             replace(
                 states,
@@ -205,13 +257,6 @@ def row_parts(states: States) -> Iterator[tuple[States, slice]]:
                 pair_estimate=states.pair_estimate[pairs],
                 begin=states.begin[own],
                 entry=states.entry[own],
-                rows=Slots(
-                    first=np.clip(states.rows.first, low, high) - low,
-                    step=states.rows.step[low:high],
-                    begin=states.rows.begin[own] - low,
-                    pair_first=first - first[0],
-                    pair_node=row,
-                ),
                 columns=replace(
                     states.columns,
                     begin=states.columns.begin[own],
@@ -260,8 +305,8 @@ def add_gains(states: States, steps: Slots, value: Floats) -> Floats:
     np.minimum.at(least, at, cost)
     with np.errstate(invalid="ignore"):
         relative = least[at] - cost
-    prices = problem.truth_price, problem.estimate_price
-    if any((price != price[0]).any() for price in prices):
+    of_cheapest: float | Floats
+    if problem.pair_price is None:
         base = (
             problem.truth_price[problem.truth_row[entry]]
             + problem.estimate_price[problem.estimate_row[entry]]
@@ -271,7 +316,7 @@ def add_gains(states: States, steps: Slots, value: Floats) -> Floats:
         of_cheapest[at[cheapest]] = base[cheapest]
         relative += base - of_cheapest[at]
     else:
-        of_cheapest = prices[0][0] + prices[1][0]
+        of_cheapest = problem.pair_price
     offsets = np.where(least < np.inf, of_cheapest - least, 0.0)
     relative[runs] = -steps.totals(offsets, runs)
     value += relative
@@ -390,24 +435,29 @@ def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
 def break_down(states: States, weights: Ints) -> Breakdown:
     """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
     problem, steps = states.problem, states.problem.steps
-    free_truth = np.full(len(problem.truth_step), ONE)
-    free_estimate = np.full(len(problem.estimate_step), ONE)
+
     localisation = np.zeros(steps)
-    for part in parts(len(weights)):
-        used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
-        entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
-        np.subtract.at(free_truth, problem.truth_row[entry].astype(np.intp), whole)
-        np.subtract.at(free_estimate, problem.estimate_row[entry].astype(np.intp), whole)
-        cost = whole / ONE * problem.cost[entry]
-        localisation += sum_by(states.begin[part][used], cost, steps)
 
-    def unassigned(free: Ints, step: Ints, price: Floats) -> tuple[Floats, Floats]:
-        left = np.flatnonzero(free != 0)
-        step, share = step[left], free[left] / ONE
-        return sum_by(step, share * price[left], steps), sum_by(step, share, steps)
+    def unassigned(name: str) -> tuple[Floats, Floats]:
+        """Cost and number of one side's unassigned objects at each step; one side at a time."""
+        row, step, price = (getattr(problem, f"{name}_{of}") for of in ("row", "step", "price"))
+        free = np.full(len(step), ONE)
+        for part in parts(len(weights)):
+            used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
+            entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
+            np.subtract.at(free, row[entry].astype(np.intp), whole)
+            if name == "truth":
+                paid = whole / ONE * problem.cost[entry]
+                np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
+        cost, count = np.zeros(steps), np.zeros(steps)
+        for part in parts(len(free)):
+            left = np.flatnonzero(free[part])
+            at, share = step[part][left].astype(np.intp), free[part][left] / ONE
+            np.add.at(count, at, share)
+            np.add.at(cost, at, share * price[part][left])
+        return cost, count
 
-    missed = unassigned(free_truth, problem.truth_step, problem.truth_price)
-    false = unassigned(free_estimate, problem.estimate_step, problem.estimate_price)
+    missed, false = unassigned("truth"), unassigned("estimate")
     moved, amount = changes(states, weights)
     variation = sum_by(states.begin[moved], amount, steps)
     return Breakdown(

@@ -9,22 +9,41 @@ A *slot* is a stretch of steps of one node (a trajectory) on which the states th
 do not change; the assignment over a slot may sum to at most 1.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
+from tgospa_eval.errors import check_size
 from tgospa_eval.problem import Floats, Ints, Problem
 
 PART = 1 << 19
 """States that are looked at together where arrays as long as all states would be too much."""
 
 
+CACHE = 1 << 16
+"""States whose slots are made together: what is written in no order stays in the cache."""
+
+
 def parts(size: int) -> Iterator[slice]:
     """Slices of PART elements each that cover `size`."""
     return (slice(low, min(low + PART, size)) for low in range(0, size, PART))
+
+
+def divided(group: Ints, pair_first: Ints, size: int) -> list[int]:
+    """Pairs at which to divide so that no group is, in parts of some `size` states; first and end.
+
+    `group` (P,) is that of each pair: its row or its block; those of one group are neighbours.
+    """
+    if 0 < pair_first[-1] <= size:
+        return [0, len(group)]
+    opens = np.flatnonzero(np.diff(group, prepend=-1))  # first pair of each group
+    part = pair_first[opens] // size
+    return [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(group)]
 
 
 def changed(pair_first: Ints, weight: Ints) -> NDArray[np.bool_]:
@@ -90,8 +109,8 @@ class Slots:
             np.add.at(change, self.begin[state].astype(np.intp), rise)
         return np.cumsum(change[:-1], out=change[:-1])
 
-    def totals(self, price: Floats, chosen: Ints | None = None) -> Floats:
-        """Sum of the prices (K,) over the slots of each state, or of the chosen ones.
+    def running(self, price: Floats) -> tuple[Floats, Ints]:
+        """The unit in which each node's prices are counted, and running sums of all, (K + 1,).
 
         Prices become integers for it, of as many bits as the sum of their node allows: differences
         of running sums are exact then, even where the sum over all nodes overflows, and a small sum
@@ -100,14 +119,25 @@ class Slots:
         size = np.add.reduceat(np.append(np.abs(price), 0.0), self.first[:-1])
         unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
         running = np.zeros(len(price) + 1, np.int64)
-        running[1:] = np.rint(price / np.repeat(unit, np.diff(self.first)))
-        np.cumsum(running, out=running)
+        for part in parts(len(price)):
+            first = np.minimum(np.maximum(self.first, part.start), part.stop)
+            count = first[1:] - first[:-1]
+            running[1:][part] = np.rint(price[part] / np.repeat(unit, count))
+        return unit, np.cumsum(running, out=running)
+
+    def totals(self, price: Floats, chosen: Ints | None = None) -> Floats:
+        """Sum of the prices (K,) over the slots of each state, or of the chosen ones."""
+        return self.spans(self.running(price), chosen)
+
+    def spans(self, running: tuple[Floats, Ints], chosen: Ints | None = None) -> Floats:
+        """`totals` where the running sums are known."""
+        unit, sums = running
         begin, end = self.begin, self.end
         total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
         if chosen is not None:
             begin, end, total = begin[chosen], end[chosen], total[chosen]
         for part in parts(len(total)):
-            total[part] *= running[end[part]] - running[begin[part]]
+            total[part] *= sums[end[part]] - sums[begin[part]]
         return total
 
 
@@ -133,8 +163,8 @@ class States:
         First step of each state.
     entry : (S,) int array
         Entry of the problem that a gain comes from, -1 for a run without gain.
-    rows, columns : Slots
-        Constraints of either side.
+    columns : Slots
+        Constraints of the columns; `rows` are made when they are asked for.
     node_block : (nodes,) int array
         Block of each node.
     block_begin, block_end : (B,) int arrays
@@ -152,7 +182,6 @@ class States:
     pair_estimate: Ints
     begin: Ints
     entry: Ints
-    rows: Slots
     columns: Slots
     node_block: Ints
     block_begin: Ints
@@ -176,6 +205,22 @@ class States:
         end[:-1] = self.begin[1:] - 1
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
+
+    def forget(self) -> None:
+        """Give up what is kept only because it is used again and again while solving."""
+        vars(self).pop("rows", None)
+
+    @cached_property
+    def rows(self) -> Slots:
+        """Constraints of the rows."""
+        return _slots(
+            self.begin,
+            self.pair_first,
+            self.pair_row,
+            self.nodes,
+            self.problem.steps,
+            group=self.pair_row,
+        )
 
     @property
     def gain(self) -> Floats:
@@ -217,38 +262,31 @@ class States:
         nodes = slice(*np.searchsorted(self.node_block, (low, high)))
         state = slice(*self.pair_first[[pairs.start, pairs.stop]])
         pair_first = self.pair_first[pairs.start : pairs.stop + 1] - np.int32(state.start)
-        sides, cuts = [], []
-        for slots, pair_node in ((self.rows, self.pair_row), (self.columns, self.pair_column)):
-            cut = slice(*slots.first[[nodes.start, nodes.stop]])
-            sides.append(
-                Slots(
-                    first=slots.first[nodes.start : nodes.stop + 1] - np.int32(cut.start),
-                    step=slots.step[cut],
-                    begin=slots.begin[state] - np.int32(cut.start),
-                    pair_first=pair_first,
-                    pair_node=pair_node[pairs] - np.int32(nodes.start),
-                )
-            )
-            cuts.append(cut)
-        rows, columns = sides
+        slot = slice(*self.columns.first[[nodes.start, nodes.stop]])
+        pair_column = self.pair_column[pairs] - np.int32(nodes.start)
         states = States(
             problem=self.problem,
-            pair_row=rows.pair_node,
-            pair_column=columns.pair_node,
+            pair_row=self.pair_row[pairs] - np.int32(nodes.start),
+            pair_column=pair_column,
             pair_block=self.pair_block[pairs] - np.int32(low),
             pair_first=pair_first,
             pair_truth=self.pair_truth[pairs],
             pair_estimate=self.pair_estimate[pairs],
             begin=self.begin[state],
             entry=self.entry[state],
-            rows=rows,
-            columns=columns,
+            columns=Slots(
+                first=self.columns.first[nodes.start : nodes.stop + 1] - np.int32(slot.start),
+                step=self.columns.step[slot],
+                begin=self.columns.begin[state] - np.int32(slot.start),
+                pair_first=pair_first,
+                pair_node=pair_column,
+            ),
             node_block=self.node_block[nodes] - np.int32(low),
             block_begin=self.block_begin[low:high],
             block_end=self.block_end[low:high],
             transposed=self.transposed[low:high],
         )
-        return states, state, cuts[1]
+        return states, state, slot
 
 
 def merge_runs(problem: Problem) -> States:
@@ -257,7 +295,20 @@ def merge_runs(problem: Problem) -> States:
     Valid for the LP (docs/theory): pairs that never gain are gone; components are apart; steps
     before the first and after the last gain of a component are gone; runs without gain are one
     state each, border runs included. With time-varying switch prices a run stays one state a step.
+
+    Raises
+    ------
+    InputError
+        There is more of something than 32-bit indices can number.
     """
+    for what, count in (
+        ("steps", problem.steps),
+        ("trajectories", problem.truths + problem.estimates),
+        ("rows of truths", len(problem.truth_step)),
+        ("rows of estimates", len(problem.estimate_step)),
+        ("near pairs", len(problem.cost)),
+    ):
+        check_size(what, count)
     pair_of, truth, estimate = _number_pairs(problem)
     component = connected_components(
         truth, estimate + problem.truths, problem.truths + problem.estimates
@@ -286,11 +337,7 @@ def merge_runs(problem: Problem) -> States:
     pair_first, begin, entry = _split(
         pair_of, entry_step, window[0][pair_block], window[1][pair_block], single=not runs_are_one
     )
-    in_time = _in_time(begin, problem.steps)
-    rows, columns = (
-        _slots(in_time, begin, pair_first, node, len(node_block))
-        for node in (pair_row, pair_column)
-    )
+    del pair_of, entry_step  # as long as the entries
     return States(
         problem=problem,
         pair_row=pair_row,
@@ -301,8 +348,14 @@ def merge_runs(problem: Problem) -> States:
         pair_estimate=estimate[order],
         begin=begin,
         entry=entry,
-        rows=rows,
-        columns=columns,
+        columns=_slots(
+            begin,
+            pair_first,
+            pair_column,
+            len(node_block),
+            problem.steps,
+            group=pair_block,
+        ),
         node_block=node_block,
         block_begin=window[0],
         block_end=window[1],
@@ -403,7 +456,8 @@ def _split(
     run_begin = np.concatenate((before[head], step[tail] + 1))
     run_end = np.concatenate((step[head] - 1, last[pair[tail]]))
     if single:
-        length = run_end - run_begin + 1
+        length = run_end.astype(np.int64) - run_begin + 1
+        check_size("states", len(pair) + int(length.sum()))
         offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
         run_pair = np.repeat(run_pair, length)
         run_begin = np.repeat(run_begin, length) + offset
@@ -427,22 +481,63 @@ def _in_time(begin: Ints, steps: int) -> Ints:
     return np.argsort(begin, kind="stable")
 
 
-def _slots(in_time: Ints, begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int) -> Slots:
-    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair."""
+def _slots(
+    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int, group: Ints
+) -> Slots:
+    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair.
+
+    They are made for some groups of pairs at a time: rows or blocks, which share no node, and of
+    which later ones have nodes with larger numbers.
+    """
+    bounds = divided(group, pair_first, max(CACHE, steps))
+    if len(bounds) == 2:
+        first, step, slot = _slots_of_part(begin, pair_first, pair_node, nodes, steps)
+        return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
+    first = np.zeros(nodes + 1, np.int32)
+    slot = np.empty(len(begin), np.int32)
+    made: list[Ints] = [np.zeros(0, np.int32)]
+    done = 0
+    for low, high in itertools.pairwise(bounds):
+        own = slice(pair_first[low], pair_first[high])
+        node = pair_node[low:high]
+        least, size = int(node.min()), int(np.ptp(node)) + 1
+        place, fresh, at = _slots_of_part(
+            begin[own], pair_first[low : high + 1] - pair_first[low], node - least, size, steps
+        )
+        first[least + 1 : least + 1 + size] = np.diff(place)
+        slot[own] = at
+        slot[own] += done
+        made.append(fresh)
+        done += len(fresh)
+    np.cumsum(first, out=first)
+    return Slots(
+        first=first,
+        step=np.concatenate(made),
+        begin=slot,
+        pair_first=pair_first,
+        pair_node=pair_node,
+    )
+
+
+def _slots_of_part(
+    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int
+) -> tuple[Ints, Ints, Ints]:
+    """First slot of each node, step of each slot, first slot of each state."""
+    in_time = _in_time(begin, steps)
     shared = np.bincount(pair_node, minlength=nodes) > 1
     if kernels:
-        first, step, slot = kernels.slots(
+        found: tuple[Ints, Ints, Ints] = kernels.slots(
             in_time, begin, pair_first, pair_node, shared.view(np.uint8)
         )
-    else:
-        node = np.repeat(pair_node, np.diff(pair_first))[in_time]
-        known = shared[node]
-        order = np.flatnonzero(known)[np.argsort(node[known], kind="stable")]
-        chosen, node = in_time[order], node[order]
-        fresh = np.ones(len(order), bool)
-        fresh[1:] = (np.diff(node) != 0) | (np.diff(begin[chosen]) != 0)
-        step = begin[chosen[fresh]]
-        first = np.searchsorted(node[fresh], np.arange(nodes + 1)).astype(np.int32)
-        slot = np.repeat(first[pair_node], np.diff(pair_first))
-        slot[chosen] = np.cumsum(fresh) - 1
-    return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
+        return found
+    node = np.repeat(pair_node, np.diff(pair_first))[in_time]
+    known = shared[node]
+    order = np.flatnonzero(known)[np.argsort(node[known], kind="stable")]
+    chosen, node = in_time[order], node[order]
+    fresh = np.ones(len(order), bool)
+    fresh[1:] = (np.diff(node) != 0) | (np.diff(begin[chosen]) != 0)
+    step = begin[chosen[fresh]]
+    first = np.searchsorted(node[fresh], np.arange(nodes + 1)).astype(np.int32)
+    slot = np.repeat(first[pair_node], np.diff(pair_first))
+    slot[chosen] = np.cumsum(fresh) - 1
+    return first, step, slot

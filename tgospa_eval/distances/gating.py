@@ -43,10 +43,7 @@ def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm:
     starts = _starts(truth), _starts(estimate)
     fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
     kind = np.int32 if fits else np.int64
-    # Columns of their own, so that one at a time is held twice when they are joined.
-    truth_rows: list[Ints] = [np.zeros(0, kind)]
-    estimate_rows: list[Ints] = [np.zeros(0, kind)]
-    distances: list[Floats] = [np.zeros(0)]
+    truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
     for begin, end in _together(starts[0] + starts[1]):
         a = _rows(truth, starts[0], begin, end)
         b = _rows(estimate, starts[1], begin, end)
@@ -54,14 +51,35 @@ def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm:
             apart = [np.abs(x[i] - y[j]) for x, y in zip(a.axes, b.axes, strict=True)]
             distance = norm.length(apart)
             near = np.flatnonzero(distance < cutoff)
-            truth_rows.append((i[near] + a.first).astype(kind))
-            estimate_rows.append((j[near] + b.first).astype(kind))
-            distances.append(distance[near])
+            truth_rows.add(i[near] + a.first)
+            estimate_rows.add(j[near] + b.first)
+            distances.add(distance[near])
     return Pairs(
-        truth_row=_joined(truth_rows),
-        estimate_row=_joined(estimate_rows),
-        distance=_joined(distances),
+        truth_row=truth_rows.done(),
+        estimate_row=estimate_rows.done(),
+        distance=distances.done(),
     )
+
+
+class _Column:
+    """An array that grows in place: many small parts would leave holes in memory when joined."""
+
+    def __init__(self, kind: type) -> None:
+        self.values: NDArray[Any] = np.zeros(0, kind)
+        self.size = 0
+
+    def add(self, part: NDArray[Any]) -> None:
+        """Put it behind what is there."""
+        end = self.size + len(part)
+        if end > len(self.values):
+            self.values.resize(end + end // 8, refcheck=False)
+        self.values[self.size : end] = part
+        self.size = end
+
+    def done(self) -> NDArray[Any]:
+        """What was added."""
+        self.values.resize(self.size, refcheck=False)
+        return self.values
 
 
 def _starts(side: Trajectories) -> Ints:
@@ -74,13 +92,6 @@ def _together(done: Ints) -> Iterator[tuple[int, int]]:
     """Ranges of steps with some `ROWS` rows each; `done` is what lies before each step."""
     cuts = np.flatnonzero(np.diff(done[:-1] // ROWS)) + 1
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
-
-
-def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """The parts end to end; the list is emptied."""
-    whole = np.concatenate(parts)
-    parts.clear()
-    return whole
 
 
 def _rows(side: Trajectories, starts: Ints, begin: int, end: int) -> Side:

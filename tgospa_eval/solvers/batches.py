@@ -142,6 +142,7 @@ def solve_in_batches(
         begin = time.perf_counter()
         settle(part, wanted, batch.weights)
         closed = polish(part, batch.weights, batch.prices, answer.wide, gap, batch.late)
+        part.forget()
         open_ = answer.open[~np.isin(answer.open, closed)] if len(closed) else answer.open
         spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
         for name, seconds in answer.seconds.items():
