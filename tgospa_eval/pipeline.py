@@ -138,6 +138,9 @@ def evaluate_trajectories(
     solution = solver(states, stopwatch)
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(states, solution, use_up=True)
+    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
+    if not solution.finished and bounds.met(gap):  # the proof knows better than the solver
+        solution.status, solution.finished = "solved", True
     return Result(
         proof=Proof(
             parameters=parameters,
@@ -152,7 +155,7 @@ def evaluate_trajectories(
             estimates=estimate.ids.tolist(),
             unit=unit,
         ),
-        gap=getattr(solver, "gap", GAP) if solver.name == "certified" else GAP,
+        gap=gap,
         settings={
             "cutoff": parameters.cutoff,
             "order": parameters.order,

@@ -23,7 +23,7 @@ ROUNDING = 4 * 2.0**-53
 """Rounding allowance of a bracket, as a fraction of the sum of all unassigned prices."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class Solution:
     """What a solver proposes; nothing in it is trusted.
 
@@ -53,8 +53,7 @@ class Solution:
     def give_up(self) -> tuple[Floats, Floats]:
         """Weights and prices, which the solution holds no longer: they are large."""
         weights, prices = self.weights, self.prices
-        for name in ("weights", "prices"):
-            object.__setattr__(self, name, np.zeros(0))
+        self.weights = self.prices = np.zeros(0)
         return weights, prices
 
 
