@@ -31,7 +31,7 @@ class Plan:
 
     settings: tuple[Scene, ...]
     seeds: int
-    memory: tuple[int, int]
+    memory: tuple[memory.Case, ...]
     scale: tuple[Scene, ...]
     deadline: float
 
@@ -63,7 +63,8 @@ def run_kernel(plan: Plan, store: Store) -> list[Table]:
 
 def run_memory(plan: Plan, store: Store) -> list[Table]:
     """Bytes per gain or run."""
-    missing(store, lambda: memory.measure(*plan.memory), memory.PART, *map(str, plan.memory))
+    for case in plan.memory:
+        missing(store, lambda case=case: memory.measure(case), memory.PART, str(case))
     return report.of_memory(plan.memory, store)
 
 
@@ -127,7 +128,7 @@ def main(
     plan = Plan(
         settings=tuple(map(Scene.parse, settings)) or (SMALL_SETTINGS if small else grid.SETTINGS),
         seeds=seeds or (SMALL_SEEDS if small else SEEDS),
-        memory=memory.SMALL if small else memory.SIZE,
+        memory=memory.SMALL if small else memory.CASES,
         scale=scale.SMALL if small else scale.SCENES,
         deadline=time.monotonic() + budget,
     )

@@ -1,15 +1,15 @@
 """Peak memory of an evaluation, per gain and run, beyond that of its input. Linux only.
 
-python memory.py TARGETS STEPS prints one measurement, from a process of its own.
+python memory.py AREAS TARGETS STEPS SIDE prints one measurement, from a process of its own.
 """
 
 import contextlib
 import gc
 import json
-import math
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +20,34 @@ from yardsticks import CUTOFF, ORDER, SWITCH_PENALTY
 from tgospa_eval import Trajectories, evaluate
 
 PART = "memory"
-SPREAD = 63.0
-"""Square root of the area for each target: neighbours within the cutoff are rare."""
 
-SIZE = (10_000, 1_000)
-SMALL = (500, 200)
+
+@dataclass(frozen=True)
+class Case:
+    """`areas` far apart, each a square of `side` with so many `targets` for `steps`."""
+
+    areas: int
+    targets: int
+    steps: int
+    side: float
+
+    def __str__(self) -> str:
+        many = f"{self.areas} areas of " if self.areas > 1 else ""
+        return f"{many}{self.targets:,} x {self.steps:,}, {self.side:g}"
+
+    @property
+    def arguments(self) -> list[str]:
+        """As for the command line."""
+        return [str(self.areas), str(self.targets), str(self.steps), f"{self.side:g}"]
+
+
+CASES = (Case(81, 100, 1_000, 300.0), Case(1, 10_000, 1_000, 6_300.0))
+"""Many components; and nearly all tracks in one, for they meet in turn."""
+
+SMALL = (Case(4, 20, 100, 60.0),)
+APART = 1e5
+"""From one area to the next."""
+
 TARGET = 60
 """Bytes per gain or run."""
 
@@ -32,11 +55,11 @@ LIMIT = 150.0
 """Seconds after which the process is killed."""
 
 
-def measure(targets: int, steps: int) -> dict[str, Any]:
+def measure(case: Case) -> dict[str, Any]:
     """Measure in a fresh process."""
     try:
         done = subprocess.run(
-            [sys.executable, __file__, str(targets), str(steps)],
+            [sys.executable, __file__, *case.arguments],
             stdout=subprocess.PIPE,
             text=True,
             check=True,
@@ -47,15 +70,21 @@ def measure(targets: int, steps: int) -> dict[str, Any]:
     return {"complete": True, **json.loads(done.stdout)}
 
 
-def trajectories(scene: Scene, seed: int) -> tuple[Trajectories, Trajectories]:
+def trajectories(case: Case, seed: int) -> tuple[Trajectories, Trajectories]:
     """Both sides, written step by step into their tables: nothing else of that size is held."""
-    most = scene.targets * scene.steps
+    scene = Scene(case.targets, case.steps, case.side)
+    most = case.areas * case.targets * case.steps
     truth = _Table(most)
-    estimate = _Table(most + scene.targets // 5 * FALSE_LENGTHS[1])
-    for step, (x, y) in enumerate(scene.frames(seed)):
-        truth.append(step, x)
-        estimate.append(step, y)
-    return truth.finish(scene.targets, scene.steps), estimate.finish(scene.estimates, scene.steps)
+    estimate = _Table(most + case.areas * (case.targets // 5 * FALSE_LENGTHS[1]))
+    frames = [scene.frames(seed + area) for area in range(case.areas)]
+    for step, areas in enumerate(zip(*frames, strict=True)):
+        for area, (x, y) in enumerate(areas):
+            truth.append(step, x, area)
+            estimate.append(step, y, area)
+    return (
+        truth.finish(case.areas * scene.targets, case.steps),
+        estimate.finish(case.areas * scene.estimates, case.steps),
+    )
 
 
 class _Table:
@@ -67,10 +96,11 @@ class _Table:
         self.track = np.empty(most, np.int64)
         self.state = np.empty((most, 2))
 
-    def append(self, step: int, states: np.ndarray) -> None:
+    def append(self, step: int, states: np.ndarray, area: int) -> None:
         track = np.flatnonzero(~np.isnan(states[:, 0]))
         here = slice(self.rows, self.rows + len(track))
-        self.step[here], self.track[here], self.state[here] = step, track, states[track]
+        self.step[here], self.track[here] = step, area * len(states) + track
+        self.state[here] = states[track] + [area * APART, 0.0]
         self.rows += len(track)
 
     def finish(self, tracks: int, steps: int) -> Trajectories:
@@ -94,11 +124,11 @@ def resident(name: str) -> int:
 
 def main() -> None:
     """Measure the size of the arguments; print JSON."""
-    targets, steps = int(sys.argv[1]), int(sys.argv[2])
+    areas, targets, steps, side = sys.argv[1:]
+    case = Case(int(areas), int(targets), int(steps), float(side))
     warm = Scene(20, 20, 20.0).arrays(0)
     evaluate(*warm, CUTOFF, ORDER, SWITCH_PENALTY)
-    scene = Scene(targets, steps, round(SPREAD * math.sqrt(targets)))
-    truth, estimate = trajectories(scene, seed=0)
+    truth, estimate = trajectories(case, seed=0)
     gc.collect()
     with contextlib.suppress(PermissionError):  # then the peak of generating counts as well
         Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")
@@ -109,7 +139,8 @@ def main() -> None:
     values = {
         "peak_bytes": resident("VmHWM"),
         "input_bytes": before,
-        "states": len(result.proof.states.pair),
+        "states": len(result.proof.states.begin),
+        "components": result.sizes["components"],
         "seconds": seconds,
         "relative_gap": result.relative_gap,
     }

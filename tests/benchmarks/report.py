@@ -186,31 +186,35 @@ def of_kernel(store: Store) -> list[Table]:
     return [Table("Kernel", header, rows)] if rows else []
 
 
-def of_memory(size: tuple[int, int], store: Store) -> list[Table]:
+def of_memory(cases: Sequence[memory.Case], store: Store) -> list[Table]:
     """Bytes per gain or run."""
-    found = store.get(memory.PART, *map(str, size))
-    if found is None:
-        return []
+    found = [(str(case), store.get(memory.PART, str(case))) for case in cases]
+    rows = [_memory_row(name, values) for name, values in found if values is not None]
+    header = (
+        *("truths x steps, area", "components", "gains and runs", "input MB"),
+        *("peak MB", "bytes each", "s"),
+    )
     return [
         Table(
             "Memory",
-            ("truths x steps", "gains and runs", "input MB", "peak MB", "bytes each", "s"),
-            [_memory_row(f"{size[0]:,} x {size[1]:,}", found)],
+            header,
+            rows,
             (
                 "Bytes each: peak of an evaluation beyond what the process holds with the input "
                 f"read, for each gain or run; target {memory.TARGET}. Killed after "
                 f"{memory.LIMIT:g} s.",
             ),
         )
-    ]
+    ][: len(rows)]
 
 
 def _memory_row(name: str, found: Values) -> list[str]:
     if not found["complete"]:
-        return [name, *[ABSENT] * 4, str(Number(memory.LIMIT, above=True))]
+        return [name, *[ABSENT] * 5, str(Number(memory.LIMIT, above=True))]
     beyond = found["peak_bytes"] - found["input_bytes"]
     return [
         name,
+        f"{found['components']:,}",
         f"{found['states']:,}",
         f"{found['input_bytes'] / MEGA:,.0f}",
         f"{found['peak_bytes'] / MEGA:,.0f}",
