@@ -126,33 +126,16 @@ def solve_in_batches(
 
     def work(cut: tuple[int, int]) -> Answer:
         part, state, slot = states.between(*cut)
-        begin = time.perf_counter()
-        left = trivial(part, weights[state], prices[slot])
-        wanted = np.zeros(len(part.block_begin), bool)
-        wanted[left] = True
         batch = Batch(
             states=part,
-            wanted=wanted,
+            wanted=np.zeros(len(part.block_begin), bool),
             weights=weights[state],
             prices=prices[slot],
             deadline=deadline,
         )
-        preparation = time.perf_counter() - begin
-        answer = solve(batch) if len(left) else Answer()
-        begin = time.perf_counter()
-        settle(part, wanted, batch.weights)
-        closed = polish(part, batch.weights, batch.prices, answer.wide, gap, batch.late)
+        answer = _answer(batch, trivial, solve, gap)
         part.forget()
-        open_ = answer.open[~np.isin(answer.open, closed)] if len(closed) else answer.open
-        spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
-        for name, seconds in answer.seconds.items():
-            spent[name] = spent.get(name, 0.0) + seconds
-        return replace(
-            answer,
-            seconds=spent,
-            open=open_,
-            status=answer.status if len(open_) == len(answer.open) else "solved",
-        )
+        return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
     cuts = states.cuts(SIZE)
@@ -179,6 +162,29 @@ def solve_in_batches(
         iterations=sum(answer.iterations for answer in answers),
         finished=not missing,
         history=_merge(states, cuts, answers, weights),
+    )
+
+
+def _answer(batch: Batch, trivial: Trivial, solve: Callable[[Batch], Answer], gap: float) -> Answer:
+    """Solve a batch whose `wanted` are not known yet."""
+    states = batch.states
+    begin = time.perf_counter()
+    left = trivial(states, batch.weights, batch.prices)
+    batch.wanted[left] = True
+    preparation = time.perf_counter() - begin
+    answer = solve(batch) if len(left) else Answer()
+    begin = time.perf_counter()
+    settle(states, batch.wanted, batch.weights)
+    closed = polish(states, batch.weights, batch.prices, answer.wide, gap, batch.late)
+    missing = answer.open[~np.isin(answer.open, closed)] if len(closed) else answer.open
+    spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
+    for name, seconds in answer.seconds.items():
+        spent[name] = spent.get(name, 0.0) + seconds
+    return replace(
+        answer,
+        seconds=spent,
+        open=missing,
+        status="solved" if len(answer.open) and not len(missing) else answer.status,
     )
 
 

@@ -35,10 +35,10 @@ EARLY, HOPE = 0.02, 0.005
 FEW = 3000
 """States of a small programme."""
 
-SMALL = ((0.03, 0.03), (0.1, 0.03), (0.2, 0.03))
-ROUNDS = ((0.2, 0.03), (0.2, 0.03), (0.2, 0.03), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
+SMALL = ((0.1, 0.03), (0.2, 0.05))
+ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
 """Slack of the states that enter a programme, early and at the end, and how far it may move prices:
-much less, or the states that are left out would win."""
+much less, or the states that are left out would win, but not so little that it takes many rounds."""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
