@@ -38,7 +38,8 @@ FEW = 3000
 SMALL = ((0.1, 0.03), (0.2, 0.05))
 ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
 """Slack of the states that enter a programme, early and at the end, and how far it may move prices:
-much less, or the states that are left out would win, but not so little that it takes many rounds."""
+much less, or the states that are left out would win, yet not so little that it takes many rounds.
+"""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
