@@ -20,9 +20,9 @@ SETTINGS = (
     Scene(50, 100, 20.0, noise=2.0),
 )
 
-ROUNDS = 3
+ROUNDS = 7
 QUICK = 1.0
-"""Seconds up to which a method runs three times, for its best."""
+"""Seconds within which a method is run again, for its best."""
 
 SLOW = 10.0
 """Seconds above which a method, or all of a setting, is measured on the first seed only."""
@@ -64,7 +64,8 @@ def stored(scene: Scene, seed: int, method: str, store: Store) -> Reading | None
 
 
 def _measure_instance(scene: Scene, seed: int, store: Store, say: Callable[[str], None]) -> None:
-    readings = {}
+    readings: dict[str, Reading] = {}
+    spent: dict[str, float] = {}
     missing = []
     instance = Instance(scene, seed)
     for method in instance.methods:
@@ -78,11 +79,12 @@ def _measure_instance(scene: Scene, seed: int, store: Store, say: Callable[[str]
         _warm_up()
     for turn in range(ROUNDS):
         for method in missing:
-            if turn and readings[method].seconds > QUICK:
+            if turn and spent[method] > QUICK:
                 continue
             if not turn:
                 say(f"{scene} seed {seed}: {method}")
             reading = instance.methods[method]()
+            spent[method] = spent.get(method, 0.0) + reading.seconds
             if not turn or reading.seconds < readings[method].seconds:
                 readings[method] = reading
             if reading.seconds > QUICK and not turn:

@@ -93,8 +93,8 @@ def _seconds(scenes: Sequence[Scene], seeds: int, store: Store) -> Table:
             "naive: the dense programme of the definition in CVXPY, by Clarabel, killed after "
             f"{SLOW_LIMIT:g} s; above {NAIVE_MOST:,} variables it is not even started",
             "floor: the table of all distances, numpy.linalg.norm(x[:, :, None] - y[:, None])",
-            f"Best of {grid.ROUNDS} up to {grid.QUICK:g} s, once above; above {grid.SLOW:g} s on "
-            "the first seed only.",
+            f"Best of up to {grid.ROUNDS} runs, as many as begin within {grid.QUICK:g} s; above "
+            f"{grid.SLOW:g} s on the first seed only.",
         ),
     )
 
