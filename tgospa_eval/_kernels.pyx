@@ -830,7 +830,7 @@ cdef class Chain:
         self.stay = np.empty(self.steps)
         self.row = np.empty(4 * max(self.rows, 1))
 
-    def _constrain(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
+    cdef object _constrain(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
                    const i32[::1] column_first, const i32[::1] slot_step,
                    const i32[::1] slot_begin, const i32[::1] slot_end, const u8[::1] chosen,
                    const double[::1] price, i32[::1] constraint_of, i32[::1] after):
@@ -892,7 +892,7 @@ cdef class Chain:
                     last = <i32>t
                 after[t] = last
 
-    def _emit(self, bint fill, const i32[::1] rows, const i32[::1] row_first,
+    cdef object _emit(self, bint fill, const i32[::1] rows, const i32[::1] row_first,
               const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
               const i32[::1] slot_step, const i32[::1] slot_begin, const i32[::1] slot_end,
               const u8[::1] chosen, const i32[::1] entry, const double[::1] gain,
@@ -921,7 +921,10 @@ cdef class Chain:
             for r in range(rows.shape[0]):
                 i = rows[r]
                 low, high = row_first[i], row_first[i + 1]
-                if low == high:
+                a = low
+                while a < high and not chosen[a]:
+                    a += 1
+                if a == high:
                     continue
                 first = begin[low]
                 active = 0

@@ -154,11 +154,12 @@ class Ascent:
         total[self.rows] = self.best[self.rows]
         total = sum_by(self.states.node_block, total, blocks)
         # What the values of paths may have lost by rounding counts as well.
-        return total + self._paid(prices) + self._lost(prices)
+        return total + (1 + self._rounding) * self._paid(prices)
 
-    def _lost(self, prices: Floats) -> Floats:
-        """How wrong sums of prices along the paths of each block may be, (B,)."""
-        return 2.0**-53 * self.states.problem.steps * self._paid(prices)
+    @property
+    def _rounding(self) -> float:
+        """How wrong a sum of prices along a path may be, as a fraction of all of them."""
+        return 2.0**-53 * self.states.problem.steps
 
     def _paid(self, prices: Floats) -> Floats:
         """Sum of the prices of each open block, (B,)."""
@@ -257,7 +258,8 @@ class Ascent:
 
         A price that nobody contests is as good as none, but sums of prices lose digits.
         """
-        if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * self._lost(self.prices))):
+        lost = self._rounding * self._paid(self.prices)
+        if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * lost)):
             self.survey(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(NEAR))
             self.offer_prices(np.where(rivals > 1, self.prices, 0.0))
