@@ -921,10 +921,7 @@ cdef class Chain:
             for r in range(rows.shape[0]):
                 i = rows[r]
                 low, high = row_first[i], row_first[i + 1]
-                a = low
-                while a < high and not chosen[a]:
-                    a += 1
-                if a == high:
+                if low == high:
                     continue
                 first = begin[low]
                 active = 0
