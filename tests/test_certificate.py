@@ -165,11 +165,12 @@ def test_a_solution_that_is_used_up_proves_the_same(seed: int) -> None:
         bounds, weights, _ = certify(states, solution)
         assert np.array_equal(solution.weights, kept[0], equal_nan=True)
         assert np.array_equal(solution.prices, kept[1], equal_nan=True)
-        used, again, _ = certify(states, solution, use_up=True)
+        last = replace(solution, disposable=True)
+        used, again, _ = certify(states, last)
         assert bounds == used
         assert np.array_equal(weights, again)
-        assert not len(solution.weights)
-        assert not len(solution.prices)
+        assert not len(last.weights)
+        assert not len(last.prices)
 
 
 @pytest.mark.parametrize("seed", range(12))

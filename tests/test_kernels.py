@@ -331,3 +331,32 @@ def test_parts_of_the_states_are_problems_of_their_own() -> None:
             assert np.array_equal(mine.end - mine.begin, (whole.end - whole.begin)[state])
         assert len(part.columns.step) == slot.stop - slot.start
     assert covered == len(states.begin)
+
+
+@compiled_only
+def test_a_working_set_with_too_many_ties_is_swept_whole() -> None:
+    """Coincident truths and cheap switches: no threshold keeps the chain short."""
+    rng = np.random.default_rng(0)
+    steps, m, n = 200, 20, 60
+    estimate = rng.normal(0, 1, (steps, n, 2))
+    estimate[rng.random((steps, n)) > 0.03] = np.nan
+    result = evaluate(np.zeros((steps, m, 2)), estimate, 5.0, 2, 0.1)
+    assert result.lower_bound <= result.upper_bound
+
+
+@compiled_only
+@pytest.mark.parametrize("seed", range(5))
+def test_dear_pairs_do_not_lower_the_switch_price(seed: int) -> None:
+    """The cap on switch prices is one on the largest gain, not on that of the cheapest pair."""
+    rng = np.random.default_rng(seed)
+    problem = problem_of(seed, 4, 4, 10, side=2.0)
+    dear = np.where(rng.random(problem.estimates) < 0.5, 10 ** rng.uniform(1, 3), 0.5)
+    price = dear[problem.estimate_track]
+    base = problem.truth_price[problem.truth_row] + price[problem.estimate_row]
+    cost = np.where(base > 2, rng.uniform(1.5, 2.5, len(base)), 0.98 * base)
+    problem = dataclasses.replace(
+        problem, estimate_price=price, cost=cost, switch_price=float(10 ** rng.uniform(0, 2))
+    )
+    states = merge_runs(problem)
+    bounds, _, _ = certify(states, Certified()(states, Stopwatch()))
+    assert bounds.met(1e-9)

@@ -253,3 +253,24 @@ def test_problem_rejects_pairs_across_steps() -> None:
             truth_step=zero, truth_track=zero, estimate_step=one, estimate_track=zero,
             truth_row=zero, estimate_row=zero, distance=np.array([1.0]),
         )  # fmt: skip
+
+
+def test_a_custom_solver_keeps_its_arrays() -> None:
+    """Only what our own solvers return may be written over by the proof."""
+    truth, estimate = scene(1, 5, 6, 20, side=6.0)
+
+    class Cached:
+        name = "cached"
+
+        def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+            if not hasattr(self, "found"):
+                answer = Certified()(states, stopwatch)
+                self.found = (answer.weights, answer.prices)
+            return Solution(weights=self.found[0], prices=self.found[1], status="solved")
+
+    solver = Cached()
+    first = evaluate(truth, estimate, 4.0, 2, 1.0, solver=solver)
+    again = evaluate(truth, estimate, 4.0, 2, 1.0, solver=solver)
+    assert first.certified
+    assert first.tgospa == again.tgospa
+    assert first.lower_bound == again.lower_bound

@@ -137,10 +137,8 @@ def evaluate_trajectories(
         states = merge_runs(problem)
     solution = solver(states, stopwatch)
     with stopwatch.span("certify"):
-        bounds, weights, breakdown = certify(states, solution, use_up=True)
+        bounds, weights, breakdown = certify(states, solution)
     gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
-    if not solution.finished and bounds.met(gap):  # the proof knows better than the solver
-        solution.status, solution.finished = "solved", True
     return Result(
         proof=Proof(
             parameters=parameters,
@@ -166,7 +164,7 @@ def evaluate_trajectories(
             **solver_settings(solver),
             **(settings or {}),
         },
-        solver=_solver_record(solver, solution, parameters),
+        solver=_solver_record(solver, solution, parameters, met=bounds.met(gap)),
         timings=_nested(stopwatch),
         input=inputs,
         version=__version__,
@@ -191,13 +189,19 @@ def _problem(
     )
 
 
-def _solver_record(solver: Solver, solution: Solution, parameters: Parameters) -> dict[str, Any]:
+def _solver_record(
+    solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
+) -> dict[str, Any]:
     """What the result says of the solver; the bracket of its history as costs."""
+    finished, status = solution.finished, solution.status
+    if met != finished and (met or solver.name == "certified"):
+        # The proof knows better than the solver.
+        finished, status = met, "solved" if met else "not solved"
     scale = parameters.cutoff**parameters.order
     return {
         "name": solver.name,
-        "status": solution.status,
-        "finished": solution.finished,
+        "status": status,
+        "finished": finished,
         "iterations": solution.iterations,
         "kernel": KERNEL,
         "history": [

@@ -41,6 +41,9 @@ class Solution:
         False if a limit or a failure stopped the solver early.
     history : tuple of dict
         Convergence, one record per check.
+    disposable : bool
+        Whether nobody needs the arrays any more, so that the proof may write over them; it takes
+        them away then.
     """
 
     weights: Floats
@@ -49,6 +52,7 @@ class Solution:
     iterations: int = 0
     finished: bool = True
     history: tuple[dict[str, float], ...] = field(default=())
+    disposable: bool = False
 
     def give_up(self) -> tuple[Floats, Floats]:
         """Weights and prices, which the solution holds no longer: they are large."""
@@ -109,9 +113,7 @@ class Breakdown:
         return float((self.localisation + self.missed + self.false + self.switch).sum())
 
 
-def certify(
-    states: States, solution: Solution, *, use_up: bool = False
-) -> tuple[Bounds, Ints, Breakdown]:
+def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:
     """Prove bounds from a proposed assignment and proposed prices.
 
     The upper bound U is the cost of the repaired assignment, summed in cost form. The lower bound
@@ -124,8 +126,6 @@ def certify(
         What was solved.
     solution : Solution
         What is proposed.
-    use_up : bool
-        Whether the arrays of the solution are written over rather than copied; it loses them.
 
     Returns
     -------
@@ -137,7 +137,9 @@ def certify(
         Its cost by step; sums to the upper bound.
     """
     given, prices = (
-        solution.give_up() if use_up else (solution.weights.copy(), solution.prices.copy())
+        solution.give_up()
+        if solution.disposable
+        else (solution.weights.copy(), solution.prices.copy())
     )
     given = np.require(given, np.float64, ["C", "W"])
     prices = np.require(prices, np.float64, ["C", "W"])

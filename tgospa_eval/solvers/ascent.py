@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 from tgospa_eval.solvers.limits import load
 from tgospa_eval.states import States, connected_components
 
@@ -84,9 +84,7 @@ class Ascent:
         )  # fmt: skip
         self.gain, self.group_first, self.offset = _relative(states, self.order, self.row_first)
         # LP tolerances are absolute, so huge prices harm: see `price_cap`.
-        longest = int((states.block_end - states.block_begin).max()) + 1
-        cap = 2.0 * longest * self.offset.max()
-        self.crossing = np.minimum(states.problem.crossing_price, cap)
+        self.crossing = np.minimum(states.problem.crossing_price, price_cap(states)[wanted].max())
         self.flags = np.zeros(size, np.uint8)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.work, self.sweeping = 0, 0.0
@@ -280,8 +278,10 @@ class Ascent:
                 s.columns.first, s.columns.step, s.columns.begin, self.slot_end, chosen, s.entry,
                 self.gain, self.group_first, self.offset, self.soft, self.crossing, most,
             )  # fmt: skip
-            if chain.links <= most or threshold < TINY:
+            if chain.links <= most:
                 return chain
+            if threshold < TINY:  # so many tie that no smaller set is in sight
+                most = chain.links
             threshold *= 0.5
 
     def _round(self) -> None:

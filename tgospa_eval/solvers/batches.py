@@ -162,6 +162,7 @@ def solve_in_batches(
         iterations=sum(answer.iterations for answer in answers),
         finished=not missing,
         history=_merge(states, cuts, answers, weights),
+        disposable=True,
     )
 
 
@@ -230,7 +231,7 @@ def _merge(
                 "sweep": max(check["sweep"] for check in at),
                 "epsilon": min(check["epsilon"] for check in at),
                 "violation": max(check["violation"] for check in at),
-                "lower": base + sum(check["lower"] for check in at),
+                "lower": max(base + sum(check["lower"] for check in at), 0.0),
                 "upper": base + sum(check["upper"] for check in at),
             }
         )
