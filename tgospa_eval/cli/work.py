@@ -67,7 +67,10 @@ def evaluate_files(
 
     def work() -> Result:
         with stopwatch.span("read"):
-            sides = read(truth, reading), read(estimate, reading)
+            sides = (
+                read(truth, reading, "truth", options["truth_format"]),
+                read(estimate, reading, "estimate", options["estimate_format"]),
+            )
         return _evaluate(
             sides, (truth, estimate), parameters, solver, options, given, say, stopwatch
         )
@@ -134,8 +137,12 @@ def _evaluate(
         distance=options["distance"],
         solver=solver,
         unit=options["unit"],
-        settings={"decimal": options["decimal"], "on_duplicate": options["on_duplicate"]},
-        rows=(sides[0].rows, sides[1].rows),
+        settings={
+            "decimal": options["decimal"],
+            "on_duplicate": options["on_duplicate"],
+            **dict(read_options(options).filters()),
+        },
+        inputs=(about(sides[0]), about(sides[1])),
         stopwatch=stopwatch,
     )
 
@@ -166,12 +173,22 @@ def make_solver(options: dict[str, Any]) -> Solver:
 
 def read_options(options: dict[str, Any]) -> ReadOptions:
     """How to read the files."""
-    columns = options["columns"]
+    columns, classes = options["columns"], options["class_"]
     return ReadOptions(
         columns=None if columns is None else tuple(columns.split(",")),
         decimal=options["decimal"],
         on_duplicate=options["on_duplicate"],
+        boxes=options["distance"] == "iou",
+        time=options["time"],
+        classes=None if classes is None else tuple(name.strip() for name in classes.split(",")),
+        region=options["region"],
+        by_class=options["by"] == "class",
     )
+
+
+def about(reading: Reading) -> dict[str, Any]:
+    """What the result says of a file."""
+    return {"rows": reading.rows, "format": reading.format, "left_out": reading.left_out}
 
 
 def show(result: Result, options: dict[str, Any]) -> None:
