@@ -1,7 +1,7 @@
 """FILES -> Trajectories. A member is one file here, one line in `FORMATS` and one docs page.
 
-A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is left out; `assemble`
-makes a `Reading` of them.
+A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is left out;
+`assemble` makes a `Reading` of them.
 """
 
 import os

@@ -134,7 +134,9 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     )
     classes, klass = (), None
     if options.by_class and rows.classes is not None:
-        classes, klass = tuple(rows.classes[0]), rows.classes[1][taken]
+        number = rows.classes[1][taken]
+        present = np.flatnonzero(np.bincount(number, minlength=len(rows.classes[0])))
+        classes, klass = tuple(rows.classes[0][present]), np.searchsorted(present, number)
     notices = chosen.notices
     if roles.centres:
         notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
@@ -179,7 +181,7 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
         wrong = np.flatnonzero(mask & ~np.isfinite(state).all(axis=1))
         if len(wrong):
             raise InputError(
-                f"{rows.where(int(wrong[0]))}: the box is too large for a number{more(len(wrong))}; "
+                f"{rows.where(int(wrong[0]))}: a box too large for a number{more(len(wrong))}; "
                 "use another unit"
             )
     if not options.boxes:
@@ -251,5 +253,6 @@ def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows) -> str:
     moment = times.text[row].strip() if times.text is not None else times.value[row].item()
     return (
         f"{where(row)}: id {quoted(name)} at t {moment} was given before, "
-        f"{where(first)}{more(len(again))}; one row per object and step, or --on-duplicate first or last"
+        f"{where(first)}{more(len(again))}; "
+        "one row per object and step, or --on-duplicate first or last"
     )

@@ -66,7 +66,7 @@ class Roles:
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
         at = {column: k for k, column in enumerate(self.numbers)}
-        if [mix for mix in mixes] == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
+        if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
             return numbers[:, : len(mixes)]
         answer = np.zeros((len(numbers), len(mixes)), order="F")
         with np.errstate(over="ignore", invalid="ignore"):  # refused with the row, later
@@ -197,7 +197,10 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
 def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
     """Edges, sizes and centre of boxes, as far as there are columns for them."""
     box: dict[str, Mix] = {}
-    for axis, begin, size, end in (("x", "left", "width", "right"), ("y", "top", "height", "bottom")):
+    for axis, begin, size, end in (
+        ("x", "left", "width", "right"),
+        ("y", "top", "height", "bottom"),
+    ):
         first, extent, last = find(begin), find(size), find(end)
         if first is not None and extent is not None:
             box |= {axis: ((first, 1.0), (extent, 0.5)), size: ((extent, 1.0),)}

@@ -120,5 +120,3 @@ def _floats(texts: Sequence[str]) -> NDArray[np.float64]:
     if any("_" in text for text in texts):
         raise ValueError
     return np.array([float(text) for text in texts], dtype=np.float64)
-
-

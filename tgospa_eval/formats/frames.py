@@ -45,7 +45,9 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str) -> Rows:
 
     numbers = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
-        numbers[:, k] = _numbers(frame.iloc[:, column], f'column "{frame.columns[column]}"', where, name)
+        numbers[:, k] = _numbers(
+            frame.iloc[:, column], f'column "{frame.columns[column]}"', where, name
+        )
     try:
         times = _times(frame.iloc[:, roles.time])
     except TimeError as error:
@@ -127,7 +129,9 @@ def _times(column: "pd.Series[Any]") -> Times:
     """Numbers, timestamps or texts."""
     missing = np.flatnonzero(column.isna())
     if len(missing):
-        raise TimeError(int(missing[0]), f"blank time{more(len(missing))}; write a number or a time")
+        raise TimeError(
+            int(missing[0]), f"blank time{more(len(missing))}; write a number or a time"
+        )
     kind = column.dtype.kind
     if kind in "iu":
         if len(column) and column.max() > np.iinfo(np.int64).max:

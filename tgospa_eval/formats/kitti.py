@@ -33,9 +33,7 @@ def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     InputError
         See `tgospa_eval.formats.read`.
     """
-    rows, columns, _ = read_plain(
-        path, data, options, _header, str.split, given=given, empty=17
-    )
+    rows, columns, _ = read_plain(path, data, options, _header, str.split, given=given, empty=17)
     ignored = np.array([text == IGNORED for text in columns[TYPE]], bool)
     rows.apart[IGNORED] = ignored, f"of type {IGNORED} left out"
     return rows

@@ -32,9 +32,7 @@ def read_motchallenge(
     InputError
         See `tgospa_eval.formats.read`.
     """
-    rows, columns, places = read_plain(
-        path, data, options, _header, split, given=given, empty=7
-    )
+    rows, columns, places = read_plain(path, data, options, _header, split, given=given, empty=7)
     if role == "truth" and len(columns) > FLAG:
         flags = _flags(columns[FLAG], places)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"

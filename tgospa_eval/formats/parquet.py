@@ -31,7 +31,9 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
         ) from None
 
     if not data:
-        raise InputError(f"{path}: the file is empty; a set without objects has a schema and no rows")
+        raise InputError(
+            f"{path}: the file is empty; a set without objects has a schema and no rows"
+        )
     try:
         file = pq.ParquetFile(pa.BufferReader(data))
         names = list(file.schema_arrow.names)

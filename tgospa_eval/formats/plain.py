@@ -101,5 +101,3 @@ def _plain_id(text: str) -> str:
     except ValueError:
         return text
     return str(int(value)) if value.is_integer() else text
-
-

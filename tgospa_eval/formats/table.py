@@ -76,9 +76,9 @@ def _delimiter(header: str, decimal: str) -> str:
 
 
 def tokenise(
-    body: str, delimiter: str, width: int, path: str, first_line: int, model: str = "the header"
+    body: str, delimiter: str, width: int, path: str, first_line: int
 ) -> tuple[list[list[str]], Sequence[int]]:
-    """The columns of a table, and the line of every row; `model` is what says how many there are."""
+    """The columns of the table, and the line of every row."""
     body = body.rstrip("\n")
     if not body:
         return [[] for _ in range(width)], []
@@ -88,11 +88,11 @@ def tokenise(
         return [fields[k::width] for k in range(width)], range(
             first_line, first_line + len(fields) // width
         )
-    return _tokenise_slowly(body, delimiter, width, path, first_line, model)
+    return _tokenise_slowly(body, delimiter, width, path, first_line)
 
 
 def _tokenise_slowly(
-    body: str, delimiter: str, width: int, path: str, first_line: int, model: str
+    body: str, delimiter: str, width: int, path: str, first_line: int
 ) -> tuple[list[list[str]], list[int]]:
     """Quotes, blank lines and rows of the wrong length, through the csv module."""
     rows: list[list[str]] = []
@@ -117,6 +117,6 @@ def _tokenise_slowly(
         line, found = wrong[0]
         raise InputError(
             f"{path}, line {line}: {found} {'field' if found == 1 else 'fields'}, "
-            f"{model} has {width}{more(len(wrong))}; give every row one field per column"
+            f"the header has {width}{more(len(wrong))}; give every row one field per column"
         )
     return [[row[k] for row in rows] for k in range(width)], lines
