@@ -34,7 +34,8 @@ class ByClass(Summary):
     @property
     def occupied(self) -> NDArray[np.bool_]:
         """Steps at which something exists (T,)."""
-        return np.any([part.occupied for part in self.results.values()], axis=0)
+        parts = [part.occupied for part in self.results.values()]
+        return np.asarray(np.any(parts, axis=0), bool)
 
     @property
     def objects(self) -> tuple[int, int]:
