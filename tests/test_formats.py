@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ReadOptions, Reading, read, table
+from tgospa_eval.formats import Reading, ReadOptions, read, table
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -137,9 +137,7 @@ def test_boxes_without_size(write: Write) -> None:
         (b"", "parquet", ["empty"]),
     ],
 )
-def test_refused(
-    write: Write, content: str | bytes, format_: str | None, parts: list[str]
-) -> None:
+def test_refused(write: Write, content: str | bytes, format_: str | None, parts: list[str]) -> None:
     path = write("a.txt", content)
     if "Parquet" in parts[0] or format_ == "parquet":
         pytest.importorskip("pyarrow")
