@@ -88,7 +88,10 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
     """
     names = [name.strip() for name in header]
     if names and all(_is_number(name) for name in names):
-        raise InputError(f"{where}: numbers where the header should be; begin with id,t,x,y")
+        raise InputError(
+            f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
+            "(--truth-format, --estimate-format)"
+        )
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
 

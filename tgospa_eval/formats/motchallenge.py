@@ -33,6 +33,10 @@ def read_motchallenge(
         See `tgospa_eval.formats.read`.
     """
     rows, columns, places = read_plain(path, data, options, _header, split, given=given, empty=7)
+    if list(rows.ids[0]) == ["-1"]:
+        raise InputError(
+            f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
+        )
     if role == "truth" and len(columns) > FLAG:
         flags = _flags(columns[FLAG], places)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"

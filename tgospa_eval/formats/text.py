@@ -58,7 +58,10 @@ def check_text(data: bytes, path: str) -> None:
         There are none, or they are binary or UTF-16.
     """
     if not data:
-        raise InputError(f"{path}: the file is empty; a set without objects is a header alone")
+        raise InputError(
+            f"{path}: the file is empty; a set without objects is a header alone, or text of "
+            "MOTChallenge or KITTI whose format is named (--truth-format, --estimate-format)"
+        )
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{path}, line 1: UTF-16 text; save the file as UTF-8")
     if 0 in data:
