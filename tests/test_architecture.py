@@ -9,6 +9,7 @@ import pytest
 from tgospa_eval import __all__ as public
 from tgospa_eval.cli import options
 from tgospa_eval.distances import DISTANCES
+from tgospa_eval.formats import FORMATS
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.solvers import SOLVERS, solver_class
 
@@ -21,6 +22,7 @@ ROOT = Path(__file__).parent.parent
         (options.DISTANCES, DISTANCES),
         (options.SOLVERS, SOLVERS),
         (options.FORMATS, REPORTS),
+        (options.FILE_FORMATS, FORMATS),
     ],
 )
 def test_members_are_offered_and_documented(listed: tuple[str, ...], members: dict) -> None:

@@ -1,10 +1,12 @@
 """The result that a user holds: names of the JSON, tables, text. Knows no solver and no file."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.problem import Floats, Ints, Parameters, sum_by
 from tgospa_eval.result import ONE, Bounds, Breakdown, changes
@@ -40,38 +42,48 @@ class Labels:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Proof:
-    """What `certify` returned, with what it was proven for.
+class Costs:
+    """What was proven.
 
     Parameters
     ----------
     parameters : Parameters
         Cutoff, order, switch penalty.
-    states : States
-        The reduced problem.
     bounds : Bounds
         The bracket.
-    weights : (S,) int array
-        The feasible assignment.
     breakdown : Breakdown
-        Its cost by step.
+        The cost of a feasible assignment by step.
     """
 
     parameters: Parameters
-    states: States
     bounds: Bounds
-    weights: Ints
     breakdown: Breakdown
 
 
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Result:
-    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proof(Costs):
+    """What `certify` returned, with what it was proven for.
 
     Parameters
     ----------
-    proof : Proof
-        Bounds and assignment.
+    states : States
+        The reduced problem.
+    weights : (S,) int array
+        The feasible assignment.
+    """
+
+    states: States
+    weights: Ints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Summary(ABC):
+    """What reports need: one evaluation, or the sum of several over the same steps.
+
+    Parameters
+    ----------
+    proof : Costs
+        Bounds and breakdown.
     labels : Labels
         Times and ids.
     gap : float
@@ -88,7 +100,7 @@ class Result:
         Version of the package that made it.
     """
 
-    proof: Proof
+    proof: Costs
     labels: Labels
     gap: float
     settings: dict[str, Any]
@@ -99,7 +111,7 @@ class Result:
 
     def __repr__(self) -> str:
         return (
-            f"Result(tgospa={self.tgospa:.6g}, lower_bound={self.lower_bound:.6g}, "
+            f"{type(self).__name__}(tgospa={self.tgospa:.6g}, lower_bound={self.lower_bound:.6g}, "
             f"certified={self.certified})"
         )
 
@@ -174,30 +186,13 @@ class Result:
     @property
     def normalised(self) -> dict[str, float]:
         """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
-        problem = self.proof.states.problem
-        is_occupied = np.zeros(problem.steps, bool)
-        is_occupied[problem.truth_step] = True
-        is_occupied[problem.estimate_step] = True
-        occupied = int(np.count_nonzero(is_occupied))
+        occupied = int(np.count_nonzero(self.occupied))
         return {"tgospa": self._root(self.proof.bounds.upper / occupied) if occupied else 0.0}
 
     @property
     def parameters(self) -> dict[str, Any]:
         """Every option that changes the number."""
         return self.settings
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        states = self.proof.states
-        return {
-            "truth": states.problem.truths,
-            "estimates": states.problem.estimates,
-            "steps": states.problem.steps,
-            "candidate_pairs": len(states.pair_row),
-            "pair_steps": len(states.problem.cost),
-            "components": len(states.block_begin),
-        }
 
     def per_step_table(self) -> Table:
         """Cost of each step by kind."""
@@ -211,90 +206,40 @@ class Result:
         table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
         return table
 
+    @property
+    @abstractmethod
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+
+    @property
+    @abstractmethod
+    def occupied(self) -> NDArray[np.bool_]:
+        """Steps at which something exists (T,)."""
+
+    @property
+    @abstractmethod
+    def objects(self) -> tuple[int, int]:
+        """States of the truth and of the estimate."""
+
+    @abstractmethod
     def assignments_table(self) -> Table:
         """Pairs that both exist, are nearer than the cutoff, and are assigned."""
-        states, problem = self.proof.states, self.proof.states.problem
-        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
-        used = used[np.lexsort((states.pair[used], states.begin[used]))]
-        entry, pair = states.entry[used], states.pair[used]
-        order = np.lexsort(
-            (states.pair_estimate[pair], states.pair_truth[pair], states.begin[used])
-        )
-        used, entry, pair = used[order], entry[order], pair[order]
-        weight = self.proof.weights[used] / ONE
-        cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
-        return {
-            "t": [self.labels.times[k] for k in states.begin[used]],
-            "truth": [self.labels.truths[i] for i in states.pair_truth[pair]],
-            "estimate": [self.labels.estimates[j] for j in states.pair_estimate[pair]],
-            "weight": weight.tolist(),
-            "distance": (cutoff * problem.cost[entry] ** (1 / p)).tolist(),
-            "cost": (self.scale * problem.cost[entry] * weight).tolist(),
-        }
 
+    @abstractmethod
     def switches_table(self) -> Table:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""
-        states = self.proof.states
-        state, amount = changes(states, self.proof.weights)
-        rises = self.proof.weights[state] > self.proof.weights[state - 1]
-        pair = states.pair[state]
-        step, truth = states.begin[state], states.pair_truth[pair]
-        order = np.lexsort((-amount, truth, step))
-        opens = np.ones(len(order), bool)
-        opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
-        price = states.problem.crossing_price
-        table: Table = {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
-        for group in np.split(order, np.flatnonzero(opens)[1:]) if len(order) else ():
-            names = [self.labels.estimates[j] for j in states.pair_estimate[pair[group]]]
-            up = rises[group]
-            variation = float(amount[group].sum())
-            table["t"].append(self.labels.times[step[group[0]]])
-            table["truth"].append(self.labels.truths[truth[group[0]]])
-            table["from"].append(next((n for n, r in zip(names, up, strict=True) if not r), None))
-            table["to"].append(next((n for n, r in zip(names, up, strict=True) if r), None))
-            table["mass"].append(0.5 * variation)
-            table["cost"].append(self.scale * float(price[step[group[0]]]) * variation)
-        return table
 
+    @abstractmethod
     def per_truth_table(self) -> Table:
         """Steps, costs and counts of each truth."""
-        return self._per_track("truth")
 
+    @abstractmethod
     def per_estimate_table(self) -> Table:
         """Steps, costs and counts of each estimate."""
-        return self._per_track("estimate")
 
-    def _per_track(self, side: str) -> Table:
-        states, problem = self.proof.states, self.proof.states.problem
-        ids = self.labels.truths if side == "truth" else self.labels.estimates
-        track: Ints = getattr(problem, f"{side}_track")
-        price: Floats = getattr(problem, f"{side}_price")
-        pair_track: Ints = getattr(states, f"pair_{side}")
-        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
-        entry, weight = states.entry[used], self.proof.weights[used]
-        free = np.full(len(track), ONE)
-        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], weight)
-        changed, amount = changes(states, self.proof.weights)
-
-        def total(index: Ints, value: Floats) -> Floats:
-            return sum_by(index, value, len(ids))
-
-        unassigned = total(track, free / ONE)
-        paid = amount * problem.crossing_price[states.begin[changed]]
-        at = pair_track[states.pair[changed]]
-        kind = "missed" if side == "truth" else "false"
-        columns = {
-            "localisation": self.scale
-            * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
-            kind: self.scale * total(track, free / ONE * price),
-            "switch": self.scale * total(at, paid),
-            f"{kind}_count": unassigned,
-            "switch_count": 0.5 * total(at, amount),
-        }
-        steps = np.bincount(track, minlength=len(ids)).tolist()
-        return {"id": list(ids), "steps": steps} | {
-            name: column.tolist() for name, column in columns.items()
-        }
+    def per_class_table(self) -> Table:
+        """Value and costs of each class, where they were evaluated apart; else no columns."""
+        return {}
 
     def worst(self, count: int = 5) -> dict[str, list[Any]]:
         """The `count` dearest steps, truths and estimates, dearest first, free ones left out."""
@@ -380,6 +325,134 @@ class Result:
             f"<tr><th>{name}</th><td>{getattr(self, name):.6g}</td></tr>" for name in parts
         )
         return f"<table>{rows}</table>"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Result(Summary):
+    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+
+    Parameters
+    ----------
+    proof : Proof
+        Bounds and assignment.
+    labels, gap, settings, solver, timings, input, version
+        Times and ids, the gap that counts as exact, options, and how it was made.
+    """
+
+    proof: Proof
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        states = self.proof.states
+        return {
+            "truth": states.problem.truths,
+            "estimates": states.problem.estimates,
+            "steps": states.problem.steps,
+            "candidate_pairs": len(states.pair_row),
+            "pair_steps": len(states.problem.cost),
+            "components": len(states.block_begin),
+        }
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """Steps at which something exists (T,)."""
+        problem = self.proof.states.problem
+        answer = np.zeros(problem.steps, bool)
+        answer[problem.truth_step] = True
+        answer[problem.estimate_step] = True
+        return answer
+
+    @property
+    def objects(self) -> tuple[int, int]:
+        """States of the truth and of the estimate."""
+        problem = self.proof.states.problem
+        return len(problem.truth_step), len(problem.estimate_step)
+
+    def assignments_table(self) -> Table:
+        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
+        states, problem = self.proof.states, self.proof.states.problem
+        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
+        used = used[np.lexsort((states.pair[used], states.begin[used]))]
+        entry, pair = states.entry[used], states.pair[used]
+        order = np.lexsort(
+            (states.pair_estimate[pair], states.pair_truth[pair], states.begin[used])
+        )
+        used, entry, pair = used[order], entry[order], pair[order]
+        weight = self.proof.weights[used] / ONE
+        cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
+        return {
+            "t": [self.labels.times[k] for k in states.begin[used]],
+            "truth": [self.labels.truths[i] for i in states.pair_truth[pair]],
+            "estimate": [self.labels.estimates[j] for j in states.pair_estimate[pair]],
+            "weight": weight.tolist(),
+            "distance": (cutoff * problem.cost[entry] ** (1 / p)).tolist(),
+            "cost": (self.scale * problem.cost[entry] * weight).tolist(),
+        }
+
+    def switches_table(self) -> Table:
+        """Changes of each truth's assignment, from its largest loss to its largest gain."""
+        states = self.proof.states
+        state, amount = changes(states, self.proof.weights)
+        rises = self.proof.weights[state] > self.proof.weights[state - 1]
+        pair = states.pair[state]
+        step, truth = states.begin[state], states.pair_truth[pair]
+        order = np.lexsort((-amount, truth, step))
+        opens = np.ones(len(order), bool)
+        opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
+        price = states.problem.crossing_price
+        table: Table = {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
+        for group in np.split(order, np.flatnonzero(opens)[1:]) if len(order) else ():
+            names = [self.labels.estimates[j] for j in states.pair_estimate[pair[group]]]
+            up = rises[group]
+            variation = float(amount[group].sum())
+            table["t"].append(self.labels.times[step[group[0]]])
+            table["truth"].append(self.labels.truths[truth[group[0]]])
+            table["from"].append(next((n for n, r in zip(names, up, strict=True) if not r), None))
+            table["to"].append(next((n for n, r in zip(names, up, strict=True) if r), None))
+            table["mass"].append(0.5 * variation)
+            table["cost"].append(self.scale * float(price[step[group[0]]]) * variation)
+        return table
+
+    def per_truth_table(self) -> Table:
+        """Steps, costs and counts of each truth."""
+        return self._per_track("truth")
+
+    def per_estimate_table(self) -> Table:
+        """Steps, costs and counts of each estimate."""
+        return self._per_track("estimate")
+
+    def _per_track(self, side: str) -> Table:
+        states, problem = self.proof.states, self.proof.states.problem
+        ids = self.labels.truths if side == "truth" else self.labels.estimates
+        track: Ints = getattr(problem, f"{side}_track")
+        price: Floats = getattr(problem, f"{side}_price")
+        pair_track: Ints = getattr(states, f"pair_{side}")
+        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
+        entry, weight = states.entry[used], self.proof.weights[used]
+        free = np.full(len(track), ONE)
+        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], weight)
+        changed, amount = changes(states, self.proof.weights)
+
+        def total(index: Ints, value: Floats) -> Floats:
+            return sum_by(index, value, len(ids))
+
+        unassigned = total(track, free / ONE)
+        paid = amount * problem.crossing_price[states.begin[changed]]
+        at = pair_track[states.pair[changed]]
+        kind = "missed" if side == "truth" else "false"
+        columns = {
+            "localisation": self.scale
+            * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
+            kind: self.scale * total(track, free / ONE * price),
+            "switch": self.scale * total(at, paid),
+            f"{kind}_count": unassigned,
+            "switch_count": 0.5 * total(at, amount),
+        }
+        steps = np.bincount(track, minlength=len(ids)).tolist()
+        return {"id": list(ids), "steps": steps} | {
+            name: column.tolist() for name, column in columns.items()
+        }
 
 
 def records(table: Table) -> list[dict[str, Any]]:

@@ -90,7 +90,7 @@ def evaluate_trajectories(
     solver: Solver,
     unit: str | None = None,
     settings: dict[str, Any] | None = None,
-    rows: tuple[int, int] | None = None,
+    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
     stopwatch: Stopwatch | None = None,
 ) -> Result:
     """`evaluate` with everything resolved.
@@ -109,8 +109,8 @@ def evaluate_trajectories(
         For printing.
     settings : dict, optional
         Further options that change the number, recorded in ``parameters``.
-    rows : pair of int, optional
-        Rows of the two files, if they differ from what takes part.
+    inputs : pair of dict, optional
+        What the result says of the two files beside their digests; by default their rows.
     stopwatch : Stopwatch, optional
         Running clock with the time of reading.
 
@@ -123,10 +123,12 @@ def evaluate_trajectories(
     norm = _distance(distance)
     check_columns(truth, estimate)
     with stopwatch.span("report"):
-        counts = rows or (len(truth.step), len(estimate.step))
-        inputs = {
-            "truth": {"rows": counts[0], "sha256": digest(truth)},
-            "estimate": {"rows": counts[1], "sha256": digest(estimate)},
+        told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
+        described = {
+            name: {**about, "sha256": digest(side)}
+            for name, about, side in zip(
+                ("truth", "estimate"), told, (truth, estimate), strict=True
+            )
         }
     with stopwatch.span("distances"):
         truth, estimate = align(truth, estimate)
@@ -166,7 +168,7 @@ def evaluate_trajectories(
         },
         solver=_solver_record(solver, solution, parameters, met=bounds.met(gap)),
         timings=_nested(stopwatch),
-        input=inputs,
+        input=described,
         version=__version__,
     )
 

@@ -48,6 +48,13 @@ class Stopwatch:
         """Add seconds that were measured elsewhere."""
         self.spans[name] = self.spans.get(name, 0.0) + seconds
 
+    def absorb(self, other: "Stopwatch") -> None:
+        """Add what another one measured."""
+        for name, seconds in other.spans.items():
+            self.add(name, seconds)
+        self.work += other.work
+        self.busy += other.busy
+
     @property
     def nanoseconds(self) -> float:
         """Time of a state in half a sweep."""

@@ -93,7 +93,8 @@ def cli() -> None:  # \b keeps click from filling the lines below
     tgospa-eval truth.csv estimate.csv          evaluate (the default verb)
     tgospa-eval evaluate --help                 all options
 
-    The files are CSV tables id,t,x[,y[,z]] with one row per object and step.
+    The files are tables id,t,x[,y[,z]] with one row per object and step (CSV,
+    Parquet), or MOTChallenge or KITTI text.
     """
 
 

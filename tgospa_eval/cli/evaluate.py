@@ -18,8 +18,9 @@ ACCURACY_MISSED = 4
 def command(ctx: click.Context, /, truth: str, estimate: str, **options: Any) -> None:
     """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
 
-    Both are CSV tables id,t,x[,y[,z]], one row per object and step; a row that is
-    not there means that the object does not exist at that step.
+    Both are tables id,t,x[,y[,z]] (CSV, Parquet), one row per object and step, or
+    MOTChallenge or KITTI text; a row that is not there means that the object does
+    not exist at that step.
 
     Exit status: 0 done, 2 wrong option, 3 bad input file, 4 accuracy not reached.
     """

@@ -14,6 +14,7 @@ SWITCH_PENALTY = 2.0
 DISTANCES = ("euclidean", "manhattan", "chebyshev")
 SOLVERS = ("certified", "exact", "sinkhorn")
 FORMATS = ("table", "json", "csv", "markdown", "latex")
+FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti")
 
 
 def option(*names: str, **settings: Any) -> Callable[[Any], Any]:
@@ -56,7 +57,7 @@ EVALUATION = (
     option(
         "--columns", metavar="NAMES",
         help="State columns in order, x,y; id=HEADER and x=HEADER map headers.  "
-        "[default: x[,y[,z]], else lat,lon]",
+        "[default: x[,y[,z]], else lat,lon, else centres of boxes]",
     ),
     option(
         "--solver", type=click.Choice(SOLVERS), default="certified",
@@ -87,6 +88,27 @@ EVALUATION = (
     option(
         "--decimal", type=click.Choice((".", ",")), default=".",
         help="Decimal mark in the files.",
+    ),
+    option(
+        "--truth-format", type=click.Choice(FILE_FORMATS),
+        help="Format of TRUTH.  [default: guessed by name and content]",
+    ),
+    option(
+        "--estimate-format", type=click.Choice(FILE_FORMATS),
+        help="Format of ESTIMATE, likewise.",
+    ),
+    option(
+        "--time", metavar="A:B",
+        help="Steps from A to B, both included, numbers or ISO times; either may be blank.",
+    ),
+    option("--class", "class_", metavar="A[,B]", help="Rows of these classes."),
+    option(
+        "--region", metavar="RANGES",
+        help="Rows inside, x=-50:50,y=0:100; either end may be blank.",
+    ),
+    option(
+        "--by", type=click.Choice(("class",)),
+        help="One result per class and their sum; pairs never cross classes.",
     ),
     option("--unit", help="Unit of the states, for printing: m."),
 )  # fmt: skip

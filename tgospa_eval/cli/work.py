@@ -13,7 +13,7 @@ from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Result
+from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.pipeline import check_columns, evaluate_trajectories
 from tgospa_eval.problem import Parameters
@@ -29,7 +29,7 @@ FEW = 0.9
 
 def evaluate_files(
     truth: str, estimate: str, options: dict[str, Any], given: dict[str, bool]
-) -> tuple[Result, bool]:
+) -> tuple[Summary, bool]:
     """Read, evaluate, and say whether the asked accuracy was reached.
 
     Parameters
@@ -65,9 +65,12 @@ def evaluate_files(
         check_folder(options["output"], force=options["force"])
     stopwatch = Stopwatch()
 
-    def work() -> Result:
+    def work() -> Summary:
         with stopwatch.span("read"):
-            sides = read(truth, reading), read(estimate, reading)
+            sides = (
+                read(truth, reading, "truth", options["truth_format"]),
+                read(estimate, reading, "estimate", options["estimate_format"]),
+            )
         return _evaluate(
             sides, (truth, estimate), parameters, solver, options, given, say, stopwatch
         )
@@ -109,7 +112,7 @@ def _evaluate(
     given: dict[str, bool],
     say: Callable[[str], None],
     stopwatch: Stopwatch,
-) -> Result:
+) -> Summary:
     truth, estimate = (side.trajectories for side in sides)
     check_columns(truth, estimate, paths)
     aligned = align(truth, estimate, paths)
@@ -127,17 +130,43 @@ def _evaluate(
         say("no compiled kernels, slower: installing with a C compiler at hand builds them")
     if not all(given.values()) and not options["quiet"]:
         say(_default_notice(aligned, options, given))
-    return evaluate_trajectories(
-        truth,
-        estimate,
-        parameters=parameters,
-        distance=options["distance"],
-        solver=solver,
-        unit=options["unit"],
-        settings={"decimal": options["decimal"], "on_duplicate": options["on_duplicate"]},
-        rows=(sides[0].rows, sides[1].rows),
-        stopwatch=stopwatch,
-    )
+    settings = {
+        "parameters": parameters,
+        "distance": options["distance"],
+        "solver": solver,
+        "unit": options["unit"],
+        "settings": {
+            "decimal": options["decimal"],
+            "on_duplicate": options["on_duplicate"],
+            **dict(read_options(options).filters()),
+        },
+    }
+    told = about(sides[0]), about(sides[1])
+    if options["by"] == "class":
+        return _by_class(sides, settings, told, stopwatch)
+    return evaluate_trajectories(truth, estimate, inputs=told, stopwatch=stopwatch, **settings)
+
+
+def _by_class(
+    sides: tuple[Reading, Reading],
+    settings: dict[str, Any],
+    told: tuple[dict[str, Any], dict[str, Any]],
+    stopwatch: Stopwatch,
+) -> Summary:
+    """One evaluation for each class of either file, and their sum."""
+    from tgospa_eval.by_class import add_up
+    from tgospa_eval.formats.assemble import natural
+
+    read_s = stopwatch.elapsed()
+    results = {}
+    for name in sorted({*sides[0].classes, *sides[1].classes}, key=natural) or [""]:
+        stopwatch.stage = f"class {name}"
+        part = Stopwatch()
+        results[name] = evaluate_trajectories(
+            sides[0].of_class(name), sides[1].of_class(name), stopwatch=part, **settings
+        )
+        stopwatch.absorb(part)
+    return add_up(results, dict(zip(("truth", "estimate"), told, strict=True)), read_s)
 
 
 def _default_notice(
@@ -166,15 +195,25 @@ def make_solver(options: dict[str, Any]) -> Solver:
 
 def read_options(options: dict[str, Any]) -> ReadOptions:
     """How to read the files."""
-    columns = options["columns"]
+    columns, classes = options["columns"], options["class_"]
     return ReadOptions(
         columns=None if columns is None else tuple(columns.split(",")),
         decimal=options["decimal"],
         on_duplicate=options["on_duplicate"],
+        boxes=options["distance"] == "iou",
+        time=options["time"],
+        classes=None if classes is None else tuple(name.strip() for name in classes.split(",")),
+        region=options["region"],
+        by_class=options["by"] == "class",
     )
 
 
-def show(result: Result, options: dict[str, Any]) -> None:
+def about(reading: Reading) -> dict[str, Any]:
+    """What the result says of a file."""
+    return {"rows": reading.rows, "format": reading.format, "left_out": reading.left_out}
+
+
+def show(result: Summary, options: dict[str, Any]) -> None:
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
         write_folder(result, options["output"], force=options["force"])

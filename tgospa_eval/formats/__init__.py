@@ -1,10 +1,29 @@
-"""FILES -> Trajectories. Reading a format is one file here; so far that is the CSV table."""
+"""FILES -> Trajectories. A member is one file here, one line in `FORMATS` and one docs page.
+
+A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is left out;
+`assemble` makes a `Reading` of them.
+"""
 
 import os
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
+from tgospa_eval.trajectories import Ints, Trajectories
+
+FORMATS = {
+    "csv": ("tgospa_eval.formats.table", "read_table"),
+    "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
+    "motchallenge": ("tgospa_eval.formats.motchallenge", "read_motchallenge"),
+    "kitti": ("tgospa_eval.formats.kitti", "read_kitti"),
+}
+"""Module and function that read each format; imported when used."""
+
+ROLES = ("truth", "estimate")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -19,27 +38,66 @@ class Reading:
         Rows of the file, the header not counted.
     notices : tuple of str
         One sentence each.
+    left_out : dict
+        How many rows do not take part, by the rule or option that left them out.
+    format : str
+        How the file was read.
+    classes : tuple of str
+        Names of the classes that take part, if `ReadOptions.by_class` asks for them.
+    klass : (R,) int array, optional
+        Position in `classes` of each row of the trajectories.
     """
 
     trajectories: Trajectories
     rows: int
     notices: tuple[str, ...] = field(default=())
+    left_out: dict[str, int] = field(default_factory=dict)
+    format: str = "csv"
+    classes: tuple[str, ...] = ()
+    klass: Ints | None = None
+
+    def of_class(self, name: str) -> Trajectories:
+        """The rows of one class, on the times of the whole file."""
+        whole = self.trajectories
+        if self.klass is None or name not in self.classes:
+            rows = np.zeros(0, np.int64)
+        else:
+            rows = np.flatnonzero(self.klass == self.classes.index(name))
+        track = whole.track[rows]
+        used = np.flatnonzero(np.bincount(track, minlength=len(whole.ids)))
+        return replace(
+            whole,
+            step=whole.step[rows],
+            track=np.searchsorted(used, track),
+            state=whole.state[rows],
+            ids=whole.ids[used],
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """How to read a file.
+    """How to read a file, and which rows of it.
 
     Parameters
     ----------
     columns : tuple of str, optional
         State columns in order; an item ``"name=header"`` says under which header a name is found
         (``"id=trk"``, ``"t=time_s"``, ``"x=px"``). By default x, y, z as far as present, else
-        lat, lon.
+        lat, lon, else the centres of boxes.
     decimal : {".", ","}
         Decimal mark.
     on_duplicate : {"error", "first", "last"}
         What to do with a repeated (id, t).
+    boxes : bool
+        The states are the boxes themselves, left, top, width, height.
+    time : str, optional
+        ``"A:B"``: steps from A to B, both included; either end may be blank.
+    classes : tuple of str, optional
+        Rows of these classes.
+    region : str, optional
+        ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
+    by_class : bool
+        The reading says which row is of which class.
 
     Raises
     ------
@@ -50,53 +108,122 @@ class ReadOptions:
     columns: tuple[str, ...] | None = None
     decimal: str = "."
     on_duplicate: str = "error"
+    boxes: bool = False
+    time: str | None = None
+    classes: tuple[str, ...] | None = None
+    region: str | None = None
+    by_class: bool = False
 
     def __post_init__(self) -> None:
-        if isinstance(self.columns, str):
-            raise ConfigError(f"columns is {self.columns!r}: must be a tuple of names")
+        for name in ("columns", "classes"):
+            if isinstance(getattr(self, name), str):
+                raise ConfigError(f"{name} is {getattr(self, name)!r}: must be a tuple of names")
         for name, allowed in (
             ("decimal", (".", ",")),
             ("on_duplicate", ("error", "first", "last")),
         ):
-            value = getattr(self, name)
-            if value not in allowed:
-                options = ", ".join(f'"{item}"' for item in allowed)
-                raise ConfigError(
-                    f'{name.replace("_", "-")} is "{value}": must be one of {options}'
-                )
+            _one_of(name.replace("_", "-"), getattr(self, name), allowed)
+        if self.classes is not None and not all(name.strip() for name in self.classes):
+            raise ConfigError("class: a name is blank; name classes, --class car,van")
+        parse_moments(self.time)
+        parse_region(self.region)
+
+    @property
+    def moments(self) -> Moments | None:
+        """`time`, understood."""
+        return parse_moments(self.time)
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """`region`, understood."""
+        return parse_region(self.region)
+
+    def filters(self) -> Iterator[tuple[str, Any]]:
+        """The filters in use, by the names of their options."""
+        for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
+            if value is not None:
+                yield name, list(value) if isinstance(value, tuple) else value
+        if self.by_class:
+            yield "by", "class"
 
 
-def read(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Reading:
-    """Read a file of trajectories, with its notices.
-
-    Raises
-    ------
-    InputError
-        The file is missing, unreadable or wrong; the message names line and column.
-    """
-    from tgospa_eval.formats.table import read_table
-
-    try:
-        name = os.fsdecode(path)
-    except TypeError:
-        raise ConfigError(f"path is {path!r}: must be a path") from None
-    return read_table(name, options or ReadOptions())
-
-
-def read_trajectories(
+def read(
     path: str | os.PathLike[str],
-    *,
-    columns: tuple[str, ...] | None = None,
-    decimal: str = ".",
-    on_duplicate: str = "error",
-) -> Trajectories:
-    """Read a CSV file of trajectories: ``id,t,x[,y[,z]]``, one row per object and step.
+    options: ReadOptions | None = None,
+    role: str = "truth",
+    format: str | None = None,
+) -> Reading:
+    """Read a file of trajectories, with its notices.
 
     Parameters
     ----------
     path : path
         The file.
-    columns, decimal, on_duplicate
+    options : ReadOptions, optional
+        How, and which rows.
+    role : {"truth", "estimate"}
+        What the file is; formats of challenges mean different things by one column.
+    format : str, optional
+        A key of `FORMATS`; by default guessed by name and content.
+
+    Raises
+    ------
+    InputError
+        The file is missing, unreadable or wrong; the message names line and column.
+    ConfigError
+        An option is none of those allowed, or the package that reads the format is missing.
+    """
+    from importlib import import_module
+
+    from tgospa_eval.formats.assemble import assemble
+    from tgospa_eval.formats.guess import guess
+    from tgospa_eval.formats.text import load
+
+    _one_of("role", role, ROLES)
+    if format is not None:
+        _one_of("format", format, tuple(FORMATS))
+    try:
+        name = os.fsdecode(path)
+    except TypeError:
+        raise ConfigError(f"path is {path!r}: must be a path") from None
+    options = options or ReadOptions()
+    data = load(name)
+    chosen = format or guess(name, data)
+    module, function = FORMATS[chosen]
+    reader = getattr(import_module(module), function)
+    rows = reader(name, data, options, role, given=format is not None)
+    del data
+    reading: Reading = assemble(rows, options, chosen)
+    if format is None and chosen != "csv":
+        notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
+        reading = replace(reading, notices=(notice, *reading.notices))
+    return reading
+
+
+def read_trajectories(
+    path: str | os.PathLike[str],
+    *,
+    role: str = "truth",
+    format: str | None = None,
+    columns: tuple[str, ...] | None = None,
+    decimal: str = ".",
+    on_duplicate: str = "error",
+    boxes: bool = False,
+    time: str | None = None,
+    classes: tuple[str, ...] | None = None,
+    region: str | None = None,
+) -> Trajectories:
+    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge or KITTI.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    role : {"truth", "estimate"}
+        What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
+    format : {"csv", "parquet", "motchallenge", "kitti"}, optional
+        Guessed by name and content if not given.
+    columns, decimal, on_duplicate, boxes, time, classes, region
         As in `tgospa_eval.formats.ReadOptions`.
 
     Raises
@@ -104,7 +231,21 @@ def read_trajectories(
     InputError
         The file is missing, unreadable or wrong; the message names line and column.
     ConfigError
-        An option is none of those allowed.
+        An option is none of those allowed, or the package that reads the format is missing.
     """
-    options = ReadOptions(columns=columns, decimal=decimal, on_duplicate=on_duplicate)
-    return read(path, options).trajectories
+    options = ReadOptions(
+        columns=columns,
+        decimal=decimal,
+        on_duplicate=on_duplicate,
+        boxes=boxes,
+        time=time,
+        classes=classes,
+        region=region,
+    )
+    return read(path, options, role, format).trajectories
+
+
+def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        options = ", ".join(f'"{item}"' for item in allowed)
+        raise ConfigError(f'{name} is "{value}": must be one of {options}')

@@ -1,74 +1,121 @@
-"""Columns of numbers and ids to Trajectories: absent rows, duplicates, order."""
+"""Rows of a file to Trajectories: what is left out, duplicates, order."""
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.times import Times, quoted
+from tgospa_eval.formats import Reading
+from tgospa_eval.formats.columns import Roles
+from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.times import Times, more, quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
+if TYPE_CHECKING:
+    from tgospa_eval.formats import ReadOptions
 
-def assemble(
-    *,
-    ids: tuple[NDArray[np.object_], Ints],
-    times: Times,
-    state: Floats,
-    names: tuple[str, ...],
-    on_duplicate: str,
-    where: Callable[[int], str],
-) -> tuple[Trajectories, list[str]]:
-    """Trajectories of the rows of a table, and notices.
+Numbered = tuple[NDArray[np.object_], Ints]
+"""Distinct texts in natural order, and the number of each row's."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """The rows of a file before anything is left out; what every reader yields.
 
     Parameters
     ----------
-    ids : tuple
-        Distinct ids (k,), and the number of each row's (R,).
+    name : str
+        What the file is called in messages.
+    roles : Roles
+        Which column is what.
+    ids : Numbered
+        Ids.
     times : Times
         Time of each row.
-    state : (R, d) float array
-        NaN in a row means that the object is absent there.
-    names : tuple of str
-        Names of the state columns.
-    on_duplicate : {"error", "first", "last"}
-        What to do with a repeated (id, t).
+    numbers : (R, n) float array
+        The columns `Roles.numbers`, finite, NaN where blank.
     where : callable
-        Says where a row of the table is, for messages.
+        Says where a row is, for messages.
+    classes : Numbered, optional
+        Classes, if the roles ask for them.
+    apart : dict of str to (R,) bool array and str
+        Rows that the format itself leaves out, by its rule, and what to say of them.
+    """
+
+    name: str
+    roles: Roles
+    ids: Numbered
+    times: Times
+    numbers: Floats
+    where: Callable[[int], str]
+    classes: Numbered | None = None
+    apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
+
+
+def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
+    """Trajectories of the rows that take part, with counts of the others.
+
+    A row counts under the first rule that leaves it out. Steps of the file stay steps, even where
+    nothing is left, but for those outside the range of time.
 
     Raises
     ------
     InputError
-        An (id, t) is repeated and `on_duplicate` is ``"error"``.
+        An (id, t) is repeated and `on_duplicate` is ``"error"``, or a box has no size.
     """
-    notices: list[str] = []
-    present = np.ones(len(state), bool)
-    for column in state.T:
-        present &= column == column  # NaN is not
-    absent = len(present) - int(np.count_nonzero(present))
-    if absent:
-        plural = "rows" if absent > 1 else "row"
-        notices.append(f"{absent} {plural} with a blank or NaN position: absent at that step")
-
-    track_ids, track = ids
+    roles, times = rows.roles, rows.times
+    state = roles.mixed(rows.numbers, roles.state)
     moments, step = _number_times(times.value)
-    key = step.astype(np.int64) * max(len(track_ids), 1) + track
-    rows, ordered = _by_key(key, np.flatnonzero(present) if absent else None)
-    again = np.flatnonzero(ordered[1:] == ordered[:-1])
-    if len(again):
-        if on_duplicate == "error":
-            raise InputError(_duplicate(rows, again, key, track_ids[track], times, where))
-        drop = again + 1 if on_duplicate == "first" else again
-        rows, ordered = np.delete(rows, drop), np.delete(ordered, drop)
-        verb = "rows repeat" if len(again) > 1 else "row repeats"
-        notices.append(f"{len(again)} {verb} an (id, t): the {on_duplicate} one was taken")
-
     labels = None
     if times.text is not None:
         labels = np.empty(len(moments), dtype=object)
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
+    chosen = _Choice(len(state))
+    for rule, (apart, sentence) in rows.apart.items():
+        chosen.keep(~apart, rule, sentence)
+    filled = np.ones(len(state), bool)
+    for column in state.T:
+        filled &= column == column  # NaN is not
+    chosen.keep(filled, "blank", "with a blank or NaN position: absent at that step")
+    if options.moments is not None:
+        inside = options.moments.inside(moments, times.clock, rows.name)
+        chosen.keep(inside[step], "time", "left out by --time")
+        moments, labels = moments[inside], None if labels is None else labels[inside]
+        step = (np.cumsum(inside) - 1)[step]
+    if options.classes is not None and rows.classes is not None:
+        names = {name.strip() for name in options.classes}
+        known = np.array([name in names for name in rows.classes[0]], bool)
+        chosen.keep(known[rows.classes[1]], "class", "left out by --class")
+        for name in sorted(names - set(rows.classes[0])):
+            there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
+            chosen.notices.append(f"no row of class {quoted(name)}; there are {there}")
+    if roles.region:
+        values = roles.mixed(rows.numbers, tuple(roles.region.values()))
+        inside = np.ones(len(state), bool)
+        for column, (low, high) in zip(values.T, options.ranges.values(), strict=True):
+            inside &= (column >= low) & (column <= high)
+        chosen.keep(inside, "region", "left out by --region")
+    _check_states(rows, state, chosen.mask, options)
+
+    track_ids, track = rows.ids
+    key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    taken, ordered = _by_key(key, None if chosen.all() else np.flatnonzero(chosen.mask))
+    again = np.flatnonzero(ordered[1:] == ordered[:-1])
+    if len(again):
+        if options.on_duplicate == "error":
+            raise InputError(_duplicate(taken, again, key, rows))
+        drop = again + 1 if options.on_duplicate == "first" else again
+        taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
+        verb = "rows repeat" if len(again) > 1 else "row repeats"
+        chosen.notices.append(
+            f"{len(again)} {verb} an (id, t): the {options.on_duplicate} one was taken"
+        )
+        chosen.left_out["duplicate"] = len(again)
+
     # From the sorted keys: cheaper than gathering two columns from all over the table.
     step_used, track_used = np.divmod(ordered, max(len(track_ids), 1))
     has_rows = np.bincount(track_used, minlength=len(track_ids)) > 0
@@ -78,14 +125,75 @@ def assemble(
     trajectories = Trajectories(
         step=step_used,
         track=track_used,
-        state=state.take(rows, axis=0),
+        state=state.take(taken, axis=0),
         ids=track_ids[used],
         times=cast(NDArray[np.float64], moments),
-        columns=names,
+        columns=roles.names,
         clock=times.clock,
         labels=labels,
     )
-    return trajectories, notices
+    classes, klass = (), None
+    if options.by_class and rows.classes is not None:
+        number = rows.classes[1][taken]
+        present = np.flatnonzero(np.bincount(number, minlength=len(rows.classes[0])))
+        classes, klass = tuple(rows.classes[0][present]), np.searchsorted(present, number)
+    notices = chosen.notices
+    if roles.centres:
+        notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
+    if roles.unused:
+        notices = [f"columns not used: {', '.join(roles.unused)}", *notices]
+    return Reading(
+        trajectories=trajectories,
+        rows=len(state),
+        notices=tuple(notices),
+        left_out=chosen.left_out,
+        format=format,
+        classes=classes,
+        klass=klass,
+    )
+
+
+class _Choice:
+    """Rows that still take part, and what became of the others."""
+
+    def __init__(self, rows: int) -> None:
+        self.mask = np.ones(rows, bool)
+        self.left_out: dict[str, int] = {}
+        self.notices: list[str] = []
+
+    def keep(self, inside: Flags, rule: str, sentence: str) -> None:
+        """Leave out what is not inside."""
+        before = int(np.count_nonzero(self.mask))
+        self.mask &= inside
+        count = before - int(np.count_nonzero(self.mask))
+        if count:
+            self.left_out[rule] = count
+            self.notices.append(f"{count} {'rows' if count > 1 else 'row'} {sentence}")
+
+    def all(self) -> bool:
+        """Whether nothing was left out."""
+        return not self.left_out
+
+
+def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions") -> None:
+    """Sizes of boxes, and sums that are no doubles."""
+    if rows.roles.centres or options.boxes:
+        wrong = np.flatnonzero(mask & ~np.isfinite(state).all(axis=1))
+        if len(wrong):
+            raise InputError(
+                f"{rows.where(int(wrong[0]))}: a box too large for a number{more(len(wrong))}; "
+                "use another unit"
+            )
+    if not options.boxes:
+        return
+    for name in ("width", "height"):
+        size = state[:, rows.roles.names.index(name)]
+        wrong = np.flatnonzero(mask & ~(size > 0))
+        if len(wrong):
+            raise InputError(
+                f'{rows.where(int(wrong[0]))}, column "{name}": {size[wrong[0]]:g} is no {name} of '
+                f"a box{more(len(wrong))}; it must be > 0 for --distance iou"
+            )
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
@@ -115,7 +223,7 @@ def _number_times(value: NDArray[Any]) -> tuple[NDArray[Any], Ints]:
     return moments, step
 
 
-def number_ids(ids: Sequence[str]) -> tuple[NDArray[np.object_], Ints]:
+def number_ids(ids: Sequence[str]) -> Numbered:
     """Distinct ids in natural order (2 before 10), and the number of each row's."""
     seen: dict[str, int] = {}
     number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
@@ -134,22 +242,17 @@ def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
     return keys, text
 
 
-def _duplicate(
-    rows: Ints,
-    again: Ints,
-    key: Ints,
-    ids: NDArray[np.object_],
-    times: Times,
-    where: Callable[[int], str],
-) -> str:
+def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows) -> str:
     """Message for the repeated row that comes first in the file."""
-    second = rows[again + 1]
+    second = taken[again + 1]
     k = int(np.argmin(second))
     row = int(second[k])
-    first = int(rows[np.searchsorted(key[rows], key[row])])
+    first = int(taken[np.searchsorted(key[taken], key[row])])
+    times, where = rows.times, rows.where
+    name = rows.ids[0][rows.ids[1][row]]
     moment = times.text[row].strip() if times.text is not None else times.value[row].item()
-    more = f" (and {len(again) - 1} more)" if len(again) > 1 else ""
     return (
-        f"{where(row)}: id {quoted(ids[row])} at t {moment} was given before, "
-        f"{where(first)}{more}; one row per object and step, or --on-duplicate first or last"
+        f"{where(row)}: id {quoted(name)} at t {moment} was given before, "
+        f"{where(first)}{more(len(again))}; "
+        "one row per object and step, or --on-duplicate first or last"
     )

@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tgospa_eval.formats.assemble import number_ids
+from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.times import EXACT, Times
-from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.trajectories import Ints
 
 SIZE = 4_000_000
 """Bytes from which importing pandas pays."""
@@ -22,8 +21,8 @@ SIZE = 4_000_000
 
 def read_bulk(
     path: str, data: bytes, first: int, delimiter: str, width: int, roles: Roles, decimal: str
-) -> tuple[tuple[NDArray[np.object_], Ints], Times, Floats] | None:
-    """Ids with the number of each row's, times and states of the rows; or None if irregular.
+) -> Rows | None:
+    """The rows of the file, or None if it is irregular.
 
     Parameters
     ----------
@@ -40,8 +39,9 @@ def read_bulk(
     roles : Roles
         Which column is what.
     """
-    used = {roles.id, roles.time, *roles.state}
-    if b'"' in data or len(used) != 2 + len(roles.state) or not Path(path).is_file():
+    columns = _columns(roles)
+    used = set(columns)
+    if b'"' in data or len(used) < len(columns) or not Path(path).is_file():
         return None
     if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):
         return None
@@ -72,23 +72,37 @@ def read_bulk(
     if frame is None or len(frame) != rows:
         return None
     # With all columns in use a row that is too long makes the parser fail, and one that is too
-    # short has no last field: NaN in a state, refused below elsewhere. Else the delimiters tell.
-    in_doubt = len(used) < width or any(frame[column].isna().any() for column in roles.state)
+    # short has no last field: NaN in a number, refused below elsewhere. Else the delimiters tell.
+    in_doubt = len(used) < width or any(frame[column].isna().any() for column in roles.numbers)
     if in_doubt and not is_regular(data, start, delimiter, width):
         return None
-    time = frame[roles.time].to_numpy()
-    state = np.empty((rows, len(roles.state)), order="F")
-    for k, column in enumerate(roles.state):
-        state[:, k] = frame[column].to_numpy()
-    if time.dtype not in (np.int64, np.float64) or np.isinf(state).any():
+    time = frame.pop(roles.time).to_numpy()
+    ids = _numbered(frame.pop(roles.id))
+    classes = None if roles.klass is None else _numbered(frame.pop(roles.klass), blank=True)
+    numbers = np.empty((rows, len(roles.numbers)), order="F")
+    for k, column in enumerate(roles.numbers):
+        numbers[:, k] = frame.pop(column).to_numpy()
+    if time.dtype not in (np.int64, np.float64) or np.isinf(numbers).any():
         return None
     if time.dtype == np.float64 and not (np.abs(time) < EXACT).all():
         return None
-    ids = _number_ids(frame[roles.id])
-    if ids is None:
+    if ids is None or (roles.klass is not None and classes is None):
         return None
     clean = time if time.dtype == np.int64 else time + 0.0  # -0.0 is the same step as 0.0
-    return ids, Times(value=clean, clock="number", text=None), state
+    return Rows(
+        name=path,
+        roles=roles,
+        ids=ids,
+        times=Times(value=clean, clock="number", text=None),
+        numbers=numbers,
+        where=lambda row: f"{path}, line {first + row}",
+        classes=classes,
+    )
+
+
+def _columns(roles: Roles) -> list[int]:
+    """Columns to be read."""
+    return [roles.id, roles.time, *roles.numbers, *([] if roles.klass is None else [roles.klass])]
 
 
 def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
@@ -129,9 +143,12 @@ def _parse(
     options: dict[str, Any] = {}
     if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):  # newer ones always are exact
         options["float_precision"] = "round_trip"
-    used = [roles.id, roles.time, *roles.state]
+    used = _columns(roles)
     if len(used) < width:
         options["usecols"] = used  # only then: it costs as much as the parsing
+    kinds = {roles.id: id_type} | dict.fromkeys(roles.numbers, "float64")
+    if roles.klass is not None:
+        kinds[roles.klass] = "category"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -143,9 +160,9 @@ def _parse(
                 header=None,
                 names=list(range(width)),
                 index_col=False,
-                dtype={roles.id: id_type} | dict.fromkeys(roles.state, "float64"),
+                dtype=kinds,
                 keep_default_na=False,
-                na_values={column: ["", "nan", "NaN"] for column in roles.state},
+                na_values={column: ["", "nan", "NaN"] for column in roles.numbers},
                 encoding="utf-8",
                 compression=None,
                 engine="c",
@@ -160,13 +177,16 @@ def _parse(
         return None
 
 
-def _number_ids(column: Any) -> tuple[NDArray[np.object_], Ints] | None:
-    """Distinct ids in natural order, and the number of each row's; None where one is blank."""
+def _numbered(column: Any, *, blank: bool = False) -> Numbered | None:
+    """Distinct texts in natural order, and the number of each row's.
+
+    None where one is missing or, unless `blank` may be, empty.
+    """
     import pandas as pd
 
     code, found = pd.factorize(column)
     names = [str(name).strip() for name in found]
-    if len(set(names)) != len(names) or "" in names:
+    if len(set(names)) != len(names) or (not blank and "" in names) or (code < 0).any():
         return None
     table, number = number_ids(names)
     return table, number[code]

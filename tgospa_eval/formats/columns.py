@@ -2,13 +2,28 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.trajectories import Floats
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats import ReadOptions
 
 ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
     "t": ("t", "time", "timestamp", "frame", "step"),
+    "class": ("class",),
 }
+"""Headers under which the columns are found that are no numbers of a state."""
+
+BOX = ("left", "top", "width", "height")
+EDGES = (*BOX, "right", "bottom")
+
+Mix = tuple[tuple[int, float], ...]
+"""A quantity as columns times factors: the centre of a box is left + 0.5 width."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,22 +34,49 @@ class Roles:
     ----------
     id, time : int
         Column of the ids and of the times.
-    state : tuple of int
-        Columns of the state, in order.
+    state : tuple of Mix
+        The states, in order.
     names : tuple of str
-        Names of the state columns.
+        Their names.
+    klass : int, optional
+        Column of the classes, if a filter asks for it.
+    region : dict of str to Mix
+        What the filter by region looks at.
+    centres : bool
+        The states are the centres of boxes.
     unused : tuple of str
         Headers of all other columns.
     """
 
     id: int
     time: int
-    state: tuple[int, ...]
+    state: tuple[Mix, ...]
     names: tuple[str, ...]
+    klass: int | None
+    region: dict[str, Mix]
+    centres: bool
     unused: tuple[str, ...]
 
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Columns that are read as numbers, those of the state first."""
+        mixes = (*self.state, *self.region.values())
+        return tuple(dict.fromkeys(column for mix in mixes for column, _ in mix))
 
-def find_roles(header: Sequence[str], columns: Sequence[str] | None, where: str) -> Roles:
+    def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
+        """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
+        at = {column: k for k, column in enumerate(self.numbers)}
+        if list(mixes) == [((column, 1.0),) for column in self.numbers[: len(mixes)]]:
+            return numbers[:, : len(mixes)]
+        answer = np.zeros((len(numbers), len(mixes)), order="F")
+        with np.errstate(over="ignore", invalid="ignore"):  # refused with the row, later
+            for k, mix in enumerate(mixes):
+                for column, factor in mix:
+                    answer[:, k] += factor * numbers[:, at[column]]
+        return answer
+
+
+def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
     Raises
@@ -42,13 +84,16 @@ def find_roles(header: Sequence[str], columns: Sequence[str] | None, where: str)
     InputError
         A header is blank, repeated or missing, or there is no position column.
     ConfigError
-        `columns` cannot be understood.
+        The columns asked for cannot be understood.
     """
     names = [name.strip() for name in header]
     if names and all(_is_number(name) for name in names):
-        raise InputError(f"{where}: numbers where the header should be; begin with id,t,x,y")
+        raise InputError(
+            f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
+            "(--truth-format, --estimate-format)"
+        )
     _check_names(names, where)
-    mapped, wanted = parse_columns(columns)
+    mapped, wanted = parse_columns(options.columns)
 
     def find(name: str) -> int | None:
         for spelling in (mapped[name],) if name in mapped else ALIASES.get(name, (name,)):
@@ -62,35 +107,81 @@ def find_roles(header: Sequence[str], columns: Sequence[str] | None, where: str)
     def need(name: str) -> int:
         found = find(name)
         if found is None:
-            sought = mapped.get(name) or ", ".join(ALIASES.get(name, (name,)))
-            raise InputError(
-                f"{where}: no column {name}, or two (looked for: {sought}; "
-                f"found: {', '.join(names)}); rename it, or map it with --columns {name}=HEADER"
-            )
+            raise _absent(name)
         return found
 
+    def _absent(name: str) -> InputError:
+        sought = mapped.get(name) or ", ".join(ALIASES.get(name, (name,)))
+        return InputError(
+            f"{where}: no column {name}, or two (looked for: {sought}; "
+            f"found: {', '.join(names)}); rename it, or map it with --columns {name}=HEADER"
+        )
+
+    box = _box(find)
+
+    def quantity(name: str) -> Mix | None:
+        found = find(name)
+        if found is None and name in ("x", "y", "z") and "z" in wanted:
+            found = find(f"loc_{name}")
+        return box.get(name) if found is None else ((found, 1.0),)
+
     identity, time = need("id"), need("t")
-    if wanted:
-        state = tuple(need(name) for name in wanted)
-    else:
-        wanted, state = _default_states(find)
-        if not state:
+    if options.boxes:
+        if set(wanted) - set(BOX):
+            (other, *_) = (name for name in wanted if name not in BOX)
+            raise ConfigError(
+                f'columns: "{other}" is no part of a box; for boxes map left, top, width, height'
+            )
+        wanted = BOX
+    elif not wanted:
+        wanted = _default_states(find, box)
+        if not wanted:
             raise InputError(
-                f"{where}: no position column (looked for x, y, z and lat, lon; found: "
+                f"{where}: no position column (looked for x, y, z, lat, lon and boxes; found: "
                 f"{', '.join(names)}); name the state columns with --columns"
             )
-    used = {identity, time, *state}
+    state = []
+    for name in wanted:
+        mix = quantity(name)
+        if mix is None:
+            raise _absent(name)
+        state.append(mix)
+    region = {}
+    for name in options.ranges:
+        mix = quantity(name)
+        if mix is None:
+            raise InputError(
+                f'{where}: no column "{name}" for --region (found: {", ".join(names)}); '
+                "name one that both files have"
+            )
+        region[name] = mix
+    klass = find("class")
+    if klass is None and (options.classes is not None or options.by_class):
+        option = "--class" if options.classes is not None else "--by class"
+        raise InputError(
+            f"{where}: no column class for {option} (found: {', '.join(names)}); "
+            "add it, or map it with --columns class=HEADER"
+        )
+    if options.classes is None and not options.by_class:
+        klass = None
+    used = {identity, time, klass, *(k for mix in (*state, *region.values()) for k, _ in mix)}
     return Roles(
         id=identity,
         time=time,
-        state=state,
-        names=tuple(wanted),
+        state=tuple(state),
+        names=wanted,
+        klass=klass,
+        region=region,
+        centres=not options.boxes and any(len(mix) > 1 for mix in state),
         unused=tuple(name for k, name in enumerate(names) if k not in used),
     )
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Header of each mapped name, and the names of the state columns, in order."""
+    """Header of each mapped name, and the names of the state columns, in order.
+
+    Edges of boxes that are mapped are no state columns by that; named without ``=`` they are.
+    """
     mapped: dict[str, str] = {}
     wanted: list[str] = []
     for item in columns or ():
@@ -101,20 +192,34 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f'columns: "{name}" is given twice')
         if equals:
             mapped[name] = header
-        if name not in ALIASES:
+        if name not in ALIASES and not (equals and name in EDGES):
             wanted.append(name)
     return mapped, tuple(wanted)
 
 
-def _default_states(find: Callable[[str], int | None]) -> tuple[tuple[str, ...], tuple[int, ...]]:
+def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
+    """Edges, sizes and centre of boxes, as far as there are columns for them."""
+    box: dict[str, Mix] = {}
+    for axis, begin, size, end in (
+        ("x", "left", "width", "right"),
+        ("y", "top", "height", "bottom"),
+    ):
+        first, extent, last = find(begin), find(size), find(end)
+        if first is not None and extent is not None:
+            box |= {axis: ((first, 1.0), (extent, 0.5)), size: ((extent, 1.0),)}
+        elif first is not None and last is not None:
+            box |= {axis: ((first, 0.5), (last, 0.5)), size: ((last, 1.0), (first, -1.0))}
+    return box if len(box) == 4 else {}
+
+
+def _default_states(find: Callable[[str], int | None], box: dict[str, Mix]) -> tuple[str, ...]:
     places = [find(name) for name in ("x", "y", "z")]
     size = places.index(None) if None in places else 3
     if size:
-        return ("x", "y", "z")[:size], tuple(at for at in places[:size] if at is not None)
-    latitude, longitude = find("lat"), find("lon")
-    if latitude is None or longitude is None:
-        return (), ()
-    return ("lat", "lon"), (latitude, longitude)
+        return ("x", "y", "z")[:size]
+    if find("lat") is not None and find("lon") is not None:
+        return ("lat", "lon")
+    return ("x", "y") if box else ()
 
 
 def _check_names(names: list[str], where: str) -> None:

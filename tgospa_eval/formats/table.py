@@ -8,22 +8,19 @@ delimiters of every line were counted; others go through the csv module.
 
 import csv
 import io
-import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import Reading, ReadOptions
-from tgospa_eval.formats.assemble import assemble, number_ids
+from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.bulk import SIZE, is_regular, read_bulk
-from tgospa_eval.formats.columns import Roles, find_roles
-from tgospa_eval.formats.times import TimeError, Times, more, parse_times, quoted, remedy_for
-from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats.text import Places, check_text, convert, decode
+from tgospa_eval.formats.times import more
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats import ReadOptions
 
 DELIMITERS = ",;\t"
 
@@ -31,118 +28,30 @@ HEAD = 1 << 16
 """Bytes in which the header of a large file is looked for."""
 
 
-def read_table(path: str, options: ReadOptions) -> Reading:
-    """Read a CSV file.
+def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of a CSV file, the same in either role.
 
     Raises
     ------
     InputError
         See `tgospa_eval.formats.read`.
     """
-    data = _load(path)
+    check_text(data, path)
     # A large ASCII file needs no decoding unless it takes the careful way.
     large = len(data) >= SIZE
     whole = not (large and data.isascii() and b"\n" in data[:HEAD])
-    header, first, _ = _header(_decode(data if whole else data[:HEAD], path), path)
+    header, first, _ = _header(decode(data if whole else data[:HEAD], path), path)
     delimiter = _delimiter(header, options.decimal)
     names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
-    roles = find_roles(names, options.columns, f"{path}, line {first - 1}")
-    lines: Sequence[int]
-    table = None
+    roles = find_roles(names, options, f"{path}, line {first - 1}")
     if large:
-        table = read_bulk(path, data, first, delimiter, len(names), roles, options.decimal)
-    if table is not None:
-        lines = range(first, first + len(table[2]))
-    else:
-        text = _decode(data, path)
-        columns, lines = _tokenise(
-            text[_header(text, path)[2] :], delimiter, len(names), path, first
-        )
-        places = _Places(path=path, lines=lines, names=names)
-        table = _convert(columns, roles, options.decimal, places)
-    ids, times, state = table
-    trajectories, notices = assemble(
-        ids=ids,
-        times=times,
-        state=state,
-        names=roles.names,
-        on_duplicate=options.on_duplicate,
-        where=_Places(path=path, lines=lines, names=names).row,
-    )
-    if roles.unused:
-        notices.insert(0, f"columns not used: {', '.join(roles.unused)}")
-    return Reading(trajectories=trajectories, rows=len(state), notices=tuple(notices))
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Places:
-    """Says where something is."""
-
-    path: str
-    lines: Sequence[int]
-    names: Sequence[str]
-
-    def row(self, row: int) -> str:
-        return f"{self.path}, line {self.lines[row]}"
-
-    def field(self, row: int, column: int) -> str:
-        return f'{self.row(row)}, column "{self.names[column]}"'
-
-
-def _convert(
-    columns: list[list[str]], roles: Roles, decimal: str, places: _Places
-) -> tuple[tuple[NDArray[np.object_], Ints], Times, Floats]:
-    """Ids with the number of each row's, times and states; all mistakes in one error."""
-    problems: list[str] = []
-    ids = [text.strip() for text in columns[roles.id]]
-    if "" in ids:
-        place = places.field(ids.index(""), roles.id)
-        problems.append(f"{place}: blank id{more(ids.count(''))}; name the object")
-    state = np.empty((len(ids), len(roles.state)))
-    for k, column in enumerate(roles.state):
-        state[:, k], wrong = _numbers(columns[column], decimal)
-        problems += [f"{places.field(row, column)}: {message}" for row, message in wrong]
-    try:
-        times = parse_times(columns[roles.time], lambda texts: _floats(texts, decimal))
-    except TimeError as error:
-        problems.append(f"{places.field(error.row, roles.time)}: {error}")
-    if problems:
-        raise InputError("\n".join(problems))
-    return number_ids(ids), times, state
-
-
-def _load(path: str) -> bytes:
-    """The bytes of a file that can be text."""
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        if os.path.isdir(path):  # Windows says "permission denied"
-            raise InputError(f"{path}: is a folder, not a file") from None
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
-    if not data:
-        raise InputError(f"{path}: the file is empty; a set without objects is a header alone")
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise InputError(f"{path}, line 1: UTF-16 text; save the file as UTF-8")
-    if 0 in data:
-        line = data.count(b"\n", 0, data.index(0)) + 1
-        raise InputError(f"{path}, line {line}: binary data, not text; a CSV file is needed")
-    return data
-
-
-def _decode(data: bytes, path: str) -> str:
-    """The text, with one kind of line end."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError(
-            f"{path}, line {line}: not UTF-8 (byte 0x{data[error.start]:02x}); save it as UTF-8"
-        ) from None
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
-    return text
+        rows = read_bulk(path, data, first, delimiter, len(names), roles, options.decimal)
+        if rows is not None:
+            return rows
+    text = decode(data, path)
+    body = text[_header(text, path)[2] :]
+    columns, lines = tokenise(body, delimiter, len(names), path, first)
+    return convert(columns, roles, options.decimal, Places(path=path, lines=lines, names=names))
 
 
 def _header(text: str, path: str) -> tuple[str, int, int]:
@@ -166,7 +75,7 @@ def _delimiter(header: str, decimal: str) -> str:
     )
 
 
-def _tokenise(
+def tokenise(
     body: str, delimiter: str, width: int, path: str, first_line: int
 ) -> tuple[list[list[str]], Sequence[int]]:
     """The columns of the table, and the line of every row."""
@@ -211,40 +120,3 @@ def _tokenise_slowly(
             f"the header has {width}{more(len(wrong))}; give every row one field per column"
         )
     return [[row[k] for row in rows] for k in range(width)], lines
-
-
-def _floats(texts: Sequence[str], decimal: str) -> Floats:
-    """The exact doubles of a whole column; ValueError unless every text is a number."""
-    joined = "".join(texts)
-    if "_" in joined or not joined.isascii():  # float() takes 1_000 and digits of any script
-        raise ValueError
-    if decimal == ",":
-        if "." in joined:
-            raise ValueError
-        texts = [text.replace(",", ".") for text in texts]
-    return np.array(list(map(float, texts)), dtype=np.float64)
-
-
-def _numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
-    """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
-    wrong: list[int] = []
-    try:
-        values = _floats(texts, decimal)
-    except ValueError:
-        values = np.full(len(texts), np.nan)
-        for row, text in enumerate(texts):
-            try:
-                values[row] = _floats([text], decimal)[0]
-            except ValueError:
-                if text.strip():
-                    wrong.append(row)
-    infinite = np.flatnonzero(np.isinf(values)).tolist()
-    mistakes = []
-    for rows, what, remedy in (
-        (wrong, "not a number", remedy_for),
-        (infinite, "infinite", lambda _: "leave it blank where the object is absent"),
-    ):
-        if rows:
-            text = texts[rows[0]]
-            mistakes.append((rows[0], f"{what}: {quoted(text)}{more(len(rows))}; {remedy(text)}"))
-    return values, mistakes

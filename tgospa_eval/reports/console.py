@@ -5,19 +5,20 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from tgospa_eval.evaluation import Result
+from tgospa_eval.evaluation import Summary
 
 WIDTH = 80
 SHOWN = 5
 PARTS = ("localisation", "missed", "false", "switch")
 
 
-def table(result: Result) -> str:
+def table(result: Summary) -> str:
     """The result in words, for someone who sees it for the first time."""
     blocks = (
         _headline(result),
         _meaning(result),
         _parts(result),
+        _classes(result),
         _scale(result),
         _worst(result),
         _switches(result),
@@ -26,7 +27,7 @@ def table(result: Result) -> str:
     return "\n\n".join("\n".join(block) for block in map(list, blocks) if block) + "\n"
 
 
-def headline(result: Result) -> str:
+def headline(result: Summary) -> str:
     """The value and what is known about it, in one sentence."""
     value = quantity(result, result.tgospa)
     if result.certified:
@@ -41,12 +42,12 @@ def headline(result: Result) -> str:
     )
 
 
-def quantity(result: Result, value: float) -> str:
+def quantity(result: Summary, value: float) -> str:
     """A value with the unit of the states."""
     return f"{value:.6g}" + (f" {result.labels.unit}" if result.labels.unit else "")
 
 
-def _headline(result: Result) -> Iterator[str]:
+def _headline(result: Summary) -> Iterator[str]:
     yield from _wrap(headline(result), "")
     sizes = result.sizes
     yield (
@@ -55,7 +56,7 @@ def _headline(result: Result) -> Iterator[str]:
     )
 
 
-def _meaning(result: Result) -> Iterator[str]:
+def _meaning(result: Summary) -> Iterator[str]:
     parameters = result.proof.parameters
     p = parameters.order
     miss, price = result.scale / 2, _power(parameters.switch_penalty, p)
@@ -86,7 +87,7 @@ def _wrap(text: str, indent: str = " " * 10) -> list[str]:
     return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
 
 
-def _parts(result: Result) -> Iterator[str]:
+def _parts(result: Summary) -> Iterator[str]:
     notes = {
         "localisation": "",
         "missed": "object-steps without estimate",
@@ -103,9 +104,19 @@ def _parts(result: Result) -> Iterator[str]:
     yield f"  {'total':<14}{total:>12.6g}{_share(total, total):>9}{'':>10}  = TGOSPA^p".rstrip()
 
 
-def _scale(result: Result) -> Iterator[str]:
-    problem = result.proof.states.problem
-    objects = max(len(problem.truth_step), len(problem.estimate_step))
+def _classes(result: Summary) -> Iterator[str]:
+    classes = result.per_class_table()
+    if not classes:
+        return
+    names = ("TGOSPA", "total", "local.", "missed", "false", "switch")
+    yield f"  {'class':<15}" + "".join(f"{name:>10}" for name in names)
+    for name, *values in zip(*classes.values(), strict=True):
+        numbers = "".join(f"{value:>10.5g}" for value in values)
+        yield f"  {clip(name or '(blank)')[:14]:<15}{numbers}"
+
+
+def _scale(result: Summary) -> Iterator[str]:
+    objects = max(result.objects)
     if not objects:
         return
     order = result.proof.parameters.order
@@ -115,7 +126,7 @@ def _scale(result: Result) -> Iterator[str]:
     yield f"  per object and step  {quantity(result, typical)}  a typical error, misses included"
 
 
-def _worst(result: Result) -> Iterator[str]:
+def _worst(result: Summary) -> Iterator[str]:
     worst = result.worst(SHOWN)
     names = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
     for key, name in names.items():
@@ -123,7 +134,7 @@ def _worst(result: Result) -> Iterator[str]:
             yield clip(f"  {name:<17}{'  '.join(map(str, worst[key]))}")
 
 
-def _switches(result: Result) -> Iterator[str]:
+def _switches(result: Summary) -> Iterator[str]:
     switches = result.switches_table()
     count = len(switches["t"])
     if not count:
@@ -138,7 +149,7 @@ def _switches(result: Result) -> Iterator[str]:
         yield f"  {'':<17}{'':>10}  and {count - SHOWN} more (--format json, or -o DIR)"
 
 
-def _footer(result: Result) -> Iterator[str]:
+def _footer(result: Summary) -> Iterator[str]:
     solve = result.timings["solve"]
     spent = {
         "read": result.timings["read"],

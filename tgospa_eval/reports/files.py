@@ -6,15 +6,15 @@ import os
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Result, Table
+from tgospa_eval.evaluation import Summary, Table
 
 
-def json_text(result: Result) -> str:
+def json_text(result: Summary) -> str:
     """The JSON document."""
     return result.to_json()
 
 
-def per_step_csv(result: Result) -> str:
+def per_step_csv(result: Summary) -> str:
     """The table of costs by step."""
     return csv_text(result.per_step_table())
 
@@ -48,7 +48,7 @@ def check_folder(folder: str, *, force: bool) -> None:
         raise ConfigError(f"--output {folder}: {error.strerror}") from None
 
 
-def write_folder(result: Result, folder: str, *, force: bool) -> None:
+def write_folder(result: Summary, folder: str, *, force: bool) -> None:
     """Write the result folder: every file beside first, then renamed.
 
     Raises
@@ -69,6 +69,8 @@ def write_folder(result: Result, folder: str, *, force: bool) -> None:
         "per_estimate.csv": csv_text(result.per_estimate_table()),
         "timings.csv": csv_text(_timings(result)),
     }
+    if result.per_class_table():
+        texts["per_class.csv"] = csv_text(result.per_class_table())
     path = Path(folder).absolute()
     beside: str | None = None
     try:
@@ -86,7 +88,7 @@ def write_folder(result: Result, folder: str, *, force: bool) -> None:
             shutil.rmtree(beside, ignore_errors=True)
 
 
-def _timings(result: Result) -> Table:
+def _timings(result: Summary) -> Table:
     flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
     flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
     return {"stage": list(flat), "seconds": list(flat.values())}

@@ -1,10 +1,10 @@
 """Small tables for papers and pull requests: Markdown and LaTeX."""
 
-from tgospa_eval.evaluation import Result
+from tgospa_eval.evaluation import Summary
 from tgospa_eval.reports.console import PARTS, headline
 
 
-def _rows(result: Result) -> list[tuple[str, str, str, str]]:
+def _rows(result: Summary) -> list[tuple[str, str, str, str]]:
     rows = []
     for name in PARTS:
         cost = getattr(result, name)
@@ -15,12 +15,12 @@ def _rows(result: Result) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _parameters(result: Result) -> str:
+def _parameters(result: Summary) -> str:
     p = result.proof.parameters
     return f"c = {p.cutoff:g}, p = {p.order:g}, gamma = {p.switch_penalty:g}"
 
 
-def markdown(result: Result) -> str:
+def markdown(result: Summary) -> str:
     """A Markdown table with the headline above it."""
     # ">" and "<" of an unusual unit must not become markup
     title = headline(result).replace("<", "&lt;").replace("|", "\\|")
@@ -30,7 +30,7 @@ def markdown(result: Result) -> str:
     return "\n".join(lines) + "\n"
 
 
-def latex(result: Result) -> str:
+def latex(result: Summary) -> str:
     """A booktabs table with a comment that says how the number was proven."""
     lines = [
         f"% {headline(result)} ({_parameters(result)})",

@@ -1,0 +1,309 @@
+"""Formats beside CSV, boxes, filters and classes, as users meet them."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import Reading, ReadOptions, read, table
+
+Run = Callable[..., Any]
+Write = Callable[[str, str | bytes], str]
+
+MOT = "1,7,10,20,4,6,1,-1,-1,-1\n2,7,12,20,4,6,0,-1,-1,-1\n2,8,50,50,10,10,0.5,-1,-1,-1\n"
+KITTI = (
+    "0 -1 DontCare -1 -1 -10 219.5 188.5 245.5 218.5 -1000 -1000 -1000 -10 -1 -1 -1\n"
+    "0 1 Car 0 0 -1.8 100 50 140 80 2.0 1.8 4.4 -4.5 1.5 13.5 -2.1\n"
+    "1 2 Cyclist 0 0 -1.9 200 60 220 100 1.7 0.8 1.8 1.5 1.5 5.5 -1.7\n"
+)
+
+
+def states(reading: Reading) -> dict[tuple[str, Any], tuple[float, ...]]:
+    side = reading.trajectories
+    return {
+        (side.ids[k], side.times[t].item()): tuple(state)
+        for t, k, state in zip(side.step, side.track, side.state.tolist(), strict=True)
+    }
+
+
+# --- MOTChallenge ---------------------------------------------------------------------------------
+
+
+def test_motchallenge_means_other_things_in_truth_and_results(write: Write) -> None:
+    path = write("gt.txt", MOT)
+    truth, results = read(path, role="truth"), read(path, role="estimate")
+    assert truth.format == results.format == "motchallenge"
+    assert "motchallenge" in truth.notices[0]  # guessed, so said
+    assert states(truth) == {("7", 1): (12, 23), ("8", 2): (55, 55)}  # left + width / 2
+    assert truth.left_out == {"not considered": 1}
+    assert states(results) == {("7", 1): (12, 23), ("7", 2): (14, 23), ("8", 2): (55, 55)}
+    assert results.left_out == {}
+    boxes = read(path, ReadOptions(boxes=True))
+    assert boxes.trajectories.columns == ("left", "top", "width", "height")
+    assert states(boxes)["7", 1] == (10, 20, 4, 6)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "1,7,10,20,4,6",
+        "1, 7, 10, 20, 4, 6, -1",
+        "1,7,10,20,4,6,1,3,0.5",
+        "1.0,7.000e+00,10,20,4,6,-1,-1,-1,-1",  # numpy.savetxt
+        "1 7 10 20 4 6 -1 -1 -1 -1",
+        "\ufeff1,7,10,20,4,6,1\r",
+    ],
+)
+def test_motchallenge_spellings(write: Write, line: str) -> None:
+    path = write("a.txt", f"{line}\n\n".encode())
+    assert states(read(path)) == {("7", 1): (12, 23)}
+
+
+def test_a_format_that_is_named_may_be_empty(write: Write) -> None:
+    for name in ("motchallenge", "kitti"):
+        reading = read(write("a.txt", ""), role="estimate", format=name)
+        assert reading.rows == 0
+        assert reading.trajectories.columns == ("x", "y")
+    with pytest.raises(InputError, match="empty"):
+        read(write("a.txt", ""))
+
+
+# --- KITTI ----------------------------------------------------------------------------------------
+
+
+def test_kitti(write: Write) -> None:
+    path = write("0000.txt", KITTI)
+    reading = read(path)
+    assert reading.format == "kitti"
+    assert reading.left_out == {"DontCare": 1}
+    assert states(reading) == {("1", 0): (120, 65), ("2", 1): (210, 80)}
+    place = {("1", 0): (-4.5, 1.5, 13.5), ("2", 1): (1.5, 1.5, 5.5)}
+    assert states(read(path, ReadOptions(columns=("x", "y", "z")))) == place
+    assert states(read(path, ReadOptions(columns=("loc_x", "loc_y", "loc_z")))) == place
+    assert states(read(path, ReadOptions(boxes=True)))["1", 0] == (100, 50, 40, 30)
+    scored = "".join(f"{line} 0.9\n" for line in KITTI.splitlines())
+    assert states(read(write("b.txt", scored))) == states(reading)
+
+
+# --- boxes in tables ------------------------------------------------------------------------------
+
+
+def test_boxes_in_csv(write: Write) -> None:
+    path = write("a.csv", "id,t,left,top,width,height\na,1,10,20,4,6\n")
+    reading = read(path)
+    assert states(reading) == {("a", 1): (12, 23)}
+    assert any("centres" in notice for notice in reading.notices)
+    with_point = write("b.csv", "id,t,x,y,left,top,width,height\na,1,0,0,10,20,4,6\n")
+    assert states(read(with_point)) == {("a", 1): (0, 0)}
+    assert states(read(with_point, ReadOptions(boxes=True))) == {("a", 1): (10, 20, 4, 6)}
+    mapped = write("c.csv", "id,t,l,u,w,h\na,1,10,20,4,6\n")
+    columns = ("left=l", "top=u", "width=w", "height=h")
+    assert states(read(mapped, ReadOptions(columns=columns))) == {("a", 1): (12, 23)}
+    assert states(read(mapped, ReadOptions(columns=columns, boxes=True)))["a", 1][2:] == (4, 6)
+    raw = ReadOptions(columns=("left", "width"))  # named: part of the state
+    assert states(read(path, raw)) == {("a", 1): (10, 4)}
+
+
+def test_boxes_without_size(write: Write) -> None:
+    path = write("a.csv", "id,t,left,top,width,height\na,1,1,1,4,6\na,2,1,1,0,6\n")
+    with pytest.raises(InputError, match=r'a.csv, line 3, column "width": 0 .*> 0'):
+        read(path, ReadOptions(boxes=True))
+    assert len(states(read(path))) == 2
+
+
+# --- refused --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("content", "format_", "parts"),
+    [
+        ("1,1,2,3,4,5,1\n1,2,2,oops,4,5,1\n", None, [', line 2, column "top": ', '"oops"']),
+        ("1,1,2,3,4,5,1\n1,2,2,3,4\n", None, [", line 2: 5 fields, line 1 has 7"]),
+        ("1,1,2,3\n", "motchallenge", [", line 1: 4 fields", "6 to 10"]),
+        ("1,1,2,3,4,5,yes\n", "motchallenge", [', line 1, column "conf": ', '"yes"']),
+        ("1,1,2,3,4,inf,1\n", "motchallenge", [', line 1, column "height": infinite']),
+        ("x,1,2,3,4,5,1\n", "motchallenge", [', line 1, column "frame": not a time: "x"']),
+        ("0 1 Car 0\n", "kitti", [", line 1: 4 fields", "17, or 18"]),
+        (KITTI.replace("140", "oops"), None, [', line 2, column "right": ', '"oops"']),
+        (MOT + "1,7,1,1,1,1,1,-1,-1,-1\n", None, [", line 4: ", "line 1", "--on-duplicate"]),
+        ("1,-1,2,3,4,5,0.3\n1,-1,2,3,4,5,1\n", None, [", line 1: ", "-1", "detections"]),
+        ("1,1,2,3,4,5\n", "csv", [", line 1: numbers", "id,t,x,y", "--truth-format"]),
+        (b"\x00\x01", "motchallenge", ["binary"]),
+        (b"PAR1 and no more", None, ["no readable Parquet file"]),
+        (b"", "parquet", ["empty"]),
+    ],
+)
+def test_refused(write: Write, content: str | bytes, format_: str | None, parts: list[str]) -> None:
+    path = write("a.txt", content)
+    if "Parquet" in parts[0] or format_ == "parquet":
+        pytest.importorskip("pyarrow")
+    with pytest.raises(InputError) as caught:
+        read(path, format=format_)
+    (message,) = str(caught.value).split("\n")
+    assert message.startswith(path)
+    for part in parts:
+        assert part in message
+
+
+# --- Parquet --------------------------------------------------------------------------------------
+
+
+def test_parquet_is_read_like_csv(write: Write, tmp_path: Path, quickstart: Any) -> None:
+    pytest.importorskip("pyarrow")
+    import pandas as pd
+
+    path = str(tmp_path / "truth.parquet")
+    frame = pd.read_csv(quickstart[0]).assign(note="unused")
+    frame.to_parquet(path)
+    reading = read(path)
+    assert reading.format == "parquet"
+    assert "columns not used: note" in reading.notices
+    assert states(reading) == states(read(quickstart[0]))
+    frame.loc[3, "x"] = np.inf
+    frame.to_parquet(path)
+    with pytest.raises(InputError, match=r'truth.parquet, row 3, column "x": infinite'):
+        read(path)
+    frame.assign(x="no").to_parquet(path)
+    with pytest.raises(InputError, match=r'truth.parquet, row 0, column "x": not a number: "no"'):
+        read(path)
+
+
+def test_parquet_without_the_extra(write: Write, environment: dict[str, str]) -> None:
+    code = (
+        "import sys; sys.modules['pyarrow'] = None\n"
+        f"from tgospa_eval.cli import main; main([{write('a.parquet', b'PAR1')!r}] * 2)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
+    )
+    assert done.returncode == 2
+    assert "pip install 'tgospa-eval[parquet]'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+# --- filters --------------------------------------------------------------------------------------
+
+CLASSES = "id,t,x,class,v\na,1,0,car,1\na,2,1,car,2\nb,2,5,bus,3\nc,3,9,,\n"
+
+
+@pytest.fixture(params=["small", "large"])
+def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small and large files are parsed in two ways, which must not show."""
+    if request.param == "large":
+        monkeypatch.setattr(table, "SIZE", 0)
+
+
+@pytest.mark.usefixtures("way")
+@pytest.mark.parametrize(
+    ("options", "kept", "left_out"),
+    [
+        ({"time": "2:"}, "abc", {"time": 1}),
+        ({"time": ":1"}, "a", {"time": 3}),
+        ({"time": "1.5:2.5"}, "ab", {"time": 2}),
+        ({"classes": ("car", "bus")}, "ab", {"class": 1}),
+        ({"classes": ("truck",)}, "", {"class": 4}),
+        ({"region": "x=1:5"}, "ab", {"region": 2}),
+        ({"region": "x=:5,v=2:"}, "ab", {"region": 2}),
+        ({"time": ":2", "classes": ("car",), "region": "x=1:"}, "a", None),
+    ],
+)
+def test_filters(
+    write: Write, options: dict[str, Any], kept: str, left_out: dict[str, int] | None
+) -> None:
+    reading = read(write("a.csv", CLASSES), ReadOptions(**options))
+    assert "".join(reading.trajectories.ids) == kept
+    assert reading.left_out == (left_out or {"time": 1, "class": 1, "region": 1})
+    for option, count in reading.left_out.items():
+        assert any(f"{count} row" in n and f"--{option}" in n for n in reading.notices)
+
+
+def test_ranges_of_time_are_exact_and_understand_iso(write: Write) -> None:
+    stamps = [2**60 + k for k in range(4)]
+    path = write("a.csv", "id,t,x\n" + "".join(f"a,{t},0\n" for t in stamps))
+    kept = read(path, ReadOptions(time=f"{stamps[1]}:{stamps[2]}")).trajectories.times
+    assert kept.tolist() == stamps[1:3]
+    iso = write("b.csv", "id,t,x\n" + "".join(f"a,2024-01-01T10:0{k}:00,0\n" for k in range(4)))
+    span = "2024-01-01T10:01:00:2024-01-01T10:02"
+    assert len(read(iso, ReadOptions(time=span)).trajectories.times) == 2
+    with pytest.raises(ConfigError, match="ISO times without zone"):
+        read(iso, ReadOptions(time="1:2"))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        *({"time": text} for text in ("", ":", "5", "a:b", "3:1", "2024-01-01T10:30", "1:2:3")),
+        *({"region": text} for text in ("", "x", "x=", "x=1", "x=:", "x=2:1", "x=1:2,x=1:2")),
+        {"classes": ("",)},
+    ],
+    ids=str,
+)
+def test_filters_that_mean_nothing(options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        ReadOptions(**options)
+
+
+def test_filter_by_a_column_that_is_not_there(invoke: Run, write: Write) -> None:
+    path = write("a.csv", "id,t,x\na,1,0\n")
+    for arguments, parts in (
+        (["--class", "car"], ["no column class", "--class"]),
+        (["--by", "class"], ["no column class", "--by class"]),
+        (["--region", "v=0:"], ['no column "v"', "--region"]),
+    ):
+        status, out, err = invoke(path, path, *arguments)
+        assert (status, out) == (3, "")
+        for part in (f"{path}, line 1: ", *parts):
+            assert part in err
+
+
+def test_what_is_left_out_is_recorded(invoke: Run, write: Write) -> None:
+    path = write("a.csv", CLASSES)
+    arguments = ["--class", "car,bus", "--region", "x=1:", "--time", "2:", "--format", "json"]
+    document = json.loads(invoke(path, path, *arguments).out)
+    wanted = {"class": ["car", "bus"], "region": "x=1:", "time": "2:"}
+    assert wanted.items() <= document["parameters"].items()
+    assert document["input"]["truth"]["left_out"] == {"time": 1, "class": 1}
+    assert document["input"]["truth"]["rows"] == 4
+
+
+# --- by class -------------------------------------------------------------------------------------
+
+
+def test_by_class_adds_up(invoke: Run, write: Write, tmp_path: Path) -> None:
+    # c = 10, p = 2: a car at 0.5 costs 0.25; a bus that has a van on it, and a van that has a bus,
+    # cost 50 each, which they would not without --by.
+    truth = write("t.csv", "id,t,x,class\na,1,0,car\nb,1,50,bus\n")
+    estimate = write("e.csv", "id,t,x,class\n1,1,0.5,car\n2,1,50,van\n")
+    arguments = [truth, estimate, "-c", "10", "--by", "class"]
+    document = json.loads(invoke(*arguments, "--format", "json").out)
+    classes = document["by_class"]
+    assert {name: part["total"] for name, part in classes.items()} == pytest.approx(
+        {"bus": 50, "car": 0.25, "van": 50}
+    )
+    assert document["total"] == pytest.approx(100.25)
+    for key in ("total", "localisation", "missed", "false", "switch"):
+        assert document[key] == pytest.approx(sum(part[key] for part in classes.values()))
+    for key in ("lower_bound", "upper_bound"):
+        assert document[key] ** 2 == pytest.approx(sum(p[key] ** 2 for p in classes.values()))
+    assert document["counts"] == {"missed": 1, "false": 1, "switch": 0}
+    assert document["per_step"][0]["total"] == pytest.approx(100.25)
+    assert document["sizes"]["truth"] == 2
+    assert document["parameters"]["by"] == "class"
+    status, out, _ = invoke(*arguments, "-o", str(tmp_path / "out"))
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines() if " 50 " in line][-2:] == ["bus", "van"]
+    per_class = (tmp_path / "out" / "per_class.csv").read_text()
+    assert per_class.startswith("class,tgospa,total,")
+    for format_ in ("csv", "markdown", "latex"):
+        assert invoke(*arguments, "--format", format_).status == 0
+
+
+def test_by_class_of_nothing(invoke: Run, write: Write) -> None:
+    path = write("t.csv", "id,t,x,class\n")
+    assert json.loads(invoke(path, path, "--by", "class", "--format", "json").out)["total"] == 0

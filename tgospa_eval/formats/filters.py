@@ -1,0 +1,122 @@
+"""Which rows take part: ranges of time and of columns, as texts and applied. Knows no file."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.times import TimeError, parse_times
+from tgospa_eval.trajectories import CLOCKS
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moments:
+    """A range of time, ends included.
+
+    Parameters
+    ----------
+    low, high : int, float or None
+        Numbers, or nanoseconds since 1970; None is open.
+    clock : {"number", "local", "zoned"}
+        Kind of time.
+    text : str
+        As given.
+    """
+
+    low: int | float | None
+    high: int | float | None
+    clock: str
+    text: str
+
+    def inside(self, times: NDArray[Any], clock: str, where: str) -> Flags:
+        """Which of the times lie in the range; integers are compared exactly.
+
+        Raises
+        ------
+        ConfigError
+            The times are of another kind.
+        """
+        if clock != self.clock and len(times):
+            raise ConfigError(
+                f"--time {self.text}: {CLOCKS[self.clock]}, but {where} has {CLOCKS[clock]}; "
+                "write the range alike"
+            )
+        keep = np.ones(len(times), bool)
+        for end, is_low in ((self.low, True), (self.high, False)):
+            if end is not None:
+                if times.dtype.kind == "i":
+                    end = math.ceil(end) if is_low else math.floor(end)
+                keep &= times >= end if is_low else times <= end
+        return keep
+
+
+def parse_moments(text: str | None) -> Moments | None:
+    """The range ``A:B``; of ISO times, which contain colons, it is split where both halves parse.
+
+    Raises
+    ------
+    ConfigError
+        It is no range, or its ends are of two kinds.
+    """
+    if text is None:
+        return None
+    found = []
+    for colon in (match.start() for match in re.finditer(":", text)):
+        halves = [text[:colon].strip(), text[colon + 1 :].strip()]
+        given = [half for half in halves if half]
+        try:
+            times = parse_times(given, _floats) if given else None
+        except TimeError:
+            continue
+        ends = iter(times.value.tolist() if times else ())
+        low, high = (next(ends) if half else None for half in halves)
+        found.append((low, high, times.clock if times else None))
+    if len(found) != 1 or found[0][2] is None:
+        raise ConfigError(
+            f'--time "{text}": must be A:B, two numbers or two ISO times, of which one may be blank'
+        )
+    low, high, clock = found[0]
+    if low is not None and high is not None and low > high:
+        raise ConfigError(f'--time "{text}": ends before it begins')
+    return Moments(low=low, high=high, clock=str(clock), text=text)
+
+
+def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
+    """Ranges by column of ``x=-50:50,y=0:``.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be understood.
+    """
+    ranges: dict[str, tuple[float, float]] = {}
+    for item in () if text is None else text.split(","):
+        name, equals, span = (part.strip() for part in item.partition("="))
+        ends = [part.strip() for part in span.split(":")]
+        try:
+            if not name or not equals or len(ends) != 2 or not any(ends) or name in ranges:
+                raise ValueError
+            low = _floats([ends[0]])[0] if ends[0] else -math.inf
+            high = _floats([ends[1]])[0] if ends[1] else math.inf
+            if not low <= high:
+                raise ValueError
+        except ValueError:
+            raise ConfigError(
+                f'--region "{item}": must be NAME=LOW:HIGH, each name once, LOW <= HIGH, '
+                "of which one may be blank"
+            ) from None
+        ranges[name] = (float(low), float(high))
+    return ranges
+
+
+def _floats(texts: Sequence[str]) -> NDArray[np.float64]:
+    if any("_" in text for text in texts):
+        raise ValueError
+    return np.array([float(text) for text in texts], dtype=np.float64)

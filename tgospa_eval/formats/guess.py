@@ -1,0 +1,44 @@
+"""The format of a file, by its name and its first line."""
+
+import re
+
+NAMES = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet"}
+"""What the end of a name says; only the magic bytes of Parquet know better."""
+
+MAGIC = b"PAR1"
+HEAD = 1 << 12
+
+
+def guess(path: str, data: bytes) -> str:
+    """A key of `tgospa_eval.formats.FORMATS`; what looks like nothing else is a CSV table.
+
+    A MOTChallenge line has 6 to 10 numbers, and no header. A KITTI line has 17 fields, or 18 with a
+    score, separated by blanks, of which the third is the type.
+    """
+    if data[:4] == MAGIC:
+        return "parquet"
+    suffix = re.search(r"\.[^./\\]*$", path.casefold())
+    if suffix and suffix[0] in NAMES:
+        return NAMES[suffix[0]]
+    head = data[:HEAD].decode("utf-8-sig", "replace").lstrip()
+    line = re.split(r"[\r\n]", head, maxsplit=1)[0]
+    fields = split(line)
+    if 6 <= len(fields) <= 10 and all(map(_is_number, fields)):
+        return "motchallenge"
+    words = line.split()
+    if len(words) in (17, 18) and not _is_number(words[2]):
+        return "kitti"
+    return "csv"
+
+
+def split(line: str) -> list[str]:
+    """The fields of a line of MOTChallenge text: commas, else blanks."""
+    return [field.strip() for field in line.split(",")] if "," in line else line.split()
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,49 @@
+"""KITTI tracking labels: 17 fields separated by blanks, 18 with a score, no header.
+
+The image box is given by its edges; sizes and places in space are in metres, in the coordinates of
+the camera. Truth and results are read alike.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.assemble import Rows
+from tgospa_eval.formats.plain import read_plain
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats import ReadOptions
+
+NAMES = (
+    *("frame", "id", "class", "truncated", "occluded", "alpha"),
+    *("left", "top", "right", "bottom"),
+    *("size_height", "size_width", "size_length"),
+    *("loc_x", "loc_y", "loc_z", "rotation_y", "score"),
+)
+TYPE = NAMES.index("class")
+IGNORED = "DontCare"
+
+
+def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of a KITTI file, the same in either role.
+
+    Raises
+    ------
+    InputError
+        See `tgospa_eval.formats.read`.
+    """
+    rows, columns, _ = read_plain(path, data, options, _header, str.split, given=given, empty=17)
+    ignored = np.array([text == IGNORED for text in columns[TYPE]], bool)
+    rows.apart[IGNORED] = ignored, f"of type {IGNORED} left out"
+    return rows
+
+
+def _header(fields: list[str], where: str) -> list[str]:
+    """Names of the columns."""
+    if len(fields) not in (len(NAMES) - 1, len(NAMES)):
+        raise InputError(
+            f"{where}: {len(fields)} fields; KITTI tracking labels have 17, or 18 with a score: "
+            "frame track_id type truncated occluded alpha left top right bottom ..."
+        )
+    return list(NAMES[: len(fields)])

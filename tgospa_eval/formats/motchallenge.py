@@ -1,0 +1,62 @@
+"""MOTChallenge text: ``frame,id,left,top,width,height[,conf[,...]]``, no header.
+
+Column 7 is a flag in truth, 0 for what is not to be considered, and a score in results. What
+follows depends on the number of fields: class and visibility (8 or 9), or a place in space (10).
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.assemble import Rows
+from tgospa_eval.formats.columns import BOX
+from tgospa_eval.formats.guess import split
+from tgospa_eval.formats.plain import read_plain
+from tgospa_eval.formats.text import Places, numbers
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats import ReadOptions
+
+FLAG = 6
+NOT_CONSIDERED = "not considered"
+
+
+def read_motchallenge(
+    path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool
+) -> Rows:
+    """The rows of a MOTChallenge file.
+
+    Raises
+    ------
+    InputError
+        See `tgospa_eval.formats.read`.
+    """
+    rows, columns, places = read_plain(path, data, options, _header, split, given=given, empty=7)
+    if list(rows.ids[0]) == ["-1"]:
+        raise InputError(
+            f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
+        )
+    if role == "truth" and len(columns) > FLAG:
+        flags = _flags(columns[FLAG], places)
+        rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"
+    return rows
+
+
+def _header(fields: list[str], where: str) -> list[str]:
+    """Names of the columns."""
+    if not 6 <= len(fields) <= 10:
+        raise InputError(
+            f"{where}: {len(fields)} fields; MOTChallenge text has 6 to 10: "
+            "frame,id,left,top,width,height,conf,..."
+        )
+    rest = ("loc_x", "loc_y", "loc_z") if len(fields) == 10 else ("class", "visibility")
+    return ["frame", "id", *BOX, "conf", *rest][: len(fields)]
+
+
+def _flags(texts: list[str], places: Places) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
+    flags, wrong = numbers(texts, ".")
+    if wrong:
+        row, message = wrong[0]
+        raise InputError(f"{places.field(row, FLAG)}: {message}")
+    return flags
