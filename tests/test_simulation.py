@@ -363,7 +363,7 @@ def test_bad_options(invoke, tmp_path: Path, arguments: list[str], part: str) ->
 
 def commands() -> list[str]:
     page = (ROOT / "sample_data" / "README.md").read_text(encoding="utf-8")
-    return re.findall(r"^tgospa-eval simulate .*(?:\\\n.*)*", page, re.MULTILINE)
+    return re.findall(r"^tgospa-eval simulate .*", page.replace("\\\n", " "), re.MULTILINE)
 
 
 @pytest.mark.parametrize("command", commands(), ids=lambda command: command.split()[2])
