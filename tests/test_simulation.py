@@ -226,13 +226,16 @@ def test_errors_have_their_own_random_numbers() -> None:
     ("record", "setting", "part"),
     [
         (Scene, {"scenario": "circus"}, 'scenario is "circus": must be one of crossing'),
-        (Scene, {"targets": -1}, "targets is -1: must be a whole number, 0 or more"),
+        (Scene, {"targets": -1}, "targets is -1: must be a whole number, from 0 to "),
         (Scene, {"steps": 0}, "steps is 0"),
+        (Scene, {"steps": 10**30}, "steps is 1000000000000000000000000000000: must be"),
+        (Scene, {"targets": 10**6, "steps": 10**6}, "targets times steps must be at most"),
         (Scene, {"area": float("nan")}, "area is nan"),
         (Tracker, {"noise": float("inf")}, "noise is inf"),
         (Tracker, {"detection": 1.5}, "detection is 1.5: must be a probability"),
         (Tracker, {"latency": 0.5}, "latency is 0.5: must be a whole number"),
         (Tracker, {"false_length": (5, 2)}, "false-length is 5:2"),
+        (Tracker, {"false_length": 5}, "false-length is 5: must be two numbers"),
     ],
 )
 def test_bad_settings(record: type, setting: dict, part: str) -> None:
@@ -348,7 +351,7 @@ def test_a_folder_that_is_not_empty(invoke, write, tmp_path: Path) -> None:
     ("arguments", "part"),
     [
         (["--scenario", "circus"], "circus"),
-        (["--noise", "-1"], "noise is -1: must be from 0 to 1e12"),
+        (["--noise", "-1"], "noise is -1: must be from 0 to 1e+12"),
         (["--false-length", "x"], "'x': must be A:B or A, in steps"),
         (["--seed", "-1"], "--seed"),
         (["--format", "kitti", "--state", "point"], "--state point: kitti files hold boxes"),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.errors import MOST, ConfigError, real_number
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.encounters import encounters
 from tgospa_eval.simulation.scenarios import SCENARIOS
@@ -54,6 +54,11 @@ class Scene:
                 raise ConfigError(f'{name} is "{value}": must be one of {", ".join(known)}')
         _check_integer("targets", self.targets, 0)
         _check_integer("steps", self.steps, 1)
+        if self.targets * self.steps > MOST:
+            raise ConfigError(
+                f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
+                f"must be at most {MOST}"
+            )
         area = _number("area", self.area)
         if not 1e-6 <= area <= 1e12:
             raise ConfigError(f"area is {area:g}: must be from 1e-6 to 1e12")
@@ -107,21 +112,26 @@ class Tracker:
     false_length: tuple[int, int] = (3, 10)
 
     def __post_init__(self) -> None:
-        for name in ("noise", "near", "false_rate"):
+        for name, most in (("noise", 1e12), ("near", 1e12), ("false_rate", 1e6)):
             value = _number(name, getattr(self, name))
-            if not 0 <= value <= 1e12:
-                raise ConfigError(f"{_spelt(name)} is {value:g}: must be from 0 to 1e12")
+            if not 0 <= value <= most:
+                raise ConfigError(f"{_spelt(name)} is {value:g}: must be from 0 to {most:g}")
         for name in ("detection", "merges", "swaps", "fragmentation"):
             value = _number(name, getattr(self, name))
             if not 0 <= value <= 1:
                 raise ConfigError(f"{name} is {value:g}: must be a probability, from 0 to 1")
         for name in ("confirmation", "lost", "latency"):
             _check_integer(name, getattr(self, name), 0)
-        least, most = self.false_length
-        _check_integer("false-length", least, 1)
-        _check_integer("false-length", most, 1)
-        if least > most:
-            raise ConfigError(f"false-length is {least}:{most}: the least comes first")
+        try:
+            shortest, longest = self.false_length
+        except (TypeError, ValueError):
+            raise ConfigError(
+                f"false-length is {self.false_length!r}: must be two numbers, least and most"
+            ) from None
+        _check_integer("false-length", shortest, 1)
+        _check_integer("false-length", longest, 1)
+        if shortest > longest:
+            raise ConfigError(f"false-length is {shortest}:{longest}: the least comes first")
 
 
 def simulate(
@@ -210,5 +220,6 @@ def _number(name: str, value: object) -> float:
 
 
 def _check_integer(name: str, value: object, least: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ConfigError(f"{name} is {value!r}: must be a whole number, {least} or more")
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not least <= value <= MOST:  # type: ignore[operator]
+        raise ConfigError(f"{name} is {value!r}: must be a whole number, from {least} to {MOST}")
