@@ -341,7 +341,7 @@ def test_a_folder_that_is_not_empty(invoke, write, tmp_path: Path) -> None:
     write("a/note.txt", "mine")
     status, out, err = invoke("simulate", "a")
     assert (status, out) == (2, "")
-    assert err == "simulate a: is not empty; name another folder, or --force\n"
+    assert err == "DIR a: is not empty; name another folder, or --force\n"
     assert invoke("simulate", "a", "--force").status == 0
     assert set(contents(tmp_path / "a")) == {"note.txt", "truth.csv", "estimate.csv"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]  # nothing temporary is left

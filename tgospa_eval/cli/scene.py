@@ -14,7 +14,7 @@ from tgospa_eval.reports.files import check_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.trajectories import Trajectories
 
-OPTION = "simulate"
+OPTION = "DIR"
 """What messages about the folder begin with."""
 
 
@@ -60,8 +60,11 @@ def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
 
 
 def _size(side: Trajectories, what: str) -> str:
-    many = "" if len(side.ids) == 1 else "s"
-    return f"{len(side.ids)} {what}{many} with {len(side.step)} rows"
+    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _command(folder: str, names: tuple[str, str], options: dict[str, Any], tracker: Tracker) -> str:
