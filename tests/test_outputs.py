@@ -163,14 +163,14 @@ def test_every_number_of_a_known_scene(invoke: Invoke, write: Write, order: int)
 def test_half_a_switch_names_none(sample: Result) -> None:
     rows = parse(sample.to_json())["switches"]
     table = [(row["t"], row["truth"], row["from"], row["to"], row["mass"]) for row in rows]
-    assert table[:2] == [(31, "car-1", "101", "102", 1), (31, "car-2", "102", "101", 1)]
-    halves = table[2:]
+    assert table[2:] == [(37, "1", "101", "103", 1), (37, "3", "103", "101", 1)]
+    halves = table[:2]
     assert [(row[1], row[2], row[3], row[4]) for row in halves] == [
-        ("car-4", "104", None, 0.5),
-        ("car-4", None, "107", 0.5),
+        ("5", "105", None, 0.5),
+        ("5", None, "106", 0.5),
     ]
-    # When it leaves is not unique, while 104 does not exist.
-    assert 36 <= halves[0][0] <= halves[1][0] == 40
+    # When it leaves is not unique, while 105 does not exist.
+    assert 8 <= halves[0][0] <= halves[1][0] == 12
 
 
 def test_worst_are_five_and_the_dearest_first(sample: Result) -> None:
@@ -178,8 +178,8 @@ def test_worst_are_five_and_the_dearest_first(sample: Result) -> None:
     cost = {row["t"]: row["total"] for row in parse(sample.to_json())["per_step"]}
     assert [cost[t] for t in worst["steps"]] == sorted(cost.values(), reverse=True)[:5]
     assert len(worst["truth"]) == len(worst["estimates"]) == 5
-    assert worst["truth"][0] == "car-4"
-    assert worst["estimates"][0] == "106"
+    assert worst["truth"][0] == "5"
+    assert worst["estimates"][0] == "107"
     assert sample.worst(2)["estimates"] == worst["estimates"][:2]
 
 
@@ -330,22 +330,22 @@ def test_csv_quotes_ids(write: Write) -> None:
 
 def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
     _, out, _ = invoke(*quickstart, "--unit", "m")
-    assert re.match(r"TGOSPA = 43\.8054 m, exact: proven", out)
-    assert "\n5 truths, 7 estimates, 60 steps\n" in out
+    assert re.match(r"TGOSPA = 41\.788 m, exact: proven", out)
+    assert "\n5 truths, 7 estimates, 56 steps\n" in out
     for pattern in (
         r"c += 10 m, .*",
         r"p += 2, .*",
         r"gamma += 2 m, .*",
-        r"localisation +406\.911 +21\.2 %",
-        r"missed +1150 +59\.9 % +23  .*",
-        r"false +350 +18\.2 % +7  .*",
-        r"switch +12 +0\.6 % +3  .*",
-        r"total +1918\.91 +100\.0 % .*",
-        r"per step +5\.65525 m .*",  # (1918.91 / 60) ** (1 / 2)
-        r"worst truths +car-4 .*",
-        r"worst estimates +106 .*",
-        r"31 +car-1: 101 -> 102",
-        r"40 +car-4: none -> 107 +\(0\.5 of a switch\)",
+        r"localisation +284\.24 +16\.3 %",
+        r"missed +1050 +60\.1 % +21  .*",
+        r"false +400 +22\.9 % +8  .*",
+        r"switch +12 +0\.7 % +3  .*",
+        r"total +1746\.24 +100\.0 % .*",
+        r"per step +5\.58416 m .*",  # (1746.24 / 56) ** (1 / 2)
+        r"worst truths +5 .*",
+        r"worst estimates +107 .*",
+        r"37 +1: 101 -> 103",
+        r"12 +5: none -> 106 +\(0\.5 of a switch\)",
         r"solver +certified: solved",
     ):
         assert re.search(rf"^ +{pattern}$", out, re.MULTILINE), pattern
@@ -354,38 +354,38 @@ def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
 def test_csv_is_per_step(sample: Result) -> None:
     rows = read_csv(REPORTS["csv"](sample))
     assert list(rows[0]) == ["t", *PARTS, "total"]
-    assert [row["t"] for row in rows] == [str(t) for t in range(1, 61)]
+    assert [row["t"] for row in rows] == [str(t) for t in range(3, 59)]
     assert total(rows, "total") == pytest.approx(sample.total, rel=1e-12)
 
 
 def test_markdown(sample: Result) -> None:
     lines = REPORTS["markdown"](sample).splitlines()
-    assert "43.8054 m" in lines[0]
+    assert "41.788 m" in lines[0]
     assert "c = 10, p = 2, gamma = 2" in lines[0]
     cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
     assert {len(row) for row in cells} == {4}
     assert cells[2:] == [
-        ["localisation", "406.911", "21.2", ""],
-        ["missed", "1150", "59.9", "23"],
-        ["false", "350", "18.2", "7"],
-        ["switch", "12", "0.6", "3"],
-        ["total", "1918.91", "100", ""],
+        ["localisation", "284.24", "16.3", ""],
+        ["missed", "1050", "60.1", "21"],
+        ["false", "400", "22.9", "8"],
+        ["switch", "12", "0.7", "3"],
+        ["total", "1746.24", "100", ""],
     ]
 
 
 def test_latex(sample: Result) -> None:
     lines = REPORTS["latex"](sample).splitlines()
     assert lines[0].startswith("% ")
-    assert "43.8054 m" in lines[0]
+    assert "41.788 m" in lines[0]
     rows = [line.removesuffix(r"\\").split("&") for line in lines if line.endswith(r"\\")]
     assert {len(row) for row in rows} == {4}
     assert [[cell.strip() for cell in row] for row in rows[1:]] == [
-        ["localisation", "406.911", "21.2", ""],
-        ["missed", "1150", "59.9", "23"],
-        ["false", "350", "18.2", "7"],
-        ["switch", "12", "0.6", "3"],
-        ["total", "1918.91", "100", ""],
-        ["TGOSPA", "43.8054", "", ""],
+        ["localisation", "284.24", "16.3", ""],
+        ["missed", "1050", "60.1", "21"],
+        ["false", "400", "22.9", "8"],
+        ["switch", "12", "0.7", "3"],
+        ["total", "1746.24", "100", ""],
+        ["TGOSPA", "41.788", "", ""],
     ]
     assert [line for line in lines if line.startswith((r"\begin", r"\end"))] == [
         r"\begin{tabular}{lrrr}",
@@ -396,7 +396,7 @@ def test_latex(sample: Result) -> None:
 def test_html_of_a_notebook(sample: Result) -> None:
     html = sample._repr_html_()
     assert html.count("<table") == html.count("</table>") == 1
-    for name, number in (("tgospa", "43.8054"), ("missed", "1150"), ("false", "350")):
+    for name, number in (("tgospa", "41.788"), ("missed", "1050"), ("false", "400")):
         assert re.search(rf"{name}\D*{re.escape(number)}\D", html)
 
 
@@ -469,7 +469,7 @@ def test_attributes_bear_the_names_of_the_json(sample: Result) -> None:
 
 def test_tables_are_frames(sample: Result) -> None:
     assert sample.per_step.columns.tolist() == ["t", *PARTS, "total"]
-    assert len(sample.per_step) == 60
+    assert len(sample.per_step) == 56
     assert sample.per_step["total"].sum() == pytest.approx(sample.total, rel=1e-12)
     assert len(sample.switches) == 4
     assert sample.assignments["cost"].sum() == pytest.approx(sample.localisation, rel=1e-12)

@@ -14,6 +14,7 @@ from tgospa_eval.errors import TgospaError
 
 VERBS = {
     "evaluate": ("tgospa_eval.cli.evaluate", "One evaluation: value, bracket, decomposition."),
+    "simulate": ("tgospa_eval.cli.simulate", "A made-up scene: truth plus a tracker's errors."),
 }
 """Module and summary of each verb; the module's command is called `command`."""
 
@@ -92,6 +93,7 @@ def cli() -> None:  # \b keeps click from filling the lines below
     \b
     tgospa-eval truth.csv estimate.csv          evaluate (the default verb)
     tgospa-eval evaluate --help                 all options
+    tgospa-eval simulate DIR                    files to try it on
 
     The files are tables id,t,x[,y[,z]] with one row per object and step (CSV,
     Parquet), or MOTChallenge or KITTI text.

@@ -28,8 +28,8 @@ def csv_text(table: Table) -> str:
     return text.getvalue()
 
 
-def check_folder(folder: str, *, force: bool) -> None:
-    """See that a result folder can be written, before any work is done.
+def check_folder(folder: str, *, force: bool, option: str = "--output") -> None:
+    """See that a folder can be written, before any work is done; `option` is for messages.
 
     Raises
     ------
@@ -37,28 +37,25 @@ def check_folder(folder: str, *, force: bool) -> None:
         It is a file, or not empty and `force` is not set.
     """
     if not folder:
-        raise ConfigError("--output is empty; name a folder")
+        raise ConfigError(f"{option} is empty; name a folder")
     path = Path(folder)
     try:
         if path.exists() and not path.is_dir():
-            raise ConfigError(f"--output {folder}: is a file; name a folder")
+            raise ConfigError(f"{option} {folder}: is a file; name a folder")
         if path.is_dir() and not force and any(path.iterdir()):
-            raise ConfigError(f"--output {folder}: is not empty; name another folder, or --force")
+            raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
     except OSError as error:
-        raise ConfigError(f"--output {folder}: {error.strerror}") from None
+        raise ConfigError(f"{option} {folder}: {error.strerror}") from None
 
 
 def write_folder(result: Summary, folder: str, *, force: bool) -> None:
-    """Write the result folder: every file beside first, then renamed.
+    """Write the result folder.
 
     Raises
     ------
     ConfigError
         The folder cannot be written.
     """
-    import shutil  # here, with tempfile: they bring compression and random numbers
-    import tempfile
-
     check_folder(folder, force=force)
     texts = {
         "result.json": result.to_json(),
@@ -71,6 +68,23 @@ def write_folder(result: Summary, folder: str, *, force: bool) -> None:
     }
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
+    write_texts(texts, folder, force=force)
+
+
+def write_texts(
+    texts: dict[str, str], folder: str, *, force: bool, option: str = "--output"
+) -> None:
+    """Write the files of a folder: every file beside first, then renamed.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written.
+    """
+    import shutil  # here, with tempfile: they bring compression and random numbers
+    import tempfile
+
+    check_folder(folder, force=force, option=option)
     path = Path(folder).absolute()
     beside: str | None = None
     try:
@@ -82,7 +96,7 @@ def write_folder(result: Summary, folder: str, *, force: bool) -> None:
         for name in texts:
             os.replace(Path(beside) / name, path / name)
     except OSError as error:
-        raise ConfigError(f"--output {folder}: cannot be written: {error.strerror}") from None
+        raise ConfigError(f"{option} {folder}: cannot be written: {error.strerror}") from None
     finally:
         if beside is not None:
             shutil.rmtree(beside, ignore_errors=True)

@@ -1,0 +1,76 @@
+"""From the options of ``simulate`` to files."""
+
+import shlex
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.cli.work import emit
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.write import WRITERS
+from tgospa_eval.reports.files import check_folder, write_texts
+from tgospa_eval.simulation import Scene, Tracker, simulate
+from tgospa_eval.trajectories import Trajectories
+
+OPTION = "DIR"
+"""What messages about the folder begin with."""
+
+
+def make_scene(folder: str, options: dict[str, Any]) -> None:
+    """Make a scene, write it, say so on stdout.
+
+    Raises
+    ------
+    ConfigError
+        An option has no meaning, or the folder cannot be written.
+    """
+    check_folder(folder, force=options["force"], option=OPTION)
+    scene, tracker = _settings(options)
+    truth, estimate = simulate(scene, tracker, np.random.default_rng(options["seed"]))
+    names = ("truth.csv", "estimate.csv") if options["format"] == "csv" else ("gt.txt", "res.txt")
+    if options["format"] == "kitti":  # whose frames count from 0
+        truth, estimate = (replace(side, times=side.times - 1) for side in (truth, estimate))
+    write = WRITERS[options["format"]]
+    texts = {
+        name: write(side, role)
+        for name, side, role in zip(names, (truth, estimate), ("truth", "estimate"), strict=True)
+    }
+    write_texts(texts, folder, force=options["force"], option=OPTION)
+    emit(
+        f"{folder}: {scene.scenario}, {scene.steps} steps; {_size(truth, 'truth')} in {names[0]}, "
+        f"{_size(estimate, 'estimate')} in {names[1]}\n"
+        f"{_command(folder, names, options, tracker)}\n"
+    )
+
+
+def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
+    boxes = options["format"] != "csv"
+    if boxes and options["state"] == "point":
+        raise ConfigError(f"--state point: {options['format']} files hold boxes; leave it out")
+    scene = Scene(
+        state=options["state"] or ("box" if boxes else "point"),
+        **{name: options[name] for name in ("scenario", "targets", "steps", "area")},
+    )
+    scaled = {"noise": scene.area / 200, "near": scene.area / 20}
+    given: dict[str, Any] = {field.name: options[field.name] for field in fields(Tracker)}
+    given |= {name: value for name, value in scaled.items() if given[name] is None}
+    return scene, Tracker(**given)
+
+
+def _size(side: Trajectories, what: str) -> str:
+    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _command(folder: str, names: tuple[str, str], options: dict[str, Any], tracker: Tracker) -> str:
+    """With a cutoff well above the noise, and the price of a switch a quarter of it squared."""
+    paths = " ".join(shlex.quote(str(Path(folder) / name)) for name in names)
+    cutoff = max(options["area"] / 20, 5 * tracker.noise)
+    format_ = options["format"]
+    formats = f" --truth-format {format_} --estimate-format {format_}" if format_ != "csv" else ""
+    return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"

@@ -1,0 +1,98 @@
+"""Trajectories -> text of a file, row by row in the order of (step, track)."""
+
+import csv
+import io
+from collections.abc import Callable, Iterator
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.trajectories import Trajectories
+
+BOX = ("left", "top", "width", "height")
+
+
+def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
+    """CSV ``id,t,...``; numbers are read back as the same doubles.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        Of any columns.
+    role : {"truth", "estimate"}
+        Makes no difference here.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("id", "t", *trajectories.columns))
+    writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
+    return text.getvalue()
+
+
+def motchallenge_text(trajectories: Trajectories, role: str) -> str:
+    """MOTChallenge text: ``frame,id,left,top,width,height`` and what the role asks for.
+
+    Truth: consider-flag 1, class 1 (pedestrian), visibility 1. Estimate: score 1 and three unused
+    fields -1.
+
+    Raises
+    ------
+    InputError
+        Not boxes, or an id or time that is no whole number.
+    """
+    tail = ",1,1,1\n" if role == "truth" else ",1,-1,-1,-1\n"
+    return "".join(
+        ",".join((str(frame), str(name), *map(repr, box))) + tail
+        for name, frame, box in _boxes(trajectories, "MOTChallenge")
+    )
+
+
+def kitti_text(trajectories: Trajectories, role: str) -> str:
+    """KITTI tracking labels: class Car, the image box, everything else unknown.
+
+    ``frame id type truncated occluded alpha left top right bottom`` with six decimals, then
+    dimensions -1, location -1000 and rotation -10, which is how KITTI writes "unknown"; in an
+    estimate truncated and occluded are unknown too (-1), and the score 1 comes last.
+
+    Raises
+    ------
+    InputError
+        Not boxes, or an id or time that is no whole number.
+    """
+    seen, score = ("0 0", "") if role == "truth" else ("-1 -1", " 1")
+    return "".join(
+        f"{frame} {name} Car {seen} -10 "
+        f"{left:.6f} {top:.6f} {left + width:.6f} {top + height:.6f} "
+        f"-1 -1 -1 -1000 -1000 -1000 -10{score}\n"
+        for name, frame, (left, top, width, height) in _boxes(trajectories, "KITTI")
+    )
+
+
+WRITERS: dict[str, Callable[[Trajectories, str], str]] = {
+    "csv": csv_text,
+    "motchallenge": motchallenge_text,
+    "kitti": kitti_text,
+}
+
+
+def _rows(trajectories: Trajectories) -> Iterator[tuple[str, object, list[float]]]:
+    """Id, time and state of each row, as plain Python values: their text is the shortest exact."""
+    times = trajectories.times if trajectories.labels is None else trajectories.labels
+    ids, times = trajectories.ids.tolist(), times.tolist()
+    for step, track, state in zip(
+        trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True
+    ):
+        yield ids[track], times[step], state.tolist()
+
+
+def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, list[float]]]:
+    if trajectories.columns != BOX:
+        raise InputError(
+            f"{name} files hold boxes {','.join(BOX)}, not {','.join(trajectories.columns)}"
+        )
+    for identity, time, state in _rows(trajectories):
+        try:
+            number, frame = int(identity), int(str(time))
+        except ValueError:
+            raise InputError(
+                f'{name} files number objects and frames; id "{identity}" at {time} does not fit'
+            ) from None
+        yield number, frame, state

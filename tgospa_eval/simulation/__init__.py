@@ -1,0 +1,225 @@
+"""Made-up scenes: a ground truth by name, and what a tracker with known errors makes of it."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import MOST, ConfigError, real_number
+from tgospa_eval.simulation import tracker as errors
+from tgospa_eval.simulation.encounters import encounters
+from tgospa_eval.simulation.scenarios import SCENARIOS
+from tgospa_eval.trajectories import Trajectories
+
+Floats = NDArray[np.float64]
+
+COLUMNS = {"point": ("x", "y"), "box": ("left", "top", "width", "height")}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """The ground truth to make.
+
+    Parameters
+    ----------
+    scenario : str
+        A name of `tgospa_eval.simulation.SCENARIOS`.
+    targets, steps : int
+        How many; at least 0 and 1.
+    area : float
+        Side A of the square [0, A]^2, in state units; from 1e-6 to 1e12.
+    state : {"point", "box"}
+        ``x, y``, or ``left, top, width, height`` of a box around that point; its height is uniform
+        in [A/20, A/8] and constant, its width 0.4 of that.
+
+    Raises
+    ------
+    ConfigError
+        A value is none of these.
+    """
+
+    scenario: str = "crossing"
+    targets: int = 5
+    steps: int = 60
+    area: float = 200.0
+    state: str = "point"
+
+    def __post_init__(self) -> None:
+        for name, value, known in (
+            ("scenario", self.scenario, SCENARIOS),
+            ("state", self.state, COLUMNS),
+        ):
+            if value not in known:
+                raise ConfigError(f'{name} is "{value}": must be one of {", ".join(known)}')
+        _check_integer("targets", self.targets, 0)
+        _check_integer("steps", self.steps, 1)
+        if self.targets * self.steps > MOST:
+            raise ConfigError(
+                f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
+                f"must be at most {MOST}"
+            )
+        area = _number("area", self.area)
+        if not 1e-6 <= area <= 1e12:
+            raise ConfigError(f"area is {area:g}: must be from 1e-6 to 1e12")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracker:
+    """The errors of a tracker; one without any by default.
+
+    Parameters
+    ----------
+    noise : float
+        Standard deviation of each coordinate, in state units.
+    detection : float
+        Probability that a target is reported at a step.
+    confirmation : int
+        Steps after its birth at which a target is not reported yet.
+    merges : float
+        Probability that two targets are one track for as long as they are near.
+    swaps : float
+        Probability that two near targets exchange their tracks where they are closest.
+    near : float
+        Distance below which two targets are near, in state units.
+    fragmentation : float
+        Probability, for every step, that a track is lost.
+    lost : int
+        Steps until it is found again, under a new number.
+    latency : int
+        Steps by which every report is late.
+    false_rate : float
+        Mean number of false tracks that begin at a step.
+    false_length : (int, int)
+        Their lengths in steps: least and most, each as likely as any between.
+
+    Raises
+    ------
+    ConfigError
+        A value has no meaning.
+    """
+
+    noise: float = 0.0
+    detection: float = 1.0
+    confirmation: int = 0
+    merges: float = 0.0
+    swaps: float = 0.0
+    near: float = 10.0
+    fragmentation: float = 0.0
+    lost: int = 3
+    latency: int = 0
+    false_rate: float = 0.0
+    false_length: tuple[int, int] = (3, 10)
+
+    def __post_init__(self) -> None:
+        for name, most in (("noise", 1e12), ("near", 1e12), ("false_rate", 1e6)):
+            value = _number(name, getattr(self, name))
+            if not 0 <= value <= most:
+                raise ConfigError(f"{_spelt(name)} is {value:g}: must be from 0 to {most:g}")
+        for name in ("detection", "merges", "swaps", "fragmentation"):
+            value = _number(name, getattr(self, name))
+            if not 0 <= value <= 1:
+                raise ConfigError(f"{name} is {value:g}: must be a probability, from 0 to 1")
+        for name in ("confirmation", "lost", "latency"):
+            _check_integer(name, getattr(self, name), 0)
+        try:
+            shortest, longest = self.false_length
+        except (TypeError, ValueError):
+            raise ConfigError(
+                f"false-length is {self.false_length!r}: must be two numbers, least and most"
+            ) from None
+        _check_integer("false-length", shortest, 1)
+        _check_integer("false-length", longest, 1)
+        if shortest > longest:
+            raise ConfigError(f"false-length is {shortest}:{longest}: the least comes first")
+
+
+def simulate(
+    scene: Scene, tracker: Tracker, rng: np.random.Generator
+) -> tuple[Trajectories, Trajectories]:
+    """Make a scene and what the tracker reports of it.
+
+    Times count from 1, ids of truths too; the track that begins on truth i is number 100 + i
+    (1000 + i from 100 targets on, and so on), later tracks follow. Values are rounded to about a
+    hundred-thousandth of the area, or of 200 times the noise if that is less: machines whose sines
+    differ in the last digit still make the same files.
+
+    Every error has a stream of random numbers of its own: changing one leaves the draws of the
+    others as they are.
+
+    Parameters
+    ----------
+    scene : Scene
+        The ground truth to make.
+    tracker : Tracker
+        The errors of the tracker.
+    rng : numpy.random.Generator
+        The same state gives the same result.
+
+    Returns
+    -------
+    truth, estimate : Trajectories
+        On the same times.
+    """
+    streams = rng.spawn(8)
+    truth = SCENARIOS[scene.scenario](scene.targets, scene.steps, scene.area, streams[0])
+    if scene.state == "box":
+        truth = _with_sizes(truth, scene.area, streams[1])
+    real = _tracks(truth, tracker, streams[2:7])
+    false = errors.false_tracks(
+        scene.steps, tracker.false_rate, tracker.false_length, scene.area, streams[7]
+    )
+    if scene.state == "box":
+        false = _with_sizes(false, scene.area, streams[7])
+    estimate = np.concatenate((real, false), axis=1)
+    scale = min(scene.area, 200 * tracker.noise or np.inf)
+    decimals = min(5 - math.floor(math.log10(scale)), 12)
+    return (
+        _trajectories(truth, scene, decimals, 0),
+        _trajectories(estimate, scene, decimals, 10 ** max(2, len(str(scene.targets)))),
+    )
+
+
+def _tracks(truth: Floats, tracker: Tracker, streams: list[np.random.Generator]) -> Floats:
+    """What is reported of the targets."""
+    for_merges, for_noise, for_misses, for_swaps, for_losses = streams
+    meetings = encounters(truth, tracker.near if tracker.merges or tracker.swaps else 0.0)
+    states = errors.confirm_late(truth, tracker.confirmation)
+    states = errors.merge(states, meetings, tracker.merges, for_merges)
+    states = errors.add_noise(states, tracker.noise, for_noise)
+    states = errors.miss(states, tracker.detection, for_misses)
+    states = errors.swap(states, meetings, tracker.swaps, for_swaps)
+    states = errors.fragment(states, tracker.fragmentation, tracker.lost, for_losses)
+    return errors.lag(states, tracker.latency)
+
+
+def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Floats:
+    """Centres (T, k, 2) to boxes (T, k, 4) as centre and size."""
+    height = rng.uniform(area / 20, area / 8, centres.shape[1])
+    size = np.stack((0.4 * height, height), axis=-1)
+    return np.concatenate((centres, np.where(np.isnan(centres), np.nan, size)), axis=-1)
+
+
+def _trajectories(states: Floats, scene: Scene, decimals: int, before: int) -> Trajectories:
+    """Rounded and named; boxes from centre and size to corner and size."""
+    if scene.state == "box":
+        size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
+        states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
+    kept = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
+    found = Trajectories.from_array(np.round(states[:, kept], decimals), COLUMNS[scene.state])
+    ids = np.array([str(before + 1 + k) for k in kept], dtype=object)
+    return replace(found, ids=ids, times=np.arange(1, scene.steps + 1))
+
+
+def _spelt(name: str) -> str:
+    return name.replace("_", "-")
+
+
+def _number(name: str, value: object) -> float:
+    return real_number(_spelt(name), value)
+
+
+def _check_integer(name: str, value: object, least: int) -> None:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not least <= value <= MOST:  # type: ignore[operator]
+        raise ConfigError(f"{name} is {value!r}: must be a whole number, from {least} to {MOST}")

@@ -1,0 +1,118 @@
+"""Ground truth of made-up scenes. Knows no tracker and no file.
+
+Every scenario is a function ``(targets, steps, area, rng) -> (T, m, 2)`` of positions in the square
+[0, A]^2, NaN where a target does not exist; A is `area`, the side of the square.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Scenario = Callable[[int, int, float, np.random.Generator], Floats]
+
+SPEED = 1 / 100
+"""Typical step of a free target, as a share of the side of the square."""
+
+LEG = 10
+"""Steps for which a manoeuvring target keeps its turn rate: a quarter of a circle."""
+
+
+def crossing(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
+    """Straight lines that meet in the middle at half time.
+
+    x_i(u) = A/2 + o_i + 0.4 A u (cos a_i, sin a_i), u from -1 to 1; offsets o_i uniform in
+    [-A/40, A/40]^2, directions a_i = 2 pi (i + U[0, 1]) / m.
+    """
+    angle = 2 * np.pi * (np.arange(targets) + rng.random(targets)) / max(targets, 1)
+    along = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+    middle = area / 2 + rng.uniform(-area / 40, area / 40, (targets, 2))
+    states: Floats = middle + 0.4 * area * (2 * _progress(steps) - 1) * along
+    return states
+
+
+def parallel(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
+    """Lanes with distance A / (m + 1), all at one speed.
+
+    x_i(u) = A (s_i + 0.8 u), y_i = A (i + 1) / (m + 1), u from 0 to 1; starts s_i uniform in
+    [0, 0.2].
+    """
+    start = np.stack(
+        (rng.uniform(0, 0.2, targets), (np.arange(targets) + 1) / (targets + 1)), axis=-1
+    )
+    return area * (start + np.array([0.8, 0.0]) * _progress(steps))
+
+
+def convoy(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
+    """One behind another on a winding road, g = min(A/20, 0.3 A/m) apart.
+
+    x_i(u) = A/20 + g (m - 1 - i) + (0.9 A - g (m - 1)) u,
+    y_i = A/2 + A/5 sin(2 pi x_i / A + phi), phi uniform.
+    """
+    apart = min(area / 20, 0.3 * area / max(targets, 1))
+    behind = apart * np.arange(targets)[::-1]
+    way = 0.9 * area - apart * max(targets - 1, 0)
+    x = area / 20 + behind + way * _progress(steps)[..., 0]
+    y = area / 2 + area / 5 * np.sin(2 * np.pi * x / area + rng.uniform(0, 2 * np.pi))
+    return np.stack((x, y), axis=-1)
+
+
+def dense(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
+    """Random walkers that fill the square and turn back at its sides.
+
+    Steps N(0, (A/100)^2) at first, changed by N(0, (A/500)^2) at every step.
+    """
+    sizes = np.full((steps, 1, 1), SPEED * area / 5)
+    sizes[:1] = SPEED * area
+    velocity = np.cumsum(rng.normal(size=(steps, targets, 2)) * sizes, axis=0)
+    return _walk(velocity, area, rng)
+
+
+def births(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
+    """Straight lines of targets that are born and die.
+
+    Lifetimes uniform in {ceil(T/4), ..., T}, births uniform in what that leaves; steps
+    N(0, (A/100)^2).
+    """
+    velocity = np.repeat(rng.normal(0, SPEED * area, (1, targets, 2)), steps, axis=0)
+    states = _walk(velocity, area, rng)
+    life = rng.integers(-(-steps // 4), steps, targets, endpoint=True)
+    born = rng.integers(0, steps - life, endpoint=True)
+    step = np.arange(steps)[:, None]
+    states[(step < born) | (step >= born + life)] = np.nan
+    return states
+
+
+def manoeuvring(targets: int, steps: int, area: float, rng: np.random.Generator) -> Floats:
+    """Constant speed A/100; every 10 steps straight on, or a turn by 90 degrees left or right."""
+    legs = rng.integers(-1, 1, (-(-steps // LEG), targets), endpoint=True)
+    turn = np.repeat(legs * (np.pi / 2 / LEG), LEG, axis=0)[:steps]
+    heading = rng.uniform(0, 2 * np.pi, targets) + np.cumsum(turn, axis=0)
+    velocity = SPEED * area * np.stack((np.cos(heading), np.sin(heading)), axis=-1)
+    return _walk(velocity, area, rng)
+
+
+SCENARIOS: dict[str, Scenario] = {
+    "crossing": crossing,
+    "parallel": parallel,
+    "convoy": convoy,
+    "dense": dense,
+    "births": births,
+    "manoeuvring": manoeuvring,
+}
+
+
+def _progress(steps: int) -> Floats:
+    """Share of the time that has gone, 0 to 1, (T, 1, 1)."""
+    return np.linspace(0, 1, steps)[:, None, None]
+
+
+def _walk(velocity: Floats, area: float, rng: np.random.Generator) -> Floats:
+    """Positions from a uniform start, reflected at the sides of the square.
+
+    Reflection at both sides is a triangle wave of the unbounded position z:
+    A - |z mod 2A - A|.
+    """
+    start = rng.uniform(0, area, velocity.shape[1:])
+    return area - np.abs((start + np.cumsum(velocity, axis=0)) % (2 * area) - area)

@@ -1,0 +1,120 @@
+"""What trackers do wrong, one function each. Knows no scenario and no file.
+
+Each takes states (T, n, d), NaN where absent, and returns new ones. A column is a track; before
+`swap` and `fragment` column i follows target i. Meetings are those of
+`tgospa_eval.simulation.encounters`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def confirm_late(states: Floats, delay: int) -> Floats:
+    """Leave out the first `delay` steps of every track."""
+    seen = np.cumsum(~np.isnan(states[..., 0]), axis=0)
+    return np.where((seen > delay)[..., None], states, np.nan)
+
+
+def merge(states: Floats, meetings: Ints, probability: float, rng: np.random.Generator) -> Floats:
+    """In an encounter, with this probability, report one track for the two targets.
+
+    For as long as it lasts the first of the two is at the mean of both, the second is silent. A
+    track merges with one other at a time: the encounter that begins first.
+    """
+    merged = states.copy()
+    busy = np.zeros(states.shape[:2], bool)
+    chosen = meetings[rng.random(len(meetings)) < probability]
+    for first, second, begin, end, _ in chosen.tolist():
+        pair = (slice(begin, end), [first, second])
+        if busy[pair].any():
+            continue
+        busy[pair] = True
+        a, b = states[begin:end, first], states[begin:end, second]
+        merged[begin:end, first] = np.where(np.isnan(a), b, np.where(np.isnan(b), a, (a + b) / 2))
+        merged[begin:end, second] = np.nan
+    return merged
+
+
+def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Floats:
+    """Add N(0, deviation^2) to every coordinate, independently."""
+    return states + rng.normal(0, deviation, states.shape)
+
+
+def miss(states: Floats, detection: float, rng: np.random.Generator) -> Floats:
+    """Keep each state with the probability `detection`, independently."""
+    return np.where((rng.random(states.shape[:2]) < detection)[..., None], states, np.nan)
+
+
+def swap(states: Floats, meetings: Ints, probability: float, rng: np.random.Generator) -> Floats:
+    """In an encounter, with this probability, exchange the two tracks from its closest step on."""
+    chosen = meetings[rng.random(len(meetings)) < probability]
+    chosen = chosen[np.argsort(chosen[:, 4], kind="stable")]
+    track = np.arange(states.shape[1])  # of each target, from one swap to the next
+    target = track.copy()  # of each track
+    swapped = np.empty_like(states)
+    done = 0
+    for first, second, _, _, closest in chosen.tolist():
+        swapped[done:closest] = states[done:closest, target]
+        done = closest
+        track[[first, second]] = track[[second, first]]
+        target[track[[first, second]]] = first, second
+    swapped[done:] = states[done:, target]
+    return swapped
+
+
+def fragment(states: Floats, probability: float, gap: int, rng: np.random.Generator) -> Floats:
+    """At each reported step, with this probability, lose the track.
+
+    It is silent from that step on for `gap` steps, and then goes on under a new number: in a new
+    column, after those that are there. The first step of a track is never lost.
+    """
+    states = states.copy()
+    present = ~np.isnan(states[..., 0])
+    lost = (rng.random(present.shape) < probability) & present
+    lost &= np.cumsum(present, axis=0) > 1
+    fresh = []
+    for column in range(states.shape[1]):
+        track, free = states[:, column], 0
+        for step in np.flatnonzero(lost[:, column]):
+            if step < free:
+                continue
+            free = int(step) + gap
+            if np.isnan(track[free:]).all():
+                track[step:free] = np.nan
+                break
+            rest = np.full_like(track, np.nan)
+            rest[free:] = track[free:]
+            track[step:] = np.nan
+            # The first report of the new number may not be lost at once either.
+            free += int(np.flatnonzero(~np.isnan(rest[free:, 0]))[0]) + 1
+            fresh.append(rest)
+            track = rest
+    return np.concatenate((states, *(track[:, None] for track in fresh)), axis=1)
+
+
+def lag(states: Floats, steps: int) -> Floats:
+    """Report at step k the state of step k - `steps`."""
+    late = np.full_like(states, np.nan)
+    late[steps:] = states[: max(len(states) - steps, 0)]
+    return late
+
+
+def false_tracks(
+    steps: int, rate: float, length: tuple[int, int], area: float, rng: np.random.Generator
+) -> Floats:
+    """Tracks of nothing, (T, f, 2).
+
+    At every step Poisson(`rate`) of them begin. Lengths are uniform in {length[0], ..., length[1]}
+    and end with the recording; the start is uniform in the square, the way a straight line with
+    steps N(0, (A/100)^2).
+    """
+    begin = np.repeat(np.arange(steps), rng.poisson(rate, steps))
+    long = rng.integers(*length, len(begin), endpoint=True)
+    start = rng.uniform(0, area, (len(begin), 2))
+    velocity = rng.normal(0, area / 100, (len(begin), 2))
+    age = np.arange(steps)[:, None] - begin
+    alive = (age >= 0) & (age < long)
+    return np.where(alive[..., None], start + velocity * age[..., None], np.nan)
