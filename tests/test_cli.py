@@ -434,6 +434,8 @@ def test_interrupt(environment: dict[str, str], crowd: Pair, tmp_path: Path) -> 
         encoding="utf-8",
         env=environment,
         cwd=tmp_path,
+        # A shell that runs the tests in the background has them ignore interrupts.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert process.stderr is not None
     try:

@@ -24,6 +24,13 @@ def sum_by(index: Ints, value: Floats, size: int) -> Floats:
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
 
 
+def sum_parts(value: Floats, first: Ints) -> Floats:
+    """Sum of each part of the values; part i begins at first[i] and ends before first[i + 1]."""
+    total: Floats = np.add.reduceat(np.append(value, 0.0), first[:-1])
+    total[first[1:] == first[:-1]] = 0.0  # reduceat gives the value at hand there
+    return total
+
+
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
     """The three numbers of the metric.

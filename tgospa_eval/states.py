@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import check_size
-from tgospa_eval.problem import Floats, Ints, Problem
+from tgospa_eval.problem import Floats, Ints, Problem, sum_parts
 
 PART = 1 << 19
 """States that are looked at together where arrays as long as all states would be too much."""
@@ -116,7 +116,7 @@ class Slots:
         of running sums are exact then, even where the sum over all nodes overflows, and a small sum
         never loses its digits to large prices far away.
         """
-        size = np.add.reduceat(np.append(np.abs(price), 0.0), self.first[:-1])
+        size = sum_parts(np.abs(price), self.first)
         unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
         running = np.zeros(len(price) + 1, np.int64)
         for part in parts(len(price)):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
-from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.problem import Floats, Ints, sum_by, sum_parts
 from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 from tgospa_eval.solvers.limits import load
 from tgospa_eval.states import States, connected_components
@@ -92,9 +92,8 @@ class Ascent:
 
         self.keep(wanted)
         self.alone = alone_costs(states)
-        off = np.add.reduceat(np.append(self.offset, 0.0), self.group_first[:-1])
-        off[self.group_first[1:] == self.group_first[:-1]] = 0.0
-        self.taken_off = sum_by(states.node_block, off, blocks)
+        taken_off = sum_parts(self.offset, self.group_first)
+        self.taken_off = sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(slots)
         self.bound = self.survey(self.prices, 0.0)
         rounded = np.zeros(size, np.uint8)
@@ -162,8 +161,7 @@ class Ascent:
     def _paid(self, prices: Floats) -> Floats:
         """Sum of the prices of each open block, (B,)."""
         s = self.states
-        of_node = np.add.reduceat(np.append(prices, 0.0), s.columns.first[:-1])
-        of_node[s.columns.first[1:] == s.columns.first[:-1]] = 0.0
+        of_node = sum_parts(prices, s.columns.first)
         return sum_by(s.node_block, of_node, len(s.block_begin)) * self.open
 
     def has(self, flag: int) -> NDArray[np.bool_]:
@@ -288,11 +286,11 @@ class Ascent:
         """Offer the majorities as paths, each then re-optimised given the others."""
         s = self.states
         rounded = np.zeros(len(s.begin), np.uint8)
-        load = self._majority(rounded)
+        taken = self._majority(rounded)
         for _ in range(2):
             changed = kernels.improve(
                 self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-                self.crossing, self.gain, self.group_first, self.offset, load, rounded, self.own,
+                self.crossing, self.gain, self.group_first, self.offset, taken, rounded, self.own,
             )  # fmt: skip
             if not changed:
                 break
@@ -360,12 +358,12 @@ class Ascent:
     def _majority(self, weights: NDArray[np.uint8]) -> Ints:
         """Write feasible weights 0 and 1; what uses each column slot."""
         s = self.states
-        load = np.zeros(len(s.columns.step), np.int32)
+        taken = np.zeros(len(s.columns.step), np.int32)
         kernels.majority(
             self.rows, self.row_first, self.order, s.begin, self.window_end, s.columns.begin,
-            self.slot_end, self.flags, weights, load,
+            self.slot_end, self.flags, weights, taken,
         )  # fmt: skip
-        return load
+        return taken
 
 
 def _relative(states: States, order: Ints, row_first: Ints) -> tuple[Floats, Ints, Floats]:

@@ -16,6 +16,9 @@ from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
+LATE = "stopped by the time limit"
+"""Status of what had no time left."""
+
 SIZE = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
 

@@ -13,7 +13,7 @@ from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import ONE, Solution, repair
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
-from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
@@ -122,9 +122,7 @@ class Certified:
         wide = ascent.wide(self.gap)
         return Answer(
             iterations=iterations + programmes.iterations,
-            status=("stopped by the time limit" if batch.late() else "not solved")
-            if wide.any()
-            else "solved",
+            status=(LATE if batch.late() else "not solved") if wide.any() else "solved",
             open=np.flatnonzero(wide),
             left=left,
             wide=np.flatnonzero(wide),

@@ -6,7 +6,7 @@ import numpy as np
 
 from tgospa_eval.problem import Floats, sum_by
 from tgospa_eval.result import best_values
-from tgospa_eval.solvers.batches import Answer, Batch
+from tgospa_eval.solvers.batches import LATE, Answer, Batch
 from tgospa_eval.solvers.kernels import best_paths, better, price_cap
 from tgospa_eval.solvers.residual import residual
 from tgospa_eval.states import States
@@ -29,7 +29,7 @@ def solve_contest(batch: Batch) -> Answer:
         iterations += steps
         if not solved:
             unsolved.append(number)
-    late = "stopped by the time limit" if batch.late() else "HiGHS failed"
+    late = LATE if batch.late() else "HiGHS failed"
     return Answer(
         iterations=iterations,
         status=late if unsolved else "solved",

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from tgospa_eval.errors import SolverError
 from tgospa_eval.result import Solution
-from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
+from tgospa_eval.solvers.batches import LATE, Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.kernels import (
     better,
     check_time_limit,
@@ -80,7 +80,7 @@ def _solve_blocks(batch: Batch) -> Answer:
     seconds = {"build": 0.0, "lp": 0.0}
     for block in np.flatnonzero(batch.wanted).tolist():
         if batch.late():
-            statuses.append("stopped by the time limit")
+            statuses.append(LATE)
             open_blocks.append(block)
             continue
         part, state, slot = states.between(block, block + 1)

@@ -17,7 +17,7 @@ from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.ascent import Ascent
-from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
@@ -33,7 +33,6 @@ WARM = 12
 CHECK = 24
 """Sweeps between two looks at the bracket."""
 
-LATE = "stopped by the time limit"
 MOST_SWEEPS = 2000
 VIOLATION = 1e-6
 NEGLIGIBLE = 25.0
