@@ -6,9 +6,11 @@ import sys
 import numpy as np
 import pytest
 
-from tgospa_eval.distances import DISTANCES, Norm, gating, near_pairs, search
+from tgospa_eval.distances import DISTANCES, Distance, gating, near_pairs, search
 from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.trajectories import Trajectories
+
+NORMS = ("euclidean", "manhattan", "chebyshev")
 
 
 def table(step: np.ndarray, state: np.ndarray, steps: int) -> Trajectories:
@@ -24,7 +26,7 @@ def table(step: np.ndarray, state: np.ndarray, steps: int) -> Trajectories:
 
 
 def assert_as_by_brute_force(
-    truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Norm
+    truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Distance
 ) -> None:
     with np.errstate(over="ignore", invalid="ignore"):
         distance = norm(truth.state[:, None], estimate.state[None])
@@ -86,8 +88,8 @@ def test_near_pairs(kind: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
         count = int(rng.integers(30, 60))
         steps = rng.integers(0, 4, (2, count)) * 2 + [[0], [1]] * rng.integers(0, 2, count)
         truth, estimate = (table(step, points(kind, count, size, rng), 9) for step in steps)
-        for norm in DISTANCES.values():
-            assert_as_by_brute_force(truth, estimate, 5.0, norm)
+        for norm in NORMS:
+            assert_as_by_brute_force(truth, estimate, 5.0, DISTANCES[norm])
         for cutoff in (1e-3, 1e300):
             assert_as_by_brute_force(truth, estimate, cutoff, DISTANCES["manhattan"])
 
@@ -115,7 +117,7 @@ def test_an_empty_side(counts: tuple[int, int], steps: int) -> None:
     assert median_nearest(*sides, DISTANCES["euclidean"]) is None
 
 
-@pytest.mark.parametrize("name", DISTANCES)
+@pytest.mark.parametrize("name", NORMS)
 def test_norms(name: str) -> None:
     a, b = np.random.default_rng(0).normal(size=(2, 6, 1, 5))
     order = {"euclidean": 2, "manhattan": 1, "chebyshev": np.inf}[name]

@@ -7,7 +7,7 @@ import numpy as np
 
 from tgospa_eval import __version__
 from tgospa_eval.compiled import KERNEL
-from tgospa_eval.distances import DISTANCES, Norm, Pairs, near_pairs
+from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
@@ -27,11 +27,11 @@ GAP = 1e-9
 def evaluate(
     truth: "Trajectories | pd.DataFrame | Floats",
     estimate: "Trajectories | pd.DataFrame | Floats",
-    cutoff: float = 10.0,
+    cutoff: float | None = None,
     order: float = 2,
-    switch_penalty: float = 2.0,
+    switch_penalty: float | None = None,
     *,
-    distance: str | Norm = "euclidean",
+    distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
 ) -> Result:
@@ -42,14 +42,17 @@ def evaluate(
     truth, estimate : Trajectories, DataFrame or array
         As read by `read_trajectories`; in the long form ``id, t, x[, y[, z]]``; or (T, k, d) with
         NaN for absent.
-    cutoff : float
-        c > 0, in the unit of the states.
+    cutoff : float, optional
+        c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
     order : float
         p >= 1.
-    switch_penalty : float
-        gamma >= 0, in the unit of the states.
-    distance : str or Norm
-        Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``.
+    switch_penalty : float, optional
+        gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
+    distance : str or Distance
+        Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``, ``"haversine"``,
+        ``"iou"``, or a record of `tgospa_eval.distances` with settings: `Norm`, `Mahalanobis`.
+        Arrays and DataFrames are taken to have the columns that it needs: ``lat, lon`` or
+        ``left, top, width, height``.
     solver : str or solver record
         ``"certified"``, ``"exact"``, ``"sinkhorn"``, or `Certified`, `Exact`, `Sinkhorn` with
         settings.
@@ -66,15 +69,24 @@ def evaluate(
     ConfigError
         A parameter is out of range or a name is unknown.
     InputError
-        The two sides do not fit: other columns, other kinds of time.
+        The two sides do not fit: other columns, other kinds of time, states out of range.
     """
     stopwatch = Stopwatch()
+    measure = _distance(distance)
     with stopwatch.span("read"):
-        sides = as_trajectories(truth, "truth"), as_trajectories(estimate, "estimate")
+        sides = (
+            as_trajectories(truth, "truth", measure.columns),
+            as_trajectories(estimate, "estimate", measure.columns),
+        )
+    defaults = measure.defaults
     return evaluate_trajectories(
         *sides,
-        parameters=Parameters(cutoff=cutoff, order=order, switch_penalty=switch_penalty),
-        distance=distance,
+        parameters=Parameters(
+            cutoff=defaults[0] if cutoff is None else cutoff,
+            order=order,
+            switch_penalty=defaults[1] if switch_penalty is None else switch_penalty,
+        ),
+        distance=measure,
         solver=_solver(solver),
         unit=unit,
         stopwatch=stopwatch,
@@ -86,7 +98,7 @@ def evaluate_trajectories(
     estimate: Trajectories,
     *,
     parameters: Parameters,
-    distance: str | Norm,
+    distance: str | Distance,
     solver: Solver,
     unit: str | None = None,
     settings: dict[str, Any] | None = None,
@@ -101,7 +113,7 @@ def evaluate_trajectories(
         The two sides, each on its own times.
     parameters : Parameters
         Cutoff, order and switch penalty.
-    distance : str or Norm
+    distance : str or Distance
         Base distance.
     solver : Solver
         Record of settings.
@@ -120,8 +132,9 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
-    norm = _distance(distance)
+    measure = _distance(distance)
     check_columns(truth, estimate)
+    check_states(truth, estimate, measure)
     with stopwatch.span("report"):
         told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
         described = {
@@ -132,7 +145,7 @@ def evaluate_trajectories(
         }
     with stopwatch.span("distances"):
         truth, estimate = align(truth, estimate)
-        pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
+        pairs = near_pairs(truth, estimate, parameters.cutoff, measure)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
         del pairs  # the distances are as long as the entries
@@ -160,7 +173,8 @@ def evaluate_trajectories(
             "cutoff": parameters.cutoff,
             "order": parameters.order,
             "switch_penalty": parameters.switch_penalty,
-            "distance": norm.name,
+            "distance": measure.name,
+            **measure.settings(truth.columns),
             "columns": list(truth.columns),
             "unit": unit,
             **solver_settings(solver),
@@ -213,16 +227,26 @@ def _solver_record(
     }
 
 
-def as_trajectories(side: "Trajectories | pd.DataFrame | Floats", name: str) -> Trajectories:
-    """Any accepted form of one side as Trajectories; `name` begins the messages."""
+def as_trajectories(
+    side: "Trajectories | pd.DataFrame | Floats",
+    name: str,
+    columns: tuple[str, ...] | None = None,
+) -> Trajectories:
+    """Any accepted form of one side as Trajectories.
+
+    `name` begins the messages; `columns` are the state columns of tables and arrays, if the
+    distance prescribes them.
+    """
     if isinstance(side, Trajectories):
         return side
     if isinstance(side, np.ndarray):
-        return Trajectories.from_array(side)
+        fits = columns is not None and side.ndim == 3 and side.shape[2] == len(columns)
+        return Trajectories.from_array(side, columns if fits else None)
     if hasattr(side, "columns") and hasattr(side, "iloc"):
+        from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
 
-        return from_frame(side, name=name).trajectories
+        return from_frame(side, ReadOptions(columns=columns), name=name).trajectories
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
     )
@@ -249,6 +273,31 @@ def check_columns(
                 f'{name} has a column "{extra[0]}" that {missing} lacks; '
                 f"choose what to compare with --columns {','.join(common) or 'x,y'}"
             )
+
+
+def check_states(
+    truth: Trajectories,
+    estimate: Trajectories,
+    distance: Distance,
+    names: tuple[str, str] = ("truth", "estimate"),
+) -> None:
+    """The distance must be able to compare the states of both sides.
+
+    Raises
+    ------
+    ConfigError
+        Its settings do not fit the state columns.
+    InputError
+        It needs other columns, or a state is out of range.
+    """
+    for side, name in zip((truth, estimate), names, strict=True):
+        distance.check_columns(side.columns, name)
+        fault = distance.fault(side.state.T)
+        if fault is not None:
+            row, message = fault
+            time = (side.times if side.labels is None else side.labels)[side.step[row]]
+            identity = side.ids[side.track[row]]
+            raise InputError(f'{name}: at t = {time}, id "{identity}": {message}')
 
 
 def digest(side: Trajectories) -> str:
@@ -279,8 +328,8 @@ def _solver(solver: str | Solver) -> Solver:
     return solver
 
 
-def _distance(distance: str | Norm) -> Norm:
-    if isinstance(distance, Norm):
+def _distance(distance: str | Distance) -> Distance:
+    if isinstance(distance, Distance):
         return distance
     if not isinstance(distance, str) or distance not in DISTANCES:
         raise ConfigError(f'no distance "{distance}"; there are {", ".join(DISTANCES)}')

@@ -11,7 +11,7 @@ from tgospa_eval.cli import CONFIG
 CUTOFF = 10.0
 SWITCH_PENALTY = 2.0
 # Spelled out here, because importing the members costs numpy; a test holds them together.
-DISTANCES = ("euclidean", "manhattan", "chebyshev")
+DISTANCES = ("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou")
 SOLVERS = ("certified", "exact", "sinkhorn")
 FORMATS = ("table", "json", "csv", "markdown", "latex")
 FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti")
@@ -21,7 +21,7 @@ def option(*names: str, **settings: Any) -> Callable[[Any], Any]:
     """Make a click option that also reads the environment variable TGOSPA_EVAL_<OPTION>."""
     long = next(name for name in names if name.startswith("--")).split("/")[0]
     variable = "TGOSPA_EVAL_" + long.lstrip("-").replace("-", "_").upper()
-    return click.option(*names, envvar=variable, show_default=True, **settings)
+    return click.option(*names, envvar=variable, **{"show_default": True, **settings})
 
 
 def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | None) -> str | None:
@@ -32,14 +32,17 @@ def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | Non
     }
     used, settings = config.load(path, {name: item.is_flag for name, item in known.items()})
     ctx.meta[CONFIG] = used
-    named = {known[key].name: value for key, value in settings.items()}
+    named = {
+        known[key].name: (value,) if known[key].multiple else value
+        for key, value in settings.items()
+    }
     ctx.default_map = {**(ctx.default_map or {}), **named}
     return used
 
 
 EVALUATION = (
     option(
-        "-c", "--cutoff", type=float, default=CUTOFF,
+        "-c", "--cutoff", type=float, default=CUTOFF, show_default="10.0, of iou 0.5",
         help="Cutoff c > 0: an error counts at most c; in state units.",
     ),
     option(
@@ -48,11 +51,25 @@ EVALUATION = (
     ),
     option(
         "-g", "--switch-penalty", type=float, default=SWITCH_PENALTY,
+        show_default="2.0, of iou 0.5",
         help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
     ),
     option(
         "--distance", type=click.Choice(DISTANCES), default="euclidean",
-        help="Base distance between two states.",
+        help="Base distance between two states: haversine in metres from lat,lon; iou of boxes "
+        "left,top,width,height.",
+    ),
+    option(
+        "--covariance", metavar="FILE", type=click.Path(),
+        help="Of mahalanobis: CSV file with a matrix d x d, without header.",
+    ),
+    option(
+        "--periodic", metavar="NAME[=PERIOD]", multiple=True,
+        help="State columns on a circle: theta, theta=360.  [default period: 2 pi]",
+    ),
+    option(
+        "--scale", metavar="NAME=FACTOR", multiple=True,
+        help="State units per unit of a column: theta=2.0.",
     ),
     option(
         "--columns", metavar="NAMES",

@@ -8,14 +8,15 @@ from typing import Any
 
 import click
 
+from tgospa_eval.cli.distance import DistanceOptions, notices
 from tgospa_eval.cli.progress import run
 from tgospa_eval.compiled import KERNEL
-from tgospa_eval.distances import DISTANCES
+from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading, ReadOptions, read
-from tgospa_eval.pipeline import check_columns, evaluate_trajectories
+from tgospa_eval.pipeline import check_columns, check_states, evaluate_trajectories
 from tgospa_eval.problem import Parameters
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
@@ -54,13 +55,15 @@ def evaluate_files(
 
     if options["config"]:
         say(f"settings from {options['config']}")
+    measure = DistanceOptions(options)
+    options = with_defaults(options, given, measure)
     parameters = Parameters(
         cutoff=options["cutoff"],
         order=options["order"],
         switch_penalty=options["switch_penalty"],
     )
     solver = make_solver(options)
-    reading = read_options(options)
+    reading = read_options(options, measure)
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
     stopwatch = Stopwatch()
@@ -72,7 +75,7 @@ def evaluate_files(
                 read(estimate, reading, "estimate", options["estimate_format"]),
             )
         return _evaluate(
-            sides, (truth, estimate), parameters, solver, options, given, say, stopwatch
+            sides, (truth, estimate), parameters, solver, options, given, measure, say, stopwatch
         )
 
     result = run(work, stopwatch, show=not quiet)
@@ -110,17 +113,20 @@ def _evaluate(
     solver: Solver,
     options: dict[str, Any],
     given: dict[str, bool],
+    measure: DistanceOptions,
     say: Callable[[str], None],
     stopwatch: Stopwatch,
 ) -> Summary:
     truth, estimate = (side.trajectories for side in sides)
     check_columns(truth, estimate, paths)
+    distance = measure.distance(truth.columns)
+    check_states(truth, estimate, distance, paths)
     aligned = align(truth, estimate, paths)
     for path, side in zip(paths, sides, strict=True):
         for notice in side.notices:
             say(f"{path}: {notice}")
-    if truth.columns == ("lat", "lon"):
-        say("lat and lon are compared as plain numbers: c, gamma and errors are in degrees")
+    for notice in notices(distance, truth.columns, parameters.cutoff):
+        say(notice)
     steps = len(aligned[0].times)
     common = len(truth.times) + len(estimate.times) - steps
     say(f"{common} of {steps} steps are in both files")
@@ -129,16 +135,16 @@ def _evaluate(
     if KERNEL == "numpy" and solver.name != "exact":
         say("no compiled kernels, slower: installing with a C compiler at hand builds them")
     if not all(given.values()) and not options["quiet"]:
-        say(_default_notice(aligned, options, given))
+        say(_default_notice(aligned, distance, options, given))
     settings = {
         "parameters": parameters,
-        "distance": options["distance"],
+        "distance": distance,
         "solver": solver,
         "unit": options["unit"],
         "settings": {
             "decimal": options["decimal"],
             "on_duplicate": options["on_duplicate"],
-            **dict(read_options(options).filters()),
+            **dict(read_options(options, measure).filters()),
         },
     }
     told = about(sides[0]), about(sides[1])
@@ -170,16 +176,27 @@ def _by_class(
 
 
 def _default_notice(
-    aligned: tuple[Trajectories, Trajectories], options: dict[str, Any], given: dict[str, bool]
+    aligned: tuple[Trajectories, Trajectories],
+    distance: Distance,
+    options: dict[str, Any],
+    given: dict[str, bool],
 ) -> str:
     """One line about the defaults in use, with the scale of the data beside it."""
     names = {"cutoff": ("cutoff c", "-c"), "switch_penalty": ("switch penalty gamma", "-g")}
     defaults = [name for name, is_given in given.items() if not is_given]
     used = " and ".join(f"{names[name][0]} = {options[name]:g}" for name in defaults)
-    nearest = median_nearest(*aligned, DISTANCES[options["distance"]])
+    nearest = median_nearest(*aligned, distance)
     known = nearest is not None and math.isfinite(nearest)
     scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
     return f"default {used}{scale}; choose with {' and '.join(names[name][1] for name in defaults)}"
+
+
+def with_defaults(
+    options: dict[str, Any], given: dict[str, bool], measure: DistanceOptions
+) -> dict[str, Any]:
+    """The options with the cutoff and the switch penalty of the distance where none is given."""
+    defaults = dict(zip(("cutoff", "switch_penalty"), measure.named.defaults, strict=True))
+    return options | {name: value for name, value in defaults.items() if not given[name]}
 
 
 def make_solver(options: dict[str, Any]) -> Solver:
@@ -193,14 +210,14 @@ def make_solver(options: dict[str, Any]) -> Solver:
     return solver_class(name)(**settings)
 
 
-def read_options(options: dict[str, Any]) -> ReadOptions:
+def read_options(options: dict[str, Any], measure: DistanceOptions) -> ReadOptions:
     """How to read the files."""
     columns, classes = options["columns"], options["class_"]
     return ReadOptions(
-        columns=None if columns is None else tuple(columns.split(",")),
+        columns=measure.columns(None if columns is None else tuple(columns.split(","))),
         decimal=options["decimal"],
         on_duplicate=options["on_duplicate"],
-        boxes=options["distance"] == "iou",
+        boxes=measure.boxes,
         time=options["time"],
         classes=None if classes is None else tuple(name.strip() for name in classes.split(",")),
         region=options["region"],

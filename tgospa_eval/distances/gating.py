@@ -1,15 +1,15 @@
 """Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.distances.base import Distance, Floats
 from tgospa_eval.distances.search import Side, search
-from tgospa_eval.distances.vector import Floats, Norm
 from tgospa_eval.trajectories import Ints, Trajectories
 
 ROWS = 1 << 15
@@ -38,7 +38,9 @@ class Pairs:
 
 # Differences and sums of huge coordinates may overflow: infinitely far is right.
 @np.errstate(over="ignore", invalid="ignore")
-def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Norm) -> Pairs:
+def near_pairs(
+    truth: Trajectories, estimate: Trajectories, cutoff: float, distance: Distance
+) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
     starts = _starts(truth), _starts(estimate)
     fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
@@ -47,18 +49,27 @@ def near_pairs(truth: Trajectories, estimate: Trajectories, cutoff: float, norm:
     for begin, end in _together(starts[0] + starts[1]):
         a = _rows(truth, starts[0], begin, end)
         b = _rows(estimate, starts[1], begin, end)
-        for i, j in search(a, b, cutoff, norm):
-            apart = [np.abs(x[i] - y[j]) for x, y in zip(a.axes, b.axes, strict=True)]
-            distance = norm.length(apart)
-            near = np.flatnonzero(distance < cutoff)
+        for i, j in _search(a, b, cutoff, distance):
+            value = distance.between((x[i], y[j]) for x, y in zip(a.axes, b.axes, strict=True))
+            near = np.flatnonzero(value < cutoff)
             truth_rows.add(i[near] + a.first)
             estimate_rows.add(j[near] + b.first)
-            distances.add(distance[near])
+            distances.add(value[near])
     return Pairs(
         truth_row=truth_rows.done(),
         estimate_row=estimate_rows.done(),
         distance=distances.done(),
     )
+
+
+def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tuple[Ints, Ints]]:
+    """Candidates, by those axes of the embedded states that can tell some apart."""
+    reach = distance.reach(cutoff, a.axes, b.axes)
+    telling = np.isfinite(reach)
+    points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
+    if not telling.all():
+        points = [replace(side, axes=side.axes[telling]) for side in points]
+    return search(points[0], points[1], reach[telling], distance.tree_power)
 
 
 class _Column:
@@ -105,7 +116,7 @@ def _rows(side: Trajectories, starts: Ints, begin: int, end: int) -> Side:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def median_nearest(truth: Trajectories, estimate: Trajectories, norm: Norm) -> float | None:
+def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
     """Median distance from a truth to the nearest estimate of its step, over up to 100 steps.
 
     None if no step has both. Both sides must be on the same times.
@@ -121,6 +132,6 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, norm: Norm) -> f
             for side, at in zip((truth, estimate), starts, strict=True)
         )
         a = a[:: -(-len(a) // SAMPLE)]
-        nearest.append(norm(a[:, None], b[None, :]).min(axis=1))
+        nearest.append(distance(a[:, None], b[None, :]).min(axis=1))
     ordered = np.sort(np.concatenate(nearest))  # np.median imports numpy.ma, slower than all else
     return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])

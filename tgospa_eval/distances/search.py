@@ -1,19 +1,19 @@
 """Candidates for near pairs: what sorting along the axes leaves of all pairs of a step.
 
-The estimates are sorted by (step, cell, coordinate), where the cells are as wide as the cutoff: the
-candidates of a truth are a few runs of that order, found by bisection. One axis after the other is
-used until the candidates are few. The exact differences of the candidates decide, so that rounding
-of the cells costs candidates, never pairs.
+It sees points, and for each axis how much near ones differ by at most, the reach. The estimates are
+sorted by (step, cell, coordinate), where the cells are as wide as the reach: the candidates of a
+truth are a few runs of that order, found by bisection. One axis after the other is used until the
+candidates are few. The exact differences of the candidates decide, so that rounding of the cells
+costs candidates, never pairs.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from tgospa_eval.distances.vector import Floats, Norm
+from tgospa_eval.distances.base import Floats
 from tgospa_eval.trajectories import Ints
 
 PIECE = 1 << 14
@@ -71,27 +71,38 @@ class _Candidates:
     count: Ints
 
 
-def search(a: Side, b: Side, cutoff: float, norm: Norm) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs that differ by less than the cutoff on every axis, or some more, in order."""
+def search(a: Side, b: Side, reach: Floats, power: float) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs that differ by less than the reach on every axis, or some more, in order.
+
+    Parameters
+    ----------
+    a, b : Side
+        Points.
+    reach : (d,) float array
+        Finite and > 0.
+    power : float
+        Minkowski norm of the differences, in units of their reach, that is at most 1 for all pairs
+        that are needed.
+    """
     if not len(a.step) or not len(b.step):
         return
-    candidates = _candidates(a, b, cutoff)
+    candidates = _candidates(a, b, reach)
     rows = len(a.step) + len(b.step)
-    if candidates.count.sum() > max(MANY * rows, PIECE):
+    if len(reach) and candidates.count.sum() > max(MANY * rows, PIECE):
         some = np.arange(0, len(a.step), -(-len(a.step) // SAMPLE))
         sample = replace(
             candidates, begin=candidates.begin[:, some], count=candidates.count[:, some]
         )
-        near = sum(len(i) for i, _ in _compared(a.axes[:, some], b.axes, sample, cutoff))
+        near = sum(len(i) for i, _ in _compared(a.axes[:, some], b.axes, sample, reach))
         if near * MANY < sample.count.sum():
             for step in np.flatnonzero(np.diff(a.at) * np.diff(b.at)).tolist():
-                yield _tree(a, b, step, cutoff, norm)
+                yield _tree(a, b, step, reach, power)
             return
-    yield from _compared(a.axes, b.axes, candidates, cutoff)
+    yield from _compared(a.axes, b.axes, candidates, reach)
 
 
-def _candidates(a: Side, b: Side, cutoff: float) -> _Candidates:
-    """By the fewest axes that leave few, those with the largest spread first."""
+def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
+    """By the fewest axes that leave few, those with the largest spread in reaches first."""
     begin = b.at[a.step]
     found = _Candidates(
         order=np.arange(len(b.step)), begin=begin[None], count=(b.at[a.step + 1] - begin)[None]
@@ -102,22 +113,22 @@ def _candidates(a: Side, b: Side, cutoff: float) -> _Candidates:
     # Halves, whose differences do not overflow.
     low = 0.5 * np.minimum(a.axes.min(axis=1), b.axes.min(axis=1))
     spread = 0.5 * np.maximum(a.axes.max(axis=1), b.axes.max(axis=1)) - low
-    axes = np.argsort(-spread, kind="stable")[:AXES]
+    axes = np.argsort(-spread / reach, kind="stable")[:AXES]
     for used in range(1, len(axes) + 1):
-        found = _by_cells(a, b, axes[:used], (low, spread), cutoff)
+        found = _by_cells(a, b, axes[:used], (low, spread), reach)
         if found.count.sum() <= enough:
             break
     return found
 
 
 def _by_cells(
-    a: Side, b: Side, axes: Ints, extent: tuple[Floats, Floats], cutoff: float
+    a: Side, b: Side, axes: Ints, extent: tuple[Floats, Floats], reach: Floats
 ) -> _Candidates:
     """Candidates by cells along all but the first of the axes, and by finer ones along that.
 
     A cell of width w has the number floor((x - low) / w) < 2^40, where the quotient is exact to
-    2^-12. With `reach` cells to a cutoff, widened by 2^-10, numbers of near points differ by
-    ``reach`` at most: |x - y| / w + 2^-11 <= reach (1 - 2^-10.01) + 2^-11 < reach.
+    2^-12. With n cells to a reach, widened by 2^-10, numbers of near points differ by n at most:
+    |x - y| / w + 2^-11 <= n (1 - 2^-10.01) + 2^-11 < n.
 
     The numbers of all axes and of the step make one key; the margin of an axis keeps its
     neighbours from reaching those of another key. Where a key would have too many bits, or the
@@ -126,14 +137,14 @@ def _by_cells(
     bits = min(40, (62 - len(a.at).bit_length()) // len(axes) - 1)
     key_a, key_b = a.step, b.step
     offset = np.zeros(1, np.int64)
-    reach = 1
+    cells = 1
     for axis in axes[::-1]:
-        reach = 16 if axis == axes[0] else 1
+        cells = 16 if axis == axes[0] else 1
         low, spread = (float(of[axis]) for of in extent)
-        width = max(0.5 * cutoff * (1 + 2**-10) / reach, spread * 2.0**-bits)
-        size = int(spread / width) + 1 + 2 * reach
+        width = max(0.5 * float(reach[axis]) * (1 + 2**-10) / cells, spread * 2.0**-bits)
+        size = int(spread / width) + 1 + 2 * cells
         key_a, key_b = (
-            key * size + ((0.5 * side.axes[axis] - low) / width).astype(np.int64) + reach
+            key * size + ((0.5 * side.axes[axis] - low) / width).astype(np.int64) + cells
             for key, side in ((key_a, a), (key_b, b))
         )
         offset = offset * size
@@ -146,14 +157,14 @@ def _by_cells(
     begin = np.empty((len(offset), len(key_a)), np.int64)
     count = np.empty_like(begin)
     for run, shift in enumerate(offset.tolist()):
-        low_end = np.searchsorted(key_b, key_a + (shift - reach))
+        low_end = np.searchsorted(key_b, key_a + (shift - cells))
         begin[run, asked] = low_end
-        count[run, asked] = np.searchsorted(key_b, key_a + (shift + reach + 1)) - low_end
+        count[run, asked] = np.searchsorted(key_b, key_a + (shift + cells + 1)) - low_end
     return _Candidates(order=order, begin=begin, count=count)
 
 
 def _compared(
-    truth: Floats, estimate: Floats, candidates: _Candidates, cutoff: float
+    truth: Floats, estimate: Floats, candidates: _Candidates, reach: Floats
 ) -> Iterator[tuple[Ints, Ints]]:
     """The candidates that are near on every axis (d, R), in order, in pieces."""
     ordered = [y.take(candidates.order) for y in estimate]
@@ -172,29 +183,33 @@ def _compared(
         apart, other = floats[:, : len(at)]
         near, close = flags[:, : len(at)]
         near[:] = True
-        for x, y in zip(truth, ordered, strict=True):  # no norm is below any one difference
+        for x, y, least in zip(truth, ordered, reach.tolist(), strict=True):
             np.subtract(
                 x.take(i, out=apart, mode="clip"), y.take(at, out=other, mode="clip"), out=apart
             )
-            near &= np.less(np.abs(apart, out=apart), cutoff, out=close)
+            near &= np.less(np.abs(apart, out=apart), least, out=close)
         hit = np.flatnonzero(near)
         pair = np.sort(i[hit] << 32 | candidates.order[at[hit]])
         yield pair >> 32, pair & 0xFFFFFFFF
 
 
-def _tree(a: Side, b: Side, step: int, cutoff: float, norm: Norm) -> tuple[Ints, Ints]:
-    """Pairs of a step within the cutoff, and some of rounding beyond, by a k-d tree."""
+def _tree(a: Side, b: Side, step: int, reach: Floats, power: float) -> tuple[Ints, Ints]:
+    """Pairs of a step within the reach, and some beyond, by a k-d tree.
+
+    Axes are scaled by powers of two, which is exact, and so that no square overflows. Where their
+    reaches differ, that leaves them up to twice as wide as need be.
+    """
     from scipy.spatial import KDTree  # here: most evaluations do without SciPy
 
-    exponent = math.frexp(cutoff)[1]  # exact scaling, so that no square overflows
+    radius, exponent = np.frexp(reach)
     trees = []
     for side in (a, b):
         points = np.ldexp(side.axes[:, side.at[step] : side.at[step + 1]].T, -exponent)
         trees.append(KDTree(np.clip(points, -1e150, 1e150)))
     near = trees[0].sparse_distance_matrix(
         trees[1],
-        math.ldexp(cutoff, -exponent) * (1 + 1e-9),
-        p=norm.power,
+        float(radius.max()) * (1 + 1e-9),
+        p=power,
         output_type="ndarray",
     )
     order = np.lexsort((near["j"], near["i"]))

@@ -1,18 +1,26 @@
-"""Norms of the difference of two points."""
+"""Norms of the difference of two points, their components scaled or on a circle."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from tgospa_eval.distances.base import ROUNDING, Distance, Floats
+from tgospa_eval.errors import ConfigError, real_number
+
+SMALLEST, LARGEST = 1e-150, 1e150
+"""Of scales and periods: beyond these, products with a cutoff may be no doubles."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Norm:
+class Norm(Distance):
     """The Minkowski norm of the difference: a metric on points, whatever the order p of TGOSPA.
+
+    Of a component with the scale s, the difference counts s times; with the period P it is taken
+    the shorter way round the circle, ``min(r, P - r)`` with ``r = |a - b| mod P``. The period is in
+    the unit of the column: wrapped first, scaled then.
 
     Parameters
     ----------
@@ -20,19 +28,134 @@ class Norm:
         As on the command line.
     power : {1.0, 2.0, inf}
         Manhattan, Euclidean, Chebyshev.
+    scale : sequence of float, optional
+        State units per unit of each column, > 0.
+    period : sequence of float, optional
+        Period of each column, > 0 in its unit; inf where it is not periodic.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range.
     """
 
     name: str
     power: float
+    scale: Sequence[float] | None = None
+    period: Sequence[float] | None = None
 
-    def __call__(self, a: Floats, b: Floats) -> Floats:
-        """Distance along the last axis of `a` and `b`, which broadcast, without overflow."""
-        return self.length(np.moveaxis(np.abs(a - b), -1, 0))
+    def __post_init__(self) -> None:
+        if self.power not in (1.0, 2.0, np.inf):
+            raise ConfigError(f"power is {self.power!r}: must be 1, 2 or inf")
+        for name, also in (("scale", ()), ("period", (np.inf,))):
+            object.__setattr__(self, name, positive_numbers(name, getattr(self, name), also))
 
-    def length(self, sizes: Iterable[Floats]) -> Floats:
-        """Length of the vectors whose components have these absolute values, axis by axis."""
+    @property
+    def tree_power(self) -> float:
+        """Its own; but no sum of the two components of a chord is bounded by the arc."""
+        return max(self.power, 2.0) if self.period is not None else self.power
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of states that are given component by component, without overflow."""
+        sizes = self._sizes(components)
         if self.power == 1.0:
             return reduce(np.add, sizes)
         if self.power == np.inf:
             return reduce(np.maximum, sizes)
         return reduce(np.hypot, sizes)
+
+    def _sizes(self, components: Iterable[tuple[Floats, Floats]]) -> Iterator[Floats]:
+        """Absolute difference of each component."""
+        for k, (a, b) in enumerate(components):
+            period = np.inf if self.period is None else self.period[k]
+            size = np.abs(a - b) if period == np.inf else _around(a, b, period)
+            yield size if self.scale is None else self.scale[k] * size
+
+    def embed(self, axes: Floats) -> Floats:
+        """Points: a periodic component becomes two coordinates, on a circle of that length."""
+        if self.period is None:
+            return axes
+        points: list[Floats] = []
+        for x, period in zip(axes, self.period, strict=True):
+            if period == np.inf:
+                points.append(x)
+            else:
+                radius, angle = period / (2 * np.pi), 2 * np.pi * (np.fmod(x, period) / period)
+                points += [radius * np.cos(angle), radius * np.sin(angle)]
+        return np.array(points)
+
+    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+        """The cutoff, in units of the column: no norm is below one difference, no arc a chord."""
+        del b
+        if self.scale is None and self.period is None:
+            return np.full(len(a), cutoff)
+        reach: list[float] = []
+        for scale, period in zip(
+            self.scale or (1.0,) * len(a), self.period or (np.inf,) * len(a), strict=True
+        ):
+            own = cutoff / scale * (1 + ROUNDING)
+            # Coordinates on the circle are rounded in units of its radius.
+            reach += [own] if period == np.inf else [own + 2.0**-46 * period] * 2
+        return np.array(reach)
+
+    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
+        """Whether scale and period have a number for each column."""
+        for what in ("scale", "period"):
+            check_length(what, getattr(self, what), columns, name)
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """Periods and scales by the names of the columns."""
+        found = {}
+        if self.period is not None:
+            found["periodic"] = {
+                column: period
+                for column, period in zip(columns, self.period, strict=True)
+                if period != np.inf
+            }
+        if self.scale is not None:
+            found["scale"] = dict(zip(columns, self.scale, strict=True))
+        return found
+
+
+def _around(a: Floats, b: Floats, period: float) -> Floats:
+    """Difference the shorter way round the circle; the remainders of fmod are exact."""
+    size = np.fmod(np.abs(np.fmod(a, period) - np.fmod(b, period)), period)
+    return np.asarray(np.minimum(size, period - size))
+
+
+def positive_numbers(
+    name: str, values: Sequence[float] | None, also: tuple[float, ...] = ()
+) -> tuple[float, ...] | None:
+    """Numbers for the columns, checked.
+
+    Raises
+    ------
+    ConfigError
+        They are no numbers, or out of range.
+    """
+    if values is None:
+        return None
+    if isinstance(values, str) or not np.iterable(values):
+        raise ConfigError(f"{name} is {values!r}: must be one number per state column")
+    numbers = tuple(real_number(name, value) for value in values)
+    for number in numbers:
+        if not (SMALLEST <= number <= LARGEST or number in also):
+            raise ConfigError(
+                f"{name} is {number:g}: must be > 0, from {SMALLEST:g} to {LARGEST:g}"
+            )
+    return numbers
+
+
+def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name: str) -> None:
+    """Whether there is one for each state column.
+
+    Raises
+    ------
+    ConfigError
+        There is not.
+    """
+    if values is not None and len(values) != len(columns):
+        raise ConfigError(
+            f"{name} has {len(columns)} state columns ({','.join(columns)}), but {what} is for "
+            f"{len(values)}"
+        )

@@ -1,0 +1,99 @@
+"""What every base distance offers: to users its value, to the search a space to sort in."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tgospa_eval.errors import InputError
+
+Floats = NDArray[np.float64]
+
+ROUNDING = 2.0**-40
+"""What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
+
+
+class Distance(ABC):
+    """A metric on states, with what the search for near pairs needs to know about it.
+
+    The search sorts points, not states: `embed` maps states to points and `reach` bounds the
+    differences of the coordinates of near ones, so that a pair beyond a bound needs no distance.
+
+    Attributes
+    ----------
+    name : str
+        As on the command line.
+    tree_power : float
+        For states nearer than the cutoff, the Minkowski norm with this power of the difference of
+        their points is at most 1, if every coordinate is measured in its reach.
+    columns : tuple of str, optional
+        State columns that it needs, in order; None if any will do.
+    defaults : tuple of float
+        Cutoff and switch penalty, if the user names none.
+    """
+
+    name: str
+    columns: ClassVar[tuple[str, ...] | None] = None
+    defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
+
+    def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
+        """Distance along the last axis of `a` and `b`, which broadcast."""
+        a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.between(zip(a, b, strict=True))
+
+    @property
+    def tree_power(self) -> float:
+        """Power of a norm that the search may use; inf is always right."""
+        return float("inf")
+
+    @abstractmethod
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of states that are given component by component."""
+
+    def embed(self, axes: Floats) -> Floats:
+        """Points (e, R) of the states (d, R)."""
+        return axes
+
+    @abstractmethod
+    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+        """For each axis of the points, what near ones of the states (d, R) differ by at most.
+
+        Infinite for an axis that tells nothing. No distance that is computed as less than the
+        cutoff may have a computed difference that is not less than the reach.
+        """
+
+    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
+        """Whether it can compare states with these columns; `name` begins the message.
+
+        Raises
+        ------
+        ConfigError, InputError
+            It cannot.
+        """
+        if self.columns is not None and columns != self.columns:
+            needed = ",".join(self.columns)
+            raise InputError(
+                f"{name}: the distance {self.name} needs the state columns {needed}, not "
+                f"{','.join(columns)}; name or map them with --columns {needed}"
+            )
+
+    def fault(self, axes: Floats) -> tuple[int, str] | None:
+        """First of the states (d, R) that is out of range, and what is wrong with it."""
+        del axes
+        return None
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """What changes the number beside the name, by the names of the options."""
+        del columns
+        return {}
+
+
+def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> tuple[int, str]:
+    """The first wrong value of a column in words."""
+    row = int(np.flatnonzero(wrong)[0])
+    count = int(np.count_nonzero(wrong))
+    others = f" (and {count - 1} more)" if count > 1 else ""
+    return row, f"{name} is {values[row]:g}{others}: {rule}"

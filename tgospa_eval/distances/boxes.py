@@ -1,0 +1,66 @@
+"""Distance of boxes in an image: what they do not share."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tgospa_eval.distances.base import ROUNDING, Distance, Floats, first_fault
+
+SMALLEST, LARGEST = 1e-100, 1e150
+"""Of widths and heights, so that areas are doubles."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IoU(Distance):
+    """1 - intersection over union of boxes (left, top, width, height): the Jaccard distance.
+
+    Areas are width times height, without a pixel more. It is a metric on boxes [Kosub 2019], at
+    most 1, and exactly 1 for all boxes that share nothing.
+    """
+
+    name = "iou"
+    columns = ("left", "top", "width", "height")
+    defaults = (0.5, 0.5)
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of boxes that are given as lefts, tops, widths, heights."""
+        left, top, width, height = components
+        shared = _overlap(left, width) * _overlap(top, height)
+        union = width[0] * height[0] + width[1] * height[1] - shared
+        return np.asarray((union - shared) / union)
+
+    def embed(self, axes: Floats) -> Floats:
+        """Left, top and the logarithms of width and height."""
+        return np.concatenate((axes[:2], np.log(axes[2:])))
+
+    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+        """How far left and top, how unequal the sizes of near boxes can be; infinite if c > 1.
+
+        Let q = 1 - c be the least IoU. The overlap in width is at least q times the larger width w,
+        because the union is at least w times the overlap in height. So the left sides differ by
+        w - q w = c w at most, and the smaller width is at least q w; the same with heights.
+        """
+        if cutoff > 1:
+            return np.full(4, np.inf)
+        near = cutoff + 2.0**-48  # the rounding of a distance
+        largest = [max(side.max(initial=0.0) for side in sides) for sides in zip(a, b, strict=True)]
+        ratio = -np.log1p(-near) if near < 1 else np.inf
+        place = near * (1 + ROUNDING)
+        return np.array([place * largest[2], place * largest[3], *[ratio + ROUNDING] * 2])
+
+    def fault(self, axes: Floats) -> tuple[int, str] | None:
+        """Widths and heights are positive."""
+        for values, name in zip(axes[2:], self.columns[2:], strict=True):
+            wrong = ~((values >= SMALLEST) & (values <= LARGEST))
+            if wrong.any():
+                rule = f"must be > 0 (from {SMALLEST:g} to {LARGEST:g})"
+                return first_fault(wrong, values, name, rule)
+        return None
+
+
+def _overlap(begin: tuple[Floats, Floats], size: tuple[Floats, Floats]) -> Floats:
+    """Length that two intervals share; their own where they are the same, in every bit."""
+    apart = begin[0] - begin[1]
+    shorter = np.minimum(*size)
+    return np.maximum(np.minimum(shorter, np.minimum(apart + size[0], size[1] - apart)), 0.0)

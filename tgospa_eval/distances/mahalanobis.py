@@ -1,0 +1,130 @@
+"""The Mahalanobis distance with one covariance for the whole run."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tgospa_eval.distances.base import Distance, Floats
+from tgospa_eval.distances.vector import check_length, positive_numbers
+from tgospa_eval.errors import ConfigError
+
+SINGULAR = 1e-6
+"""Pivot of the correlation matrix below which a matrix is singular but for rounding."""
+
+MARGIN = 1 + 2.0**-20
+"""Of the reach: above the rounding of the distance for every matrix that is not singular."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mahalanobis(Distance):
+    """Difference in units of its own standard deviation, ``sqrt((a - b)' C^-1 (a - b))``.
+
+    A metric on states because the covariance C is the same for all of them. Differences are scaled
+    first: with scales, C is in state units. The result has no unit, nor have cutoff and switch
+    penalty.
+
+    Parameters
+    ----------
+    covariance : (d, d) array-like
+        Symmetric and positive definite. The record of the name ``"mahalanobis"`` has none, and
+        compares nothing.
+    scale : sequence of float, optional
+        State units per unit of each column, > 0.
+
+    Raises
+    ------
+    ConfigError
+        The matrix is not square, symmetric and positive definite; a scale is out of range.
+    """
+
+    covariance: ArrayLike | None = None
+    scale: Sequence[float] | None = None
+    name = "mahalanobis"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scale", positive_numbers("scale", self.scale))
+        if self.covariance is None:
+            return
+        matrix = _matrix(self.covariance)
+        object.__setattr__(self, "covariance", tuple(map(tuple, matrix.tolist())))
+        object.__setattr__(self, "_factor", _factor(matrix))
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Euclidean length of ``L^-1 (a - b)``, by forward substitution, where ``C = L L'``."""
+        whitened: list[Floats] = []
+        factor: Floats = self.__dict__["_factor"]
+        for k, (a, b) in enumerate(components):
+            rest = a - b if self.scale is None else self.scale[k] * (a - b)
+            for weight, done in zip(factor[k], whitened, strict=False):
+                if weight:
+                    rest = rest - weight * done
+            whitened.append(rest / factor[k, k])
+        return reduce(np.hypot, whitened, np.zeros(()))
+
+    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+        """The box around the ellipsoid: c standard deviations of each component.
+
+        By Cauchy and Schwarz, ``|v_k| <= sqrt(C_kk) sqrt(v' C^-1 v)``. Whitened points would be
+        sorted into narrower boxes where components are strongly correlated, but their rounding
+        grows with the coordinates; here there is none.
+        """
+        del a, b
+        deviation = np.sqrt(np.diag(np.asarray(self.covariance, np.float64)))
+        return np.asarray(cutoff * deviation / np.asarray(self.scale or 1.0) * MARGIN)
+
+    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
+        """Whether covariance and scale are for so many columns."""
+        if self.covariance is None:
+            raise ConfigError(
+                "mahalanobis needs a covariance: --covariance FILE, or Mahalanobis(covariance=...)"
+            )
+        check_length("covariance", np.asarray(self.covariance), columns, name)
+        check_length("scale", self.scale, columns, name)
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """The matrix, and scales by the names of the columns."""
+        found: dict[str, Any] = {"covariance": np.asarray(self.covariance).tolist()}
+        if self.scale is not None:
+            found["scale"] = dict(zip(columns, self.scale, strict=True))
+        return found
+
+
+def _matrix(covariance: ArrayLike) -> Floats:
+    try:
+        matrix = np.array(covariance, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigError("covariance must be a matrix of numbers") from None
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
+        raise ConfigError(f"covariance has the shape {matrix.shape}: must be (d, d)")
+    variance = np.diag(matrix)
+    if not np.isfinite(matrix).all() or not np.all((variance >= 1e-200) & (variance <= 1e200)):
+        raise ConfigError(
+            "covariance must have finite numbers, on the diagonal > 0 (from 1e-200 to 1e200)"
+        )
+    bound = np.sqrt(variance)[:, None] * np.sqrt(variance)
+    apart = np.abs(0.5 * matrix - 0.5 * matrix.T) > 1e-12 * bound
+    if apart.any():
+        i, j = (int(axis[0]) for axis in np.nonzero(apart))
+        raise ConfigError(
+            f"covariance is not symmetric: {matrix[i, j]:g} in row {i + 1}, column {j + 1}, but "
+            f"{matrix[j, i]:g} in row {j + 1}, column {i + 1}"
+        )
+    return 0.5 * matrix + 0.5 * matrix.T
+
+
+def _factor(matrix: Floats) -> Floats:
+    """Cholesky factor, by way of the correlations, which have no units."""
+    deviation = np.sqrt(np.diag(matrix))
+    try:
+        factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
+    except np.linalg.LinAlgError:
+        factor = np.zeros_like(matrix)
+    if np.diag(factor).min() < SINGULAR:
+        raise ConfigError(
+            "covariance is not positive definite: some combination of the columns has no variance"
+        )
+    return np.asarray(deviation[:, None] * factor)

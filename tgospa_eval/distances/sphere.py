@@ -1,0 +1,79 @@
+"""Distance on the surface of the Earth."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tgospa_eval.distances.base import ROUNDING, Distance, Floats, first_fault
+
+RADIUS = 6371008.8
+"""Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Haversine(Distance):
+    """Length of the great circle between (lat, lon) in degrees, on a sphere, in metres.
+
+    A metric on the points of the sphere: longitudes that differ by 360 are the same, and so are
+    all longitudes at a pole.
+    """
+
+    name = "haversine"
+    columns = ("lat", "lon")
+
+    @property
+    def tree_power(self) -> float:
+        """A chord is no longer than its arc."""
+        return 2.0
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of points that are given as latitudes and longitudes.
+
+        With the differences dlat, dlon and the mean latitude,
+
+            h = sin(dlat / 2)^2 + cos(lat a) cos(lat b) sin(dlon / 2)^2,
+            1 - h = sin(mean lat)^2 + cos(lat a) cos(lat b) cos(dlon / 2)^2,
+
+        the second being the first for the antipode of b, and the distance is
+        ``2 R atan2(sqrt(h), sqrt(1 - h))``. Both are sums of squares, so that nothing cancels:
+        neither tiny distances nor those between antipodes lose digits.
+        """
+        (lat_a, lat_b), (lon_a, lon_b) = components
+        turn = np.abs(np.fmod(np.fmod(lon_a, 360.0) - np.fmod(lon_b, 360.0), 360.0))
+        turn = np.radians(0.5 * np.minimum(turn, 360.0 - turn))
+        width = np.sqrt(_cosine(lat_a) * _cosine(lat_b))
+        near = np.hypot(np.sin(np.radians(0.5 * (lat_a - lat_b))), width * np.sin(turn))
+        far = np.hypot(np.sin(np.radians(0.5 * (lat_a + lat_b))), width * np.cos(turn))
+        return np.asarray(2 * RADIUS * np.arctan2(near, far))
+
+    def embed(self, axes: Floats) -> Floats:
+        """Points of the sphere."""
+        latitude, longitude = axes[0], np.radians(np.fmod(axes[1], 360.0))
+        across = RADIUS * _cosine(latitude)
+        return np.array(
+            [
+                across * np.cos(longitude),
+                across * np.sin(longitude),
+                RADIUS * np.sin(np.radians(latitude)),
+            ]
+        )
+
+    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+        """The cutoff, and the rounding of the points: no chord is longer than its arc."""
+        del a, b
+        return np.full(3, cutoff * (1 + ROUNDING) + 2.0**-46 * RADIUS)
+
+    def fault(self, axes: Floats) -> tuple[int, str] | None:
+        """Latitudes are up to 90, longitudes up to 360, in either direction."""
+        for values, name, most in zip(axes, self.columns, (90.0, 360.0), strict=True):
+            wrong = np.abs(values) > most
+            if wrong.any():
+                rule = f"must be from -{most:g} to {most:g} degrees"
+                return first_fault(wrong, values, name, rule)
+        return None
+
+
+def _cosine(latitude: Floats) -> Floats:
+    """Cosine of degrees, exactly 0 at the poles."""
+    return np.sin(np.radians(90.0 - np.abs(latitude)))
