@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import __version__
+from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Norm, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
@@ -15,7 +16,7 @@ from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.states import merge_runs
 from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import Trajectories, align
+from tgospa_eval.trajectories import Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +35,8 @@ def evaluate(
     distance: str | Norm = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
+    time_tolerance: float = 0.0,
+    grid: str = "union",
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -55,6 +58,12 @@ def evaluate(
         settings.
     unit : str, optional
         Unit of the states, for printing.
+    time_tolerance : float
+        Stamps of the two sides that are at most so far apart are one step, where each is the
+        other's nearest; in the unit of the stamps, seconds for ISO times. The step bears the stamp
+        of the truth.
+    grid : {"union", "truth", "estimate", "common"}
+        Steps that count. Rows at other steps are left out, and counted in `Result.input`.
 
     Returns
     -------
@@ -76,6 +85,7 @@ def evaluate(
         parameters=Parameters(cutoff=cutoff, order=order, switch_penalty=switch_penalty),
         distance=distance,
         solver=_solver(solver),
+        stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
         stopwatch=stopwatch,
     )
@@ -88,6 +98,7 @@ def evaluate_trajectories(
     parameters: Parameters,
     distance: str | Norm,
     solver: Solver,
+    stamps: Stamps | None = None,
     unit: str | None = None,
     settings: dict[str, Any] | None = None,
     rows: tuple[int, int] | None = None,
@@ -105,6 +116,8 @@ def evaluate_trajectories(
         Base distance.
     solver : Solver
         Record of settings.
+    stamps : Stamps, optional
+        Which stamps are one step, and which steps count.
     unit : str, optional
         For printing.
     settings : dict, optional
@@ -120,16 +133,15 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
+    stamps = stamps or Stamps()
     norm = _distance(distance)
     check_columns(truth, estimate)
     with stopwatch.span("report"):
         counts = rows or (len(truth.step), len(estimate.step))
-        inputs = {
-            "truth": {"rows": counts[0], "sha256": digest(truth)},
-            "estimate": {"rows": counts[1], "sha256": digest(estimate)},
-        }
+        digests = digest(truth), digest(estimate)
     with stopwatch.span("distances"):
-        truth, estimate = align(truth, estimate)
+        aligned = align(truth, estimate, stamps)
+        truth, estimate = aligned.truth, aligned.estimate
         pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
@@ -162,13 +174,22 @@ def evaluate_trajectories(
             "switch_penalty": parameters.switch_penalty,
             "distance": norm.name,
             "columns": list(truth.columns),
+            "grid": stamps.grid,
+            "time_tolerance": stamps.tolerance,
             "unit": unit,
             **solver_settings(solver),
             **(settings or {}),
         },
         solver=_solver_record(solver, solution, parameters),
         timings=_nested(stopwatch),
-        input=inputs,
+        input={
+            name: {
+                "rows": counts[side],
+                "sha256": digests[side],
+                "left_out": {"grid": aligned.left_out[side]} if aligned.left_out[side] else {},
+            }
+            for side, name in enumerate(("truth", "estimate"))
+        },
         version=__version__,
     )
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.cli.progress import run
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES
@@ -15,16 +16,14 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Result
 from tgospa_eval.formats import Reading, ReadOptions, read
+from tgospa_eval.inspection import inspect, remarks
 from tgospa_eval.pipeline import check_columns, evaluate_trajectories
 from tgospa_eval.problem import Parameters
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import Trajectories, align
-
-FEW = 0.9
-"""Share of common steps below which something is probably wrong with the clocks."""
+from tgospa_eval.trajectories import Trajectories
 
 
 def evaluate_files(
@@ -60,6 +59,7 @@ def evaluate_files(
         switch_penalty=options["switch_penalty"],
     )
     solver = make_solver(options)
+    stamps = Stamps(tolerance=options["time_tolerance"], grid=options["grid"])
     reading = read_options(options)
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
@@ -69,7 +69,7 @@ def evaluate_files(
         with stopwatch.span("read"):
             sides = read(truth, reading), read(estimate, reading)
         return _evaluate(
-            sides, (truth, estimate), parameters, solver, options, given, say, stopwatch
+            sides, (truth, estimate), parameters, solver, stamps, options, given, say, stopwatch
         )
 
     result = run(work, stopwatch, show=not quiet)
@@ -105,6 +105,7 @@ def _evaluate(
     paths: tuple[str, str],
     parameters: Parameters,
     solver: Solver,
+    stamps: Stamps,
     options: dict[str, Any],
     given: dict[str, bool],
     say: Callable[[str], None],
@@ -112,32 +113,56 @@ def _evaluate(
 ) -> Result:
     truth, estimate = (side.trajectories for side in sides)
     check_columns(truth, estimate, paths)
-    aligned = align(truth, estimate, paths)
+    aligned = align(truth, estimate, stamps, paths)
     for path, side in zip(paths, sides, strict=True):
         for notice in side.notices:
             say(f"{path}: {notice}")
     if truth.columns == ("lat", "lon"):
         say("lat and lon are compared as plain numbers: c, gamma and errors are in degrees")
-    steps = len(aligned[0].times)
-    common = len(truth.times) + len(estimate.times) - steps
-    say(f"{common} of {steps} steps are in both files")
-    if steps and common < FEW * steps:
-        say(f"warning: only {100 * common / steps:.0f} % of the steps are in both files")
+    if not options["quiet"]:
+        distance = DISTANCES[options["distance"]]
+        notices, warnings = remarks((truth, estimate), aligned, stamps, parameters, distance)
+        for text in (*notices, *(f"warning: {text}" for text in warnings)):
+            say(text)
     if KERNEL == "numpy" and solver.name != "exact":
         say("no compiled kernels, slower: installing with a C compiler at hand builds them")
     if not all(given.values()) and not options["quiet"]:
-        say(_default_notice(aligned, options, given))
+        say(_default_notice((aligned.truth, aligned.estimate), options, given))
     return evaluate_trajectories(
         truth,
         estimate,
         parameters=parameters,
         distance=options["distance"],
         solver=solver,
+        stamps=stamps,
         unit=options["unit"],
         settings={"decimal": options["decimal"], "on_duplicate": options["on_duplicate"]},
         rows=(sides[0].rows, sides[1].rows),
         stopwatch=stopwatch,
     )
+
+
+def inspect_files(truth: str, estimate: str | None, options: dict[str, Any]) -> dict[str, Any]:
+    """What the files hold and what looks wrong with it, as the JSON document of the verb.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    if options["config"] and not options["quiet"]:
+        click.echo(f"settings from {options['config']}", err=True)
+    parameters = Parameters(cutoff=options["cutoff"], order=options["order"], switch_penalty=0.0)
+    stamps = Stamps(tolerance=options["time_tolerance"], grid=options["grid"])
+    reading = read_options(options)
+    names = (truth,) if estimate is None else (truth, estimate)
+    settings = {name: options[name] for name in ("decimal", "on_duplicate", "unit")}
+
+    def work() -> dict[str, Any]:
+        files = [(name, read(name, reading)) for name in names]
+        return inspect(files, parameters, DISTANCES[options["distance"]], stamps, settings)
+
+    return run(work, Stopwatch(), show=not options["quiet"])
 
 
 def _default_notice(

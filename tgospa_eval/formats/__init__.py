@@ -19,11 +19,15 @@ class Reading:
         Rows of the file, the header not counted.
     notices : tuple of str
         One sentence each.
+    left_out : dict
+        How many rows do not take part, by the rule that left them out: ``"absent"``,
+        ``"duplicate"``.
     """
 
     trajectories: Trajectories
     rows: int
     notices: tuple[str, ...] = field(default=())
+    left_out: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

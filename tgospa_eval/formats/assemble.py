@@ -20,8 +20,8 @@ def assemble(
     names: tuple[str, ...],
     on_duplicate: str,
     where: Callable[[int], str],
-) -> tuple[Trajectories, list[str]]:
-    """Trajectories of the rows of a table, and notices.
+) -> tuple[Trajectories, list[str], dict[str, int]]:
+    """Trajectories of the rows of a table, notices, and how many rows were left out by what rule.
 
     Parameters
     ----------
@@ -48,7 +48,9 @@ def assemble(
     for column in state.T:
         present &= column == column  # NaN is not
     absent = len(present) - int(np.count_nonzero(present))
+    left_out: dict[str, int] = {}
     if absent:
+        left_out["absent"] = absent
         plural = "rows" if absent > 1 else "row"
         notices.append(f"{absent} {plural} with a blank or NaN position: absent at that step")
 
@@ -62,6 +64,7 @@ def assemble(
             raise InputError(_duplicate(rows, again, key, track_ids[track], times, where))
         drop = again + 1 if on_duplicate == "first" else again
         rows, ordered = np.delete(rows, drop), np.delete(ordered, drop)
+        left_out["duplicate"] = len(again)
         verb = "rows repeat" if len(again) > 1 else "row repeats"
         notices.append(f"{len(again)} {verb} an (id, t): the {on_duplicate} one was taken")
 
@@ -85,7 +88,7 @@ def assemble(
         clock=times.clock,
         labels=labels,
     )
-    return trajectories, notices
+    return trajectories, notices, left_out
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:

@@ -51,7 +51,7 @@ def from_frame(
         times = _times(frame.iloc[:, roles.time])
     except TimeError as error:
         raise InputError(f"{where(error.row)}: {error}") from None
-    trajectories, notices = assemble(
+    trajectories, notices, left_out = assemble(
         ids=number_ids([str(value).strip() for value in identity.tolist()]),
         times=times,
         state=state,
@@ -59,7 +59,9 @@ def from_frame(
         on_duplicate=options.on_duplicate,
         where=where,
     )
-    return Reading(trajectories=trajectories, rows=len(frame), notices=tuple(notices))
+    return Reading(
+        trajectories=trajectories, rows=len(frame), notices=tuple(notices), left_out=left_out
+    )
 
 
 def _times(column: "pd.Series[Any]") -> Times:

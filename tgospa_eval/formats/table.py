@@ -61,7 +61,7 @@ def read_table(path: str, options: ReadOptions) -> Reading:
         places = _Places(path=path, lines=lines, names=names)
         table = _convert(columns, roles, options.decimal, places)
     ids, times, state = table
-    trajectories, notices = assemble(
+    trajectories, notices, left_out = assemble(
         ids=ids,
         times=times,
         state=state,
@@ -71,7 +71,9 @@ def read_table(path: str, options: ReadOptions) -> Reading:
     )
     if roles.unused:
         notices.insert(0, f"columns not used: {', '.join(roles.unused)}")
-    return Reading(trajectories=trajectories, rows=len(state), notices=tuple(notices))
+    return Reading(
+        trajectories=trajectories, rows=len(state), notices=tuple(notices), left_out=left_out
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
