@@ -14,7 +14,7 @@ from tgospa_eval import __version__
 from tgospa_eval.alignment import SECOND, Alignment, Stamps, align, nearest, within
 from tgospa_eval.distances import Norm, near_pairs
 from tgospa_eval.formats import Reading
-from tgospa_eval.pipeline import check_columns, evaluate_trajectories
+from tgospa_eval.pipeline import check_columns
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.trajectories import Ints, Trajectories
 
@@ -31,6 +31,9 @@ SAMPLE = 100
 
 ROWS = 20_000
 """Rows of either side at these steps, at most."""
+
+DENSE = 1_000_000
+"""Pairs of a step, near or not, up to which an assignment is computed."""
 
 FEWEST = 8
 """Steps without which nothing is said about a shift."""
@@ -95,12 +98,10 @@ def remarks(
             f"{steps} {'step' if steps == 1 else 'steps'} left out (--grid {stamps.grid}), with "
             f"{aligned.left_out[0]} rows of the truth and {aligned.left_out[1]} of the estimate"
         )
-    found = (
-        _few_common(aligned),
-        _near_misses((sides[0].times, sides[1].times), aligned, stamps),
-        _shift_warning(aligned, parameters, norm),
-    )
-    return notices, [text for text in found if text]
+    near = _near_misses((sides[0].times, sides[1].times), aligned, stamps)
+    # Where stamps miss each other by little, the next step is the same moment: no shift.
+    shift = None if near else _shift_warning(aligned, parameters, norm)
+    return notices, [text for text in (_few_common(aligned), near, shift) if text]
 
 
 def _few_common(aligned: Alignment) -> str | None:
@@ -152,10 +153,10 @@ def _median(values: NDArray[Any]) -> float:
 
 
 def _rounded_up(value: float) -> str:
-    """Two digits, not below the value."""
+    """Two digits, not below the value but for the last digit of a double."""
     from decimal import ROUND_CEILING, Context
 
-    rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(value)
+    rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
     return f"{float(rounded):.15g}"
 
 
@@ -169,8 +170,8 @@ def _shift_warning(aligned: Alignment, parameters: Parameters, norm: Norm) -> st
     size = "" if step is None else f" ({step / unit:.6g})"
     return (
         f"the estimate seems one step{size} {way}: with its states one step {cure} the per-step "
-        f"GOSPA cost of {shift.steps} steps falls by {100 * shift.saving:.0f} %; check from where "
-        "the two files count their steps, and what moment a stamp means"
+        f"GOSPA cost of {shift.steps} steps falls by {100 * shift.saving:.0f} % or more; "
+        "check from where the two files count their steps, and what moment a stamp means"
     )
 
 
@@ -179,8 +180,8 @@ def find_shift(aligned: Alignment, parameters: Parameters, norm: Norm) -> Shift 
 
     The cost of a step is (n + m) / 2 - G in units of c^p, with n truths, m estimates, and G the
     largest sum of 1 - (d / c)^p over disjoint pairs. The sums of the largest terms of each truth
-    and of each estimate bound G from above, pairs that are the best of both from below. Where these
-    bounds leave a shift possible, the evaluation itself without switch penalty decides.
+    and of each estimate bound G from above, the pairs that a greedy choice takes from below.
+    Assignments are computed only where these bounds leave the answer open.
     """
     times = len(aligned.truth.times)
     rows = max(len(aligned.truth.step), len(aligned.estimate.step), 1)
@@ -190,16 +191,20 @@ def find_shift(aligned: Alignment, parameters: Parameters, norm: Norm) -> Shift 
         return None
     steps = 1 + np.arange(count) * inside // count
     truth = _at(aligned.truth, steps)
-    shifted = {move: _at(aligned.estimate, steps + move) for move in (0, 1, -1)}
-    _, dearest = _bounds(truth, shifted[0], parameters, norm)
+    here = _Costs(truth, _at(aligned.estimate, steps), parameters, norm)
+    if not here.upper.any():
+        return None
     for move in (1, -1):
-        if 2 * _bounds(truth, shifted[move], parameters, norm)[0] > dearest or not dearest:
+        there = _Costs(truth, _at(aligned.estimate, steps + move), parameters, norm)
+        if 2 * there.lower.sum() > here.upper.sum():
             continue
-        here, there = (_step_costs(truth, shifted[which], parameters, norm) for which in (0, move))
-        busy = np.count_nonzero((here > 0) | (there > 0))
-        cheaper = np.count_nonzero(there < here)
-        if 2 * there.sum() <= here.sum() and cheaper >= max(CHEAPER * busy, FEWEST / 2):
-            saving = 1 - float(there.sum() / here.sum())
+        if 2 * there.upper.sum() > here.lower.sum():
+            here.settle()
+            there.settle()
+        saving = 1 - float(there.upper.sum() / max(here.lower.sum(), 1e-300))
+        busy = np.count_nonzero((here.upper > 0) | (there.upper > 0))
+        cheaper = np.count_nonzero(there.upper < here.upper)
+        if saving >= 0.5 and cheaper >= max(CHEAPER * busy, FEWEST / 2):
             return Shift(late=move > 0, saving=saving, steps=count)
     return None
 
@@ -213,38 +218,63 @@ def _at(side: Trajectories, steps: Ints) -> Trajectories:
     return side.chosen(rows, np.repeat(order, count), order)
 
 
-def _bounds(
-    truth: Trajectories, estimate: Trajectories, parameters: Parameters, norm: Norm
-) -> tuple[float, float]:
-    """Bounds of the sum of the per-step GOSPA costs, in units of c^p."""
-    pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
-    gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
-    most, is_best = [], np.ones(len(gain), bool)
-    for row in (pairs.truth_row, pairs.estimate_row):
-        order = np.lexsort((-gain, row))
-        first = order[np.flatnonzero(np.diff(row[order], prepend=-1))]
-        most.append(float(gain[first].sum()))
-        is_first = np.zeros(len(gain), bool)
-        is_first[first] = True
-        is_best &= is_first
-    alone = 0.5 * (len(truth.step) + len(estimate.step))
-    return alone - min(most), alone - float(gain[is_best].sum())
+class _Costs:
+    """Bounds of the per-step GOSPA costs, `lower` and `upper` (T,), in units of c^p."""
 
+    def __init__(
+        self, truth: Trajectories, estimate: Trajectories, parameters: Parameters, norm: Norm
+    ) -> None:
+        pairs = near_pairs(truth, estimate, parameters.cutoff, norm)
+        self.steps = len(truth.times)
+        self.step = truth.step[pairs.truth_row]
+        self.rows = pairs.truth_row, pairs.estimate_row
+        self.gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
+        objects = np.concatenate((truth.step, estimate.step))
+        self.alone: Floats = 0.5 * np.bincount(objects, minlength=self.steps)
+        # From the largest down, equal ones as they come; stable in every row below.
+        self.order = np.argsort(-self.gain, kind="stable")
+        most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
+        self.lower = self.alone - np.minimum(*most)
+        self.upper = self.alone - self._sums(self._greedy())
 
-def _step_costs(
-    truth: Trajectories, estimate: Trajectories, parameters: Parameters, norm: Norm
-) -> Floats:
-    """Per-step GOSPA costs (T,)."""
-    from tgospa_eval.solvers.certified import Certified  # here: hardly ever needed
+    def _sums(self, chosen: Ints) -> Floats:
+        sums = np.bincount(self.step[chosen], self.gain[chosen], minlength=self.steps)
+        return np.asarray(sums, np.float64)
 
-    result = evaluate_trajectories(
-        truth,
-        estimate,
-        parameters=Parameters(cutoff=parameters.cutoff, order=parameters.order, switch_penalty=0),
-        distance=norm,
-        solver=Certified(jobs=1),
-    )
-    return np.array(result.per_step_table()["total"])
+    def _first(self, rows: Ints, pairs: Ints) -> Ints:
+        """The first of these pairs for each row."""
+        by_row = pairs[np.argsort(rows[pairs], kind="stable")]
+        return by_row[np.flatnonzero(np.diff(rows[by_row], prepend=-1))]
+
+    def _greedy(self) -> Ints:
+        """Disjoint pairs, always the largest that is left: round by round the best of both."""
+        left, taken = self.order, [self.order[:0]]
+        is_taken = [np.zeros(int(rows.max(initial=-1)) + 1, bool) for rows in self.rows]
+        while len(left):
+            best = [np.zeros(len(self.gain), bool) for _ in self.rows]
+            for mine, rows in zip(best, self.rows, strict=True):
+                mine[self._first(rows, left)] = True
+            both = left[best[0][left] & best[1][left]]
+            taken.append(both)
+            for flags, rows in zip(is_taken, self.rows, strict=True):
+                flags[rows[both]] = True
+            left = left[~(is_taken[0][self.rows[0][left]] | is_taken[1][self.rows[1][left]])]
+        return np.concatenate(taken)
+
+    def settle(self) -> None:
+        """Make the bounds equal by assignments, but for steps too large for a dense one."""
+        from scipy.optimize import linear_sum_assignment  # here: slow to import, hardly ever needed
+
+        for step in np.flatnonzero(self.lower < self.upper).tolist():
+            pairs = slice(*np.searchsorted(self.step, [step, step + 1]).tolist())
+            axes = [np.unique(rows[pairs], return_inverse=True)[1] for rows in self.rows]
+            shape = [int(axis.max()) + 1 for axis in axes]
+            if shape[0] * shape[1] > DENSE:
+                continue
+            gain = np.zeros(shape)
+            gain[axes[0], axes[1]] = self.gain[pairs]
+            best = gain[linear_sum_assignment(gain, maximize=True)].sum()
+            self.lower[step] = self.upper[step] = self.alone[step] - best
 
 
 # --- what was read --------------------------------------------------------------------------------
@@ -445,8 +475,8 @@ def nearest_estimates(aligned: Alignment, cutoff: float, norm: Norm) -> dict[str
         a = a[:: -(-len(a) // SAMPLE)]
         found.append(norm(a[:, None], b[None, :]).min(axis=1))
     distance = np.sort(np.concatenate(found))
-    at = [round(q / 100 * (len(distance) - 1)) for q in QUANTILES]
-    quantiles = [float(distance[k]) for k in at]
+    at = np.array(QUANTILES) / 100 * (len(distance) - 1)
+    quantiles = np.interp(at, np.arange(len(distance)), distance).tolist()
     return {
         "cutoff": cutoff,
         "truths": len(distance),
