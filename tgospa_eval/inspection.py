@@ -131,11 +131,14 @@ def _near_misses(
     if not len(close):
         return None
     unit = SECOND if clock != "number" else 1
-    most = _rounded_up(float(close.max()) / unit)
+    most = float(close.max())
+    if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
+        most = max(most - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * most)
+    named = _rounded_up(most / unit)
     pairs = "pair of stamps is" if len(close) == 1 else "pairs of stamps are"
     return (
-        f"{len(close)} {pairs} nearly the same, at most {most} apart where the median step is "
-        f"{min(steps) / unit:.6g}; --time-tolerance {most} makes each pair one step"
+        f"{len(close)} {pairs} nearly the same, at most {named} apart where the median step is "
+        f"{min(steps) / unit:.6g}; --time-tolerance {named} makes each pair one step"
     )
 
 
