@@ -233,7 +233,7 @@ class _Costs:
         self.rows = pairs.truth_row, pairs.estimate_row
         self.gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
         objects = np.concatenate((truth.step, estimate.step))
-        self.alone: Floats = 0.5 * np.bincount(objects, minlength=self.steps)
+        self.alone = np.bincount(objects, minlength=self.steps) * np.float64(0.5)
         # From the largest down, equal ones as they come; stable in every row below.
         self.order = np.argsort(-self.gain, kind="stable")
         most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
