@@ -90,7 +90,7 @@ def test_keys_of_the_json(sample: Result) -> None:
     assert timings <= set(document["timings"])
     assert {"preparation", "sweeps", "lp"} <= set(document["timings"]["solve"])
     for side in document["input"].values():
-        assert set(side) == {"rows", "sha256"}
+        assert set(side) == {"rows", "sha256", "left_out"}
         assert re.fullmatch("[0-9a-f]{64}", side["sha256"])
     assert set(document["input"]) == {"truth", "estimate"}
 

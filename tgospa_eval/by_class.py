@@ -137,16 +137,22 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
         },
         timings=_sum_of_times([{"read": read, "total": read}, *(part.timings for part in parts)]),
         input={
-            side: {**told, "sha256": _digest({k: v.input[side] for k, v in results.items()})}
+            side: _joined_input(told, {k: v.input[side] for k, v in results.items()})
             for side, told in about.items()
         },
         version=first.version,
     )
 
 
-def _digest(inputs: dict[str, dict[str, Any]]) -> str:
-    texts = [(name, told["sha256"]) for name, told in inputs.items()]
-    return hashlib.sha256(repr(texts).encode()).hexdigest()
+def _joined_input(told: dict[str, Any], inputs: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """What is told of a file, with the rows that the grid left out and a digest of all classes."""
+    digests = [(name, part["sha256"]) for name, part in inputs.items()]
+    off_grid = sum(part["left_out"].get("grid", 0) for part in inputs.values())
+    return {
+        **told,
+        "left_out": told.get("left_out", {}) | ({"grid": off_grid} if off_grid else {}),
+        "sha256": hashlib.sha256(repr(digests).encode()).hexdigest(),
+    }
 
 
 def _sum_of_times(timings: list[dict[str, Any]]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import __version__
+from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
@@ -15,7 +16,7 @@ from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.states import merge_runs
 from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import Trajectories, align
+from tgospa_eval.trajectories import Trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,6 +35,8 @@ def evaluate(
     distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
+    time_tolerance: float = 0.0,
+    grid: str = "union",
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -58,6 +61,12 @@ def evaluate(
         settings.
     unit : str, optional
         Unit of the states, for printing.
+    time_tolerance : float
+        Stamps of the two sides that are at most so far apart are one step, where each is the
+        other's nearest; in the unit of the stamps, seconds for ISO times. The step bears the stamp
+        of the truth.
+    grid : {"union", "truth", "estimate", "common"}
+        Steps that count. Rows at other steps are left out, and counted in `Result.input`.
 
     Returns
     -------
@@ -88,6 +97,7 @@ def evaluate(
         ),
         distance=measure,
         solver=_solver(solver),
+        stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
         stopwatch=stopwatch,
     )
@@ -100,6 +110,7 @@ def evaluate_trajectories(
     parameters: Parameters,
     distance: str | Distance,
     solver: Solver,
+    stamps: Stamps | None = None,
     unit: str | None = None,
     settings: dict[str, Any] | None = None,
     inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
@@ -117,6 +128,8 @@ def evaluate_trajectories(
         Base distance.
     solver : Solver
         Record of settings.
+    stamps : Stamps, optional
+        Which stamps are one step, and which steps count.
     unit : str, optional
         For printing.
     settings : dict, optional
@@ -132,19 +145,16 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
+    stamps = stamps or Stamps()
     measure = _distance(distance)
     check_columns(truth, estimate)
     check_states(truth, estimate, measure)
     with stopwatch.span("report"):
         told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
-        described = {
-            name: {**about, "sha256": digest(side)}
-            for name, about, side in zip(
-                ("truth", "estimate"), told, (truth, estimate), strict=True
-            )
-        }
+        digests = digest(truth), digest(estimate)
     with stopwatch.span("distances"):
-        truth, estimate = align(truth, estimate)
+        aligned = align(truth, estimate, stamps)
+        truth, estimate = aligned.truth, aligned.estimate
         pairs = near_pairs(truth, estimate, parameters.cutoff, measure)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
@@ -163,7 +173,7 @@ def evaluate_trajectories(
             breakdown=breakdown,
         ),
         labels=Labels(
-            times=(truth.times if truth.labels is None else truth.labels).tolist(),
+            times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
             estimates=estimate.ids.tolist(),
             unit=unit,
@@ -176,13 +186,23 @@ def evaluate_trajectories(
             "distance": measure.name,
             **measure.settings(truth.columns),
             "columns": list(truth.columns),
+            "grid": stamps.grid,
+            "time_tolerance": stamps.tolerance,
             "unit": unit,
             **solver_settings(solver),
             **(settings or {}),
         },
         solver=_solver_record(solver, solution, parameters, met=bounds.met(gap)),
         timings=_nested(stopwatch),
-        input=described,
+        input={
+            name: {
+                **told[side],
+                "sha256": digests[side],
+                "left_out": told[side].get("left_out", {})
+                | ({"grid": aligned.left_out[side]} if aligned.left_out[side] else {}),
+            }
+            for side, name in enumerate(("truth", "estimate"))
+        },
         version=__version__,
     )
 
@@ -295,7 +315,7 @@ def check_states(
         fault = distance.fault(side.state.T)
         if fault is not None:
             row, message = fault
-            time = (side.times if side.labels is None else side.labels)[side.step[row]]
+            time = side.shown[side.step[row]]
             identity = side.ids[side.track[row]]
             raise InputError(f'{name}: at t = {time}, id "{identity}": {message}')
 

@@ -112,6 +112,28 @@ class Trajectories:
         table[self.step, self.track] = self.state
         return table
 
+    @property
+    def shown(self) -> NDArray[Any]:
+        """The times as they were read (T,)."""
+        return self.times if self.labels is None else self.labels
+
+    def chosen(self, rows: Ints, step: Ints, times: NDArray[Any]) -> "Trajectories":
+        """Some of the rows, in order, at new steps, with the tracks that still have any."""
+        track = self.track[rows]
+        has_rows = np.zeros(len(self.ids), bool)
+        has_rows[track] = True
+        if not has_rows.all():
+            track = (np.cumsum(has_rows) - 1)[track]
+        return replace(
+            self,
+            step=step,
+            track=track,
+            state=self.state[rows],
+            ids=self.ids[has_rows],
+            times=times,
+            labels=None,
+        )
+
     @classmethod
     def from_array(cls, states: Floats, columns: tuple[str, ...] | None = None) -> "Trajectories":
         """From an array (T, k, d) with NaN for absent; ids and times count from 0.
@@ -149,65 +171,3 @@ class Trajectories:
             times=np.arange(steps),
             columns=columns,
         )
-
-
-def align(
-    truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
-) -> tuple[Trajectories, Trajectories]:
-    """Both on the union of their times; `names` are for messages.
-
-    Raises
-    ------
-    InputError
-        The kinds of time differ, or integer stamps cannot be compared with decimal ones exactly.
-    """
-    if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
-        raise InputError(
-            f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
-            "times of one run must be of one kind"
-        )
-    first, second = truth.times, estimate.times
-    if not len(first):
-        first = second[:0]
-    if not len(second):
-        second = first[:0]
-    if first.dtype != second.dtype:
-        for times, name, other in ((first, *names), (second, *names[::-1])):
-            if times.dtype.kind == "i" and not np.all(np.abs(times.astype(float)) < 2.0**53):
-                raise InputError(
-                    f"{name} has integer times above 2^53 and {other} decimal ones, "
-                    "which cannot be compared exactly; write both as integers"
-                )
-    if first.dtype == second.dtype and np.array_equal(first, second) and len(first):
-        return truth, estimate
-    times = _union(first, second)
-    labels = None
-    clock = truth.clock if len(truth.times) else estimate.clock
-    if clock != "number":
-        labels = np.empty(len(times), dtype=object)
-        for side in (estimate, truth):
-            if side.labels is not None:
-                labels[np.searchsorted(times, side.times)] = side.labels
-    return (
-        _on(truth, first, times, clock, labels),
-        _on(estimate, second, times, clock, labels),
-    )
-
-
-def _union(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
-    """Each of the values once, in order. np.union1d imports numpy.ma, slower than most runs."""
-    both = np.sort(np.concatenate((first, second)), kind="stable")  # stable merges sorted runs
-    fresh = np.ones(len(both), bool)
-    np.not_equal(both[1:], both[:-1], out=fresh[1:])
-    return both[fresh]
-
-
-def _on(
-    side: Trajectories,
-    own: NDArray[np.int64] | Floats,
-    times: NDArray[np.int64] | Floats,
-    clock: str,
-    labels: NDArray[np.object_] | None,
-) -> Trajectories:
-    step = np.searchsorted(times, own)[side.step] if len(own) else side.step
-    return replace(side, step=step, times=times, clock=clock, labels=labels)

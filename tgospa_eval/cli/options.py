@@ -13,28 +13,37 @@ SWITCH_PENALTY = 2.0
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 DISTANCES = ("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou")
 SOLVERS = ("certified", "exact", "sinkhorn")
+GRIDS = ("union", "truth", "estimate", "common")
 FORMATS = ("table", "json", "csv", "markdown", "latex")
 FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti")
+
+
+KEYS: dict[Callable[[Any], Any], tuple[str, bool]] = {}
+"""Of each option its key in a configuration file, and whether it is a flag."""
 
 
 def option(*names: str, **settings: Any) -> Callable[[Any], Any]:
     """Make a click option that also reads the environment variable TGOSPA_EVAL_<OPTION>."""
     long = next(name for name in names if name.startswith("--")).split("/")[0]
     variable = "TGOSPA_EVAL_" + long.lstrip("-").replace("-", "_").upper()
-    return click.option(*names, envvar=variable, **{"show_default": True, **settings})
+    made = click.option(*names, envvar=variable, **{"show_default": True, **settings})
+    KEYS[made] = long.lstrip("-"), settings.get("is_flag", False)
+    return made
 
 
 def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | None) -> str | None:
-    known = {
+    """Settings of the options that the verb has; a file may hold those of other verbs as well."""
+    taken = {
         item.opts[-1].lstrip("-"): item
         for item in ctx.command.params
-        if isinstance(item, click.Option) and item is not parameter
+        if isinstance(item, click.Option) and item is not parameter and item.envvar
     }
-    used, settings = config.load(path, {name: item.is_flag for name, item in known.items()})
+    used, settings = config.load(path, dict(KEYS.values()))
     ctx.meta[CONFIG] = used
     named = {
-        known[key].name: (value,) if known[key].multiple else value
+        taken[key].name: (value,) if taken[key].multiple else value
         for key, value in settings.items()
+        if key in taken
     }
     ctx.default_map = {**(ctx.default_map or {}), **named}
     return used
@@ -99,6 +108,16 @@ EVALUATION = (
         help="Threads; the result does not depend on it.  [default: all cores]",
     ),
     option(
+        "--time-tolerance", type=float, default=0.0,
+        help="Stamps of the two files at most so far apart are one step (nearest, one to one); "
+        "seconds for ISO times.",
+    ),
+    option(
+        "--grid", type=click.Choice(GRIDS), default="union",
+        help="Steps that count: those of either file, of one, of both; rows at others are left "
+        "out.",
+    ),
+    option(
         "--on-duplicate", type=click.Choice(("error", "first", "last")), default="error",
         help="What to do with a repeated (id, t).",
     ),
@@ -130,6 +149,14 @@ EVALUATION = (
     option("--unit", help="Unit of the states, for printing: m."),
 )  # fmt: skip
 
+CONFIG_FILE = click.option(
+    "--config", is_eager=True, callback=_load_config, metavar="FILE",
+    type=click.Path(), envvar="TGOSPA_EVAL_CONFIG",
+    help="Settings, keys as these options.  "
+    "[default: tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml]",
+)  # fmt: skip
+QUIET = option("-q", "--quiet", is_flag=True, help="No notices.")
+
 OUTPUT = (
     option(
         "--format", "format_", type=click.Choice(FORMATS), default="table",
@@ -140,13 +167,8 @@ OUTPUT = (
         help="Write result.json and CSV tables to this folder.",
     ),
     option("--force", is_flag=True, help="Write into a folder that is not empty."),
-    click.option(
-        "--config", is_eager=True, callback=_load_config, metavar="FILE",
-        type=click.Path(), envvar="TGOSPA_EVAL_CONFIG",
-        help="Settings, keys as these options.  "
-        "[default: tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml]",
-    ),
-    option("-q", "--quiet", is_flag=True, help="No notices."),
+    CONFIG_FILE,
+    QUIET,
     option("-v", "--verbose", is_flag=True, help="Stages and timings on stderr."),
 )  # fmt: skip
 
@@ -154,5 +176,17 @@ OUTPUT = (
 def evaluation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of everything that evaluates."""
     for add in reversed((*EVALUATION, *OUTPUT)):
+        command = add(command)
+    return command
+
+
+SOLVING = {"switch-penalty", "solver", "gap", "epsilon", "time-limit", "jobs"}
+"""What a verb that solves nothing does without."""
+
+
+def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of everything that reads two files and measures distances."""
+    shared = [add for add in EVALUATION if KEYS[add][0] not in SOLVING]
+    for add in reversed((*shared, CONFIG_FILE, QUIET)):
         command = add(command)
     return command

@@ -63,15 +63,8 @@ class Reading:
             rows = np.zeros(0, np.int64)
         else:
             rows = np.flatnonzero(self.klass == self.classes.index(name))
-        track = whole.track[rows]
-        used = np.flatnonzero(np.bincount(track, minlength=len(whole.ids)))
-        return replace(
-            whole,
-            step=whole.step[rows],
-            track=np.searchsorted(used, track),
-            state=whole.state[rows],
-            ids=whole.ids[used],
-        )
+        part = whole.chosen(rows, whole.step[rows], whole.times)
+        return replace(part, labels=whole.labels)
 
 
 @dataclass(frozen=True, kw_only=True)

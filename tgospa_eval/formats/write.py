@@ -75,7 +75,7 @@ WRITERS: dict[str, Callable[[Trajectories, str], str]] = {
 
 def _rows(trajectories: Trajectories) -> Iterator[tuple[str, object, list[float]]]:
     """Id, time and state of each row, as plain Python values: their text is the shortest exact."""
-    times = trajectories.times if trajectories.labels is None else trajectories.labels
+    times = trajectories.shown
     ids, times = trajectories.ids.tolist(), times.tolist()
     for step, track, state in zip(
         trajectories.step.tolist(), trajectories.track.tolist(), trajectories.state, strict=True

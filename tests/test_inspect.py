@@ -1,0 +1,67 @@
+"""``tgospa-eval inspect``: what was read, in words and as JSON."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+Run = Callable[..., Any]
+Write = Callable[[str, str], str]
+
+TRUTH = "id,t,x,y\na,0,0,0\na,1,1,0\na,4,4,0\nb,0,9,9\nb,0,8,8\nb,1,,9\nb,2,9,5\n"
+ESTIMATE = "id,t,x,y\n1,0,0,1\n1,1,1,3\n1,2,9,9\n"
+
+
+def test_counts(invoke: Run, write: Write) -> None:
+    """By hand: b at 0 is repeated, b at 1 has no x; a is absent at 2, b at 1 (of the steps)."""
+    done = invoke("inspect", write("t.csv", TRUTH), write("e.csv", ESTIMATE), "--format", "json")
+    assert done.status == 0
+    document = json.loads(done.out)
+    assert document["schema"] == "tgospa-eval/inspect/1"
+    truth = document["truth"]
+    assert (truth["rows"], truth["used"], truth["trajectories"], truth["steps"]) == (7, 5, 2, 4)
+    assert truth["left_out"] == {"blank": 1, "duplicate": 1}
+    assert truth["holes"] == {"steps": 2, "trajectories": 2, "longest": 1}
+    assert truth["length"] == {"min": 2, "median": 2.5, "max": 3}
+    assert truth["time"] == {
+        "kind": "number", "first": 0, "last": 4, "step": {"min": 1, "median": 1, "max": 2},
+    }  # fmt: skip
+    assert truth["extent"] == {"x": {"min": 0, "max": 9}, "y": {"min": 0, "max": 9}}
+    both = document["both"]
+    assert both["steps"] == {"union": 4, "common": 3, "joined": 0, "counted": 4}
+    # a is 1 and 3 away at t = 0, 1; b at (9, 9) is hypot(9, 8) away at 0, and 4 at t = 2;
+    # between them linearly, the 95th of 100 at 2.85 of 0, 1, 2, 3.
+    assert both["nearest"]["quantiles"]["50"] == pytest.approx(3.5)
+    assert both["nearest"]["quantiles"]["95"] == pytest.approx(0.15 * 4 + 0.85 * 145**0.5)
+    assert both["nearest"]["within_cutoff"] == 0.75
+    repeated, few = document["warnings"]
+    assert "1 row repeats an (id, t)" in repeated
+    assert "only 75 %" in few
+    assert done.out == json.dumps(document, sort_keys=True, indent=1) + "\n"
+
+
+def test_table(run: Run, write: Write) -> None:
+    files = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    for arguments in (files, files[:1]):
+        done = run("inspect", *arguments)
+        assert done.status == 0
+        assert max(map(len, done.out.splitlines())) <= 80
+        assert "1 without position, 1 repeated" in done.out
+    assert run("inspect", *files, "--on-duplicate", "error").status == 3
+    assert "nearer than the cutoff c = 2: 25.0 %" in run("inspect", *files, "-c", "2").out
+
+
+def test_empty_files(invoke: Run, write: Write) -> None:
+    empty = write("e.csv", "id,t,x,y\n")
+    for arguments in ((empty,), (empty, empty), (write("t.csv", TRUTH), empty)):
+        for format_ in ("table", "json"):
+            assert invoke("inspect", *arguments, "--format", format_).status == 0
+
+
+def test_settings_of_other_verbs_do_not_disturb(invoke: Run, write: Write) -> None:
+    files = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    write("tgospa-eval.toml", 'cutoff = 2\nsolver = "exact"\nformat = "markdown"\n')
+    assert "c = 2:" in invoke("inspect", *files).out
+    write("tgospa-eval.toml", "cutof = 2\n")
+    assert "unknown key" in invoke("inspect", *files).err
