@@ -346,6 +346,7 @@ def describe(reading: Reading) -> dict[str, Any]:
     holes = last - first + 1 - count
     per_step = np.bincount(side.step, minlength=len(side.times))
     return {
+        "format": reading.format,
         "rows": reading.rows,
         "used": len(side.step),
         "left_out": dict(reading.left_out),
