@@ -10,13 +10,10 @@ from tgospa_eval.alignment import SECOND, Alignment, Stamps
 from tgospa_eval.distances import Distance
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem import Floats, Parameters
-from tgospa_eval.remarks import median, remarks
+from tgospa_eval.remarks import SAMPLE, median, remarks
 from tgospa_eval.trajectories import Ints, Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"
-
-SAMPLE = 100
-"""Steps that are looked at for a shift, and for the nearest estimates."""
 
 QUANTILES = (5, 25, 50, 75, 95)
 
