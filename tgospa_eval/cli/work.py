@@ -162,11 +162,24 @@ def _remarks(
     """What the user should know of the choice of the distance, and of the two files together."""
     yield from notices(distance, aligned.truth.columns, settings.parameters.cutoff)
     truth, estimate = (side.trajectories for side in sides)
+    if distance.uses_covariance:
+        yield from _about_points(truth.covariance is None, estimate.covariance is None)
     said, warnings = remarks(
         (truth, estimate), aligned, settings.stamps, settings.parameters, distance
     )
     yield from said
     yield from (f"warning: {text}" for text in warnings)
+
+
+def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
+    """What states without covariance mean; the two say whether a side has none."""
+    if truth and estimate:
+        yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
+    elif truth:
+        yield (
+            "the truth has no covariances: against points a smaller reported covariance always "
+            "costs less, whether it is right or not"
+        )
 
 
 def _default_notice(
