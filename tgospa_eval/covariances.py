@@ -115,7 +115,7 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
     left = [v.copy() for v in variance]
     share = np.ones(packed.shape[1])
     for j in range(d):
-        positive = left[j] > 4 * d * EPS * variance[j]
+        positive = left[j] > 16 * d * EPS * variance[j]
         np.minimum(
             share,
             np.divide(left[j], variance[j], out=np.ones_like(share), where=positive).astype(float),

@@ -123,9 +123,10 @@ class Trajectories:
         return np.ascontiguousarray(from_matrices(covariance, "covariance of row {}".format)[0].T)
 
     def __repr__(self) -> str:
+        laws = "" if self.covariance is None else ", with covariances"
         return (
             f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows, "
-            f"columns {','.join(self.columns)})"
+            f"columns {','.join(self.columns)}{laws})"
         )
 
     def dense(self) -> Floats:

@@ -215,13 +215,16 @@ def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
     (a1, a2), (b1, b2), (c1, c2) = first, second, third
     s = b1 * c2 - b2 * c1
     p = a1 * a2 + b1 * b2 + c1 * c2
-    h = np.sqrt(p * p + s * s)  # np.hypot takes ten times as long
-    turned = h > 0
-    large = np.sqrt(0.5 + 0.5 * np.divide(np.abs(p), h, out=np.ones_like(h), where=turned))
-    small = np.divide(0.5 * np.abs(s), h * large, out=np.zeros_like(h), where=turned)
-    ahead = p >= 0
-    cosine = np.where(ahead, large, small)
-    sine = np.copysign(np.where(ahead, small, large), s)
+    # (|p| + h, s), where h is the length of (p, s), has half the angle of (|p|, s).
+    ahead = np.abs(p) + np.sqrt(p * p + s * s)  # np.hypot takes ten times as long
+    length = np.sqrt(ahead * ahead + s * s)
+    if not length.all():  # no angle
+        ahead, length = (np.where(length > 0, x, 1.0) for x in (ahead, length))
+    cosine, sine = ahead / length, s / length
+    back = p < 0
+    if back.any():  # beyond a right angle: the half from there on is what is left of it
+        turned = np.copysign(cosine, s)
+        cosine, sine = np.where(back, np.abs(sine), cosine), np.where(back, turned, sine)
     parts = (
         (a1 - a2) * cosine,
         (a1 + a2) * sine,
