@@ -170,6 +170,15 @@ def test_equal_laws_are_at_distance_0() -> None:
             assert gaussian_wasserstein(np.ones(d), matrix, np.ones(d), matrix) == 0
 
 
+def test_moved_laws_are_apart_by_what_they_were_moved() -> None:
+    rng = np.random.default_rng(5)
+    for d in (1, 2, 3, 4):
+        matrix = covariance(rng, d, max(d - 1, 1), 1e6)
+        v = rng.normal(size=d)
+        found = gaussian_wasserstein(np.zeros(d), matrix, v, matrix)
+        assert found == pytest.approx(np.linalg.norm(v), rel=1e-14)
+
+
 def test_arguments_broadcast() -> None:
     rng = np.random.default_rng(2)
     for d in (1, 2, 3):

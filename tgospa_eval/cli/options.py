@@ -67,9 +67,10 @@ EVALUATION = (
         help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
     ),
     option(
-        "--distance", type=click.Choice(DISTANCES), default="euclidean",
-        help="Base distance between two states: haversine in metres from lat,lon; iou of boxes "
-        "left,top,width,height; gaussian-wasserstein of means and covariances.",
+        "--distance", type=click.Choice(DISTANCES), default="euclidean", metavar="NAME",
+        help="Base distance between two states: euclidean, manhattan, chebyshev, mahalanobis, "
+        "haversine (metres from lat,lon), iou (boxes left,top,width,height), "
+        "gaussian-wasserstein (means and covariances).",
     ),
     option(
         "--covariance", metavar="FILE", type=click.Path(),
