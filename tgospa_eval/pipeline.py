@@ -12,12 +12,13 @@ from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result
+from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
-from tgospa_eval.result import ONE, Solution, certify
+from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
-from tgospa_eval.states import merge_runs
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.weights import ONE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -350,10 +351,10 @@ def check_states(
         distance.check_columns(side.columns, name)
         fault = distance.fault(side.state.T)
         if fault is not None:
-            row, message = fault
+            row, column, message = fault
             time = side.shown[side.step[row]]
             identity = side.ids[side.track[row]]
-            raise InputError(f'{name}: at t = {time}, id "{identity}": {message}')
+            raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
 
 
 def digest(side: Trajectories) -> str:

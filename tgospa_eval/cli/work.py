@@ -18,8 +18,9 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
-from tgospa_eval.inspection import inspect, remarks
+from tgospa_eval.inspection import inspect
 from tgospa_eval.pipeline import evaluate_trajectories
+from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver
@@ -161,6 +162,9 @@ def _remarks(
 ) -> Iterator[str]:
     """What the user should know of the choice of the distance, and of the two files together."""
     yield from notices(distance, aligned.truth.columns, settings.parameters.cutoff)
+    for name, side in zip(("truth", "estimate"), sides, strict=True):
+        if side.rows and not len(side.trajectories.step):
+            yield f"warning: no row of the {name} takes part"
     truth, estimate = (side.trajectories for side in sides)
     if distance.uses_covariance:
         yield from _about_points(truth.covariance is None, estimate.covariance is None)

@@ -5,10 +5,9 @@ import io
 from collections.abc import Callable, Iterator
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns import BOX
 from tgospa_eval.formats.spread import spelt
 from tgospa_eval.trajectories import Trajectories
-
-BOX = ("left", "top", "width", "height")
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
