@@ -1,6 +1,7 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 import hashlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,9 +18,13 @@ from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.weights import ONE
 
 if TYPE_CHECKING:
     import pandas as pd
+
+BLOCK = 1 << 16
+"""Pairs whose distances are taken apart at a time."""
 
 GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
@@ -53,9 +58,10 @@ def evaluate(
         gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
     distance : str or Distance
         Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``, ``"haversine"``,
-        ``"iou"``, or a record of `tgospa_eval.distances` with settings: `Norm`, `Mahalanobis`.
-        Arrays and DataFrames are taken to have the columns that it needs: ``lat, lon`` or
-        ``left, top, width, height``.
+        ``"iou"``, ``"gaussian-wasserstein"``, or a record of `tgospa_eval.distances` with
+        settings: `Norm`, `Mahalanobis`, `GaussianWasserstein`. Arrays and DataFrames are taken
+        to have the columns that it needs: ``lat, lon`` or ``left, top, width, height``; of
+        DataFrames those of covariances are read if the distance looks at them.
     solver : str or solver record
         ``"certified"``, ``"exact"``, ``"sinkhorn"``, or `Certified`, `Exact`, `Sinkhorn` with
         settings.
@@ -83,10 +89,10 @@ def evaluate(
     stopwatch = Stopwatch()
     measure = _distance(distance)
     with stopwatch.span("read"):
-        sides = (
-            as_trajectories(truth, "truth", measure.columns),
-            as_trajectories(estimate, "estimate", measure.columns),
-        )
+        sides = [
+            as_trajectories(side, name, measure.columns, covariance=measure.uses_covariance)
+            for side, name in ((truth, "truth"), (estimate, "estimate"))
+        ]
     defaults = measure.defaults
     return evaluate_trajectories(
         *sides,
@@ -149,6 +155,7 @@ def evaluate_trajectories(
     measure = _distance(distance)
     check_columns(truth, estimate)
     check_states(truth, estimate, measure)
+    truth, estimate = (_looked_at(side, measure) for side in (truth, estimate))
     with stopwatch.span("report"):
         told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
         digests = digest(truth), digest(estimate)
@@ -163,15 +170,15 @@ def evaluate_trajectories(
     solution = solver(states, stopwatch)
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(states, solution)
+    proof = Proof(
+        parameters=parameters, states=states, bounds=bounds, weights=weights, breakdown=breakdown
+    )
+    with stopwatch.span("report"):
+        split = _split(truth, estimate, measure, proof)
     gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
     return Result(
-        proof=Proof(
-            parameters=parameters,
-            states=states,
-            bounds=bounds,
-            weights=weights,
-            breakdown=breakdown,
-        ),
+        proof=proof,
+        split=split,
         labels=Labels(
             times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
@@ -205,6 +212,33 @@ def evaluate_trajectories(
         },
         version=__version__,
     )
+
+
+def _looked_at(side: Trajectories, distance: Distance) -> Trajectories:
+    """Without covariances, unless the distance looks at them: what is digested is what counts."""
+    if side.covariance is None or distance.uses_covariance:
+        return side
+    return replace(side, covariance=None)
+
+
+def _split(
+    truth: Trajectories, estimate: Trajectories, distance: Distance, proof: Proof
+) -> tuple[float, float] | None:
+    """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
+    if not distance.uses_covariance or proof.parameters.order != 2:
+        return None
+    states, problem = proof.states, proof.states.problem
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    sums = [0.0, 0.0]
+    for begin in range(0, len(used), BLOCK):
+        state = used[begin : begin + BLOCK]
+        entry = states.entry[state]
+        sides = (truth, problem.truth_row), (estimate, problem.estimate_row)
+        a, b = (distance.axes(side, rows[entry]) for side, rows in sides)
+        parts = distance.parts(zip(a, b, strict=True))
+        for k, part in enumerate(parts or ()):
+            sums[k] += float((proof.weights[state] / ONE) @ (part * part))
+    return sums[0], sums[1]
 
 
 def _problem(
@@ -251,11 +285,13 @@ def as_trajectories(
     side: "Trajectories | pd.DataFrame | Floats",
     name: str,
     columns: tuple[str, ...] | None = None,
+    *,
+    covariance: bool = False,
 ) -> Trajectories:
     """Any accepted form of one side as Trajectories.
 
     `name` begins the messages; `columns` are the state columns of tables and arrays, if the
-    distance prescribes them.
+    distance prescribes them; `covariance` asks for those of tables.
     """
     if isinstance(side, Trajectories):
         return side
@@ -266,7 +302,8 @@ def as_trajectories(
         from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
 
-        return from_frame(side, ReadOptions(columns=columns), name=name).trajectories
+        options = ReadOptions(columns=columns, covariance=covariance)
+        return from_frame(side, options, name=name).trajectories
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
     )
@@ -321,11 +358,14 @@ def check_states(
 
 
 def digest(side: Trajectories) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows and states."""
+    """SHA-256 of what takes part: columns, ids, times, rows, states and covariances."""
     sha = hashlib.sha256()
     for texts in (side.columns, side.ids.tolist()):
         sha.update(repr(list(texts)).encode())
-    for array in (side.times[side.step], side.track, side.state):
+    arrays = [side.times[side.step], side.track, side.state]
+    if side.covariance is not None:
+        arrays.append(side.covariance)
+    for array in arrays:
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())
         sha.update(np.ascontiguousarray(array, dtype=kind).data)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.covariances import from_matrices
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]
@@ -43,11 +44,16 @@ class Trajectories:
         What the times are.
     labels : (T,) array of str, optional
         Times as they were read, where they are no numbers.
+    covariance : (R, d, d) or (R, d (d + 1) / 2) float array, optional
+        Covariance of each state, in the unit of the states squared; without, states are points. It
+        is held as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
+        eigenvalue that is negative by up to a thousandth of the largest becomes 0; lower triangles
+        are taken to be covariances.
 
     Raises
     ------
     InputError
-        Shapes, order, uniqueness or finiteness are violated.
+        Shapes, order, uniqueness or finiteness are violated, or a matrix is no covariance.
     """
 
     step: Ints
@@ -58,6 +64,7 @@ class Trajectories:
     columns: tuple[str, ...]
     clock: str = "number"
     labels: NDArray[np.object_] | None = None
+    covariance: Floats | None = None
 
     def __post_init__(self) -> None:
         for name in ("step", "track"):
@@ -80,6 +87,8 @@ class Trajectories:
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
         if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
             raise InputError("times must increase strictly")
         if rows:
@@ -100,10 +109,24 @@ class Trajectories:
                 frozen.setflags(write=False)
                 object.__setattr__(self, name, frozen)
 
+    def _packed(self, covariance: Floats) -> Floats:
+        rows, d = self.state.shape
+        if covariance.shape not in ((rows, d, d), (rows, d * (d + 1) // 2)):
+            raise InputError(
+                f"covariance {covariance.shape} does not fit state {self.state.shape}; "
+                "(R, d, d) would, and (R, d (d + 1) / 2)"
+            )
+        if not np.isfinite(covariance).all():
+            raise InputError("covariances must be finite; 0 makes a state a point")
+        if covariance.ndim == 2:
+            return covariance
+        return np.ascontiguousarray(from_matrices(covariance, "covariance of row {}".format)[0].T)
+
     def __repr__(self) -> str:
+        laws = "" if self.covariance is None else ", with covariances"
         return (
             f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows, "
-            f"columns {','.join(self.columns)})"
+            f"columns {','.join(self.columns)}{laws})"
         )
 
     def dense(self) -> Floats:
@@ -132,16 +155,31 @@ class Trajectories:
             ids=self.ids[has_rows],
             times=times,
             labels=None,
+            covariance=None if self.covariance is None else self.covariance[rows],
         )
 
     @classmethod
-    def from_array(cls, states: Floats, columns: tuple[str, ...] | None = None) -> "Trajectories":
+    def from_array(
+        cls,
+        states: Floats,
+        columns: tuple[str, ...] | None = None,
+        covariance: Floats | None = None,
+    ) -> "Trajectories":
         """From an array (T, k, d) with NaN for absent; ids and times count from 0.
+
+        Parameters
+        ----------
+        states : (T, k, d) array
+            States; of normal laws the means.
+        columns : tuple of str, optional
+            Names of the d columns; x, y, z by default.
+        covariance : (T, k, d, d) array, optional
+            Covariances; those of absent states do not matter. One matrix (d, d) is that of all.
 
         Raises
         ------
         InputError
-            Not three axes, or a value is infinite.
+            Not three axes, or a value is infinite; covariances that do not fit or are none.
         """
         try:
             states = np.asarray(states)
@@ -161,6 +199,15 @@ class Trajectories:
             present &= ~np.isnan(states[:, :, axis])
         rows = np.flatnonzero(present)
         at = np.repeat(np.arange(steps, dtype=np.int64), np.count_nonzero(present, axis=1))
+        if covariance is not None:
+            covariance = np.asarray(covariance, np.float64)
+            if covariance.shape not in ((*states.shape, size), (size, size)):
+                raise InputError(
+                    f"covariance {covariance.shape} does not fit states {states.shape}; "
+                    f"{(*states.shape, size)} would, and one matrix {(size, size)}"
+                )
+            whole = np.broadcast_to(covariance, (*states.shape, size))
+            covariance = whole[at, rows - at * tracks]
         if columns is None:
             columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
         return cls(
@@ -170,4 +217,5 @@ class Trajectories:
             ids=np.array([str(k) for k in range(tracks)], dtype=object),
             times=np.arange(steps),
             columns=columns,
+            covariance=covariance,
         )

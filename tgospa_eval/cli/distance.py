@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from tgospa_eval.distances import DISTANCES, Distance, Mahalanobis, Norm
+from tgospa_eval.distances import DISTANCES, Distance, GaussianWasserstein, Mahalanobis, Norm
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
@@ -34,11 +34,16 @@ class DistanceOptions:
         self.matrix: list[list[float]] | None = None
         self.path = options["covariance"]
         self.boxes = self.named.columns == BOX
-        of_norms = isinstance(self.named, Norm)
+        of_laws = isinstance(self.named, GaussianWasserstein)
+        of_norms = isinstance(self.named, Norm) or of_laws
+        zero = options["missing_cov"] != "error"
+        norms = "the norms and gaussian-wasserstein"
         of_matrix = isinstance(self.named, Mahalanobis)
         for name, given, allowed, whose in (
-            ("periodic", self.period, of_norms, "euclidean, manhattan and chebyshev"),
-            ("scale", self.scale, of_norms or of_matrix, "the norms and mahalanobis"),
+            ("periodic", self.period, of_norms, norms),
+            ("scale", self.scale, of_norms or of_matrix, f"{norms}, and for mahalanobis"),
+            ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
+            ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
         ):
             if given and not allowed:
@@ -75,6 +80,8 @@ class DistanceOptions:
         scale = _by_column("scale", self.scale, columns, 1.0)
         if isinstance(self.named, Norm):
             return Norm(name=self.named.name, power=self.named.power, period=period, scale=scale)
+        if isinstance(self.named, GaussianWasserstein):
+            return GaussianWasserstein(period=period, scale=scale)
         if isinstance(self.named, Mahalanobis):
             return Mahalanobis(covariance=self.matrix, scale=scale)
         return self.named

@@ -11,7 +11,10 @@ from tgospa_eval.cli import CONFIG
 CUTOFF = 10.0
 SWITCH_PENALTY = 2.0
 # Spelled out here, because importing the members costs numpy; a test holds them together.
-DISTANCES = ("euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou")
+DISTANCES = (
+    "euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou",
+    "gaussian-wasserstein",
+)  # fmt: skip
 SOLVERS = ("certified", "exact", "sinkhorn")
 GRIDS = ("union", "truth", "estimate", "common")
 FORMATS = ("table", "json", "csv", "markdown", "latex")
@@ -64,9 +67,10 @@ EVALUATION = (
         help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
     ),
     option(
-        "--distance", type=click.Choice(DISTANCES), default="euclidean",
-        help="Base distance between two states: haversine in metres from lat,lon; iou of boxes "
-        "left,top,width,height.",
+        "--distance", type=click.Choice(DISTANCES), default="euclidean", metavar="NAME",
+        help="Base distance between two states: euclidean, manhattan, chebyshev, mahalanobis, "
+        "haversine (metres from lat,lon), iou (boxes left,top,width,height), "
+        "gaussian-wasserstein (means and covariances).",
     ),
     option(
         "--covariance", metavar="FILE", type=click.Path(),
@@ -84,6 +88,15 @@ EVALUATION = (
         "--columns", metavar="NAMES",
         help="State columns in order, x,y; id=HEADER and x=HEADER map headers.  "
         "[default: x[,y[,z]], else lat,lon, else centres of boxes]",
+    ),
+    option(
+        "--fix-cov", is_flag=True,
+        help="Of gaussian-wasserstein: replace what is no covariance by the nearest matrix that "
+        "is.",
+    ),
+    option(
+        "--missing-cov", type=click.Choice(("error", "zero")), default="error",
+        help="Of gaussian-wasserstein: a row with blank covariance is wrong, or a point.",
     ),
     option(
         "--solver", type=click.Choice(SOLVERS), default="certified",

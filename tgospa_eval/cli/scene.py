@@ -47,8 +47,10 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
 
 def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
     boxes = options["format"] != "csv"
-    if boxes and options["state"] == "point":
-        raise ConfigError(f"--state point: {options['format']} files hold boxes; leave it out")
+    if boxes and options["state"] in ("point", "gaussian"):
+        raise ConfigError(
+            f"--state {options['state']}: {options['format']} files hold boxes; leave it out"
+        )
     scene = Scene(
         state=options["state"] or ("box" if boxes else "point"),
         **{name: options[name] for name in ("scenario", "targets", "steps", "area")},
@@ -73,4 +75,6 @@ def _command(folder: str, names: tuple[str, str], options: dict[str, Any], track
     cutoff = max(options["area"] / 20, 5 * tracker.noise)
     format_ = options["format"]
     formats = f" --truth-format {format_} --estimate-format {format_}" if format_ != "csv" else ""
+    if options["state"] == "gaussian":
+        formats += " --distance gaussian-wasserstein"
     return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"

@@ -30,8 +30,9 @@ def _option(name: str, default: Any, text: str, **settings: Any) -> Callable[[An
 @_option("--steps", 60, "Length of the recording.", type=int)
 @_option("--area", 200.0, "Side of the square in which it happens; in state units.")
 @click.option(
-    "--state", type=click.Choice(("point", "box")),
-    help="x,y, or left,top,width,height.  [default: box for motchallenge and kitti, else point]",
+    "--state", type=click.Choice(("point", "gaussian", "box")),
+    help="x,y; x,y with covariances of the estimates; left,top,width,height.  [default: box for "
+    "motchallenge and kitti, else point]",
 )  # fmt: skip
 @click.option(
     "--noise", type=float,

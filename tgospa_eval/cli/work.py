@@ -166,11 +166,24 @@ def _remarks(
         if side.rows and not len(side.trajectories.step):
             yield f"warning: no row of the {name} takes part"
     truth, estimate = (side.trajectories for side in sides)
+    if distance.uses_covariance:
+        yield from _about_points(truth.covariance is None, estimate.covariance is None)
     said, warnings = remarks(
         (truth, estimate), aligned, settings.stamps, settings.parameters, distance
     )
     yield from said
     yield from (f"warning: {text}" for text in warnings)
+
+
+def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
+    """What states without covariance mean; the two say whether a side has none."""
+    if truth and estimate:
+        yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
+    elif truth:
+        yield (
+            "the truth has no covariances: against points a smaller reported covariance always "
+            "costs less, whether it is right or not"
+        )
 
 
 def _default_notice(

@@ -6,6 +6,7 @@ A member is one file here, one line in `DISTANCES` and one line in docs/referenc
 from tgospa_eval.distances.base import Distance
 from tgospa_eval.distances.boxes import IoU
 from tgospa_eval.distances.gating import Pairs, near_pairs
+from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
 from tgospa_eval.distances.mahalanobis import Mahalanobis
 from tgospa_eval.distances.sphere import Haversine
 from tgospa_eval.distances.vector import Norm
@@ -17,16 +18,19 @@ DISTANCES: dict[str, Distance] = {
     "mahalanobis": Mahalanobis(),
     "haversine": Haversine(),
     "iou": IoU(),
+    "gaussian-wasserstein": GaussianWasserstein(),
 }
 """Base distances by name; Mahalanobis without its covariance."""
 
 __all__ = [
     "DISTANCES",
     "Distance",
+    "GaussianWasserstein",
     "Haversine",
     "IoU",
     "Mahalanobis",
     "Norm",
     "Pairs",
+    "gaussian_wasserstein",
     "near_pairs",
 ]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
 
@@ -35,17 +36,32 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
+    uses_covariance : bool
+        Whether it looks at covariances.
     """
 
     name: str
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
+    uses_covariance: ClassVar[bool] = False
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
         """Distance along the last axis of `a` and `b`, which broadcast."""
         a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
+
+    def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
+        """Components (d, R) of some rows, as `between` and `embed` take them."""
+        return np.ascontiguousarray(side.state[rows].T)
+
+    def parts(self, components: Iterable[tuple[Floats, Floats]]) -> tuple[Floats, Floats] | None:
+        """Two distances whose squares add up to that of `between`: of means, and of spreads.
+
+        None if there are no such.
+        """
+        del components
+        return None
 
     @property
     def tree_power(self) -> float:

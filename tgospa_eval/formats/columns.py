@@ -1,12 +1,13 @@
 """Which column is what: headers to roles."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.spread import PREFIXES, Spread, find_spread, spelt
 from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
@@ -48,6 +49,10 @@ class Roles:
         The states are the centres of boxes.
     unused : tuple of str
         Headers of all other columns.
+    spread : Spread, optional
+        Columns of the covariances.
+    asked : bool
+        Whether covariances were asked for.
     """
 
     id: int
@@ -59,12 +64,32 @@ class Roles:
     sizes: tuple[Mix, ...]
     centres: bool
     unused: tuple[str, ...]
+    spread: Spread | None = None
+    asked: bool = False
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """Columns that are read as numbers, those of the state first."""
         mixes = (*self.state, *self.region.values(), *self.sizes)
-        return tuple(dict.fromkeys(column for mix in mixes for column, _ in mix))
+        columns = [column for mix in mixes for column, _ in mix]
+        return tuple(dict.fromkeys([*columns, *(self.spread.columns if self.spread else ())]))
+
+    def notices(self) -> Iterator[str]:
+        """Columns that are passed over, and what becomes of covariances."""
+        known = [
+            spelt(first, second, deviations=deviations)
+            for deviations in (False, True)
+            for k, second in enumerate(self.names)
+            for first in self.names[: k + 1]
+        ]
+        if self.unused:
+            folded = {name.casefold() for names in known for name in names}
+            there = any(name.casefold() in folded for name in self.unused) and not self.asked
+            way = "; --distance gaussian-wasserstein compares covariances" if there else ""
+            yield f"columns not used: {', '.join(self.unused)}{way}"
+        if self.asked and self.spread is None:
+            shown = ", ".join([names[0] for names in known[:3]])
+            yield f"no columns of covariances ({shown}): its states are points"
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
@@ -181,10 +206,17 @@ def find_roles(
         )
     if options.classes is None and not options.by_class:
         klass = None
+    spread = None
+    if options.covariance:
+        spread = find_spread(wanted, find, where)
+        for name in mapped if spread else ():
+            if name.startswith(PREFIXES) and find(name) is None:
+                raise _absent(name)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (box["width"], box["height"]) if centres or options.boxes else ()
     mixes = (*state, *region.values(), *sizes)
     used = {identity, time, klass, *(k for mix in mixes for k, _ in mix)}
+    used.update(spread.columns if spread else ())
     return Roles(
         id=identity,
         time=time,
@@ -195,13 +227,16 @@ def find_roles(
         sizes=sizes,
         centres=centres,
         unused=tuple(name for k, name in enumerate(names) if k not in used),
+        spread=spread,
+        asked=options.covariance,
     )
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
     """Header of each mapped name, and the names of the state columns, in order.
 
-    Edges of boxes that are mapped are no state columns by that; named without ``=`` they are.
+    Edges of boxes and entries of covariances that are mapped are no state columns by that; named
+    without ``=`` they are.
     """
     mapped: dict[str, str] = {}
     wanted: list[str] = []
@@ -213,7 +248,7 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f'columns: "{name}" is given twice')
         if equals:
             mapped[name] = header
-        if name not in ALIASES and not (equals and name in EDGES):
+        if name not in ALIASES and not (equals and (name in EDGES or name.startswith(PREFIXES))):
             wanted.append(name)
     return mapped, tuple(wanted)
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns import BOX
+from tgospa_eval.formats.spread import spelt
 from tgospa_eval.trajectories import Trajectories
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
-    """CSV ``id,t,...``; numbers are read back as the same doubles.
+    """CSV ``id,t,...``, covariances behind the states; numbers are read back as the same doubles.
 
     Parameters
     ----------
@@ -21,8 +22,17 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("id", "t", *trajectories.columns))
-    writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
+    columns, covariance = trajectories.columns, trajectories.covariance
+    if covariance is None:
+        writer.writerow(("id", "t", *columns))
+        writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
+        return text.getvalue()
+    entries = [spelt(one, two)[0] for k, two in enumerate(columns) for one in columns[: k + 1]]
+    writer.writerow(("id", "t", *columns, *entries))
+    writer.writerows(
+        (name, time, *state, *entry.tolist())
+        for (name, time, state), entry in zip(_rows(trajectories), covariance, strict=True)
+    )
     return text.getvalue()
 
 
