@@ -21,6 +21,27 @@ SPARSE = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Changes:
+    """Changes of partners into each step.
+
+    Parameters
+    ----------
+    whole : (T,) float array
+        From one estimate to another; each counts 1.
+    half : (T,) float array
+        From or to "none", how many; each counts one half.
+    """
+
+    whole: Floats
+    half: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Switches, (T,)."""
+        return self.whole + 0.5 * self.half
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PerStep:
     """The cheapest assignment of each step, in units of c^p.
 
@@ -126,8 +147,8 @@ def partners(problem: Problem, entries: Ints) -> Ints:
     return track
 
 
-def changes_since_last_stored(problem: Problem, track: Ints) -> Floats:
-    """Changes into each step as Stone Soup counts them, (T,).
+def changes_since_last_stored(problem: Problem, track: Ints) -> Changes:
+    """Changes into each step as Stone Soup counts them.
 
     Compared is the partner of a truth with the last one that was stored for it. Storing begins
     with the first estimate that it is assigned to; from then on "none" is stored as well. A step
@@ -145,8 +166,8 @@ def changes_since_last_stored(problem: Problem, track: Ints) -> Floats:
     return _changes(problem, track, order, np.ones(max(len(order) - 1, 0), bool))
 
 
-def changes_since_last_step(problem: Problem, track: Ints) -> Floats:
-    """Changes into each step as MathWorks describes them, (T,).
+def changes_since_last_step(problem: Problem, track: Ints) -> Changes:
+    """Changes into each step as MathWorks describes them.
 
     Compared are the partners of a truth at a step and at the step before, where it exists at both.
     A change counts 1, from or to "none" one half.
@@ -160,9 +181,13 @@ def _by_truth(problem: Problem) -> Ints:
     return np.lexsort((problem.truth_step, problem.truth_track))
 
 
-def _changes(problem: Problem, track: Ints, order: Ints, counts: NDArray[np.bool_]) -> Floats:
+def _changes(problem: Problem, track: Ints, order: Ints, counts: NDArray[np.bool_]) -> Changes:
     """Changes from each row to the next one of the same truth, booked at the later step."""
     after, before = track[order[1:]], track[order[:-1]]
     counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)
-    amount = 0.5 * ((after >= 0).astype(float) + (before >= 0))
-    return sum_by(problem.truth_step[order[1:]][counts], amount[counts], problem.steps)
+    both = (after >= 0) & (before >= 0)
+    step = problem.truth_step[order[1:]]
+    return Changes(
+        whole=np.bincount(step[counts & both], minlength=problem.steps).astype(float),
+        half=np.bincount(step[counts & ~both], minlength=problem.steps).astype(float),
+    )

@@ -1,21 +1,40 @@
 """From the options of ``compare`` to a document, and the document to stdout and files."""
 
+import glob
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from tgospa_eval import plots
 from tgospa_eval.cli.progress import run
+from tgospa_eval.cli.scene import settings as scene_settings
 from tgospa_eval.cli.settings import Settings, make_settings
+from tgospa_eval.cli.simulate import command as simulate
 from tgospa_eval.cli.work import default_notice, emit, pair_remarks, say, say_if_slow, told
+from tgospa_eval.comparison.log import NAME, Log, machine
+from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_table
+from tgospa_eval.comparison.ranking import document as ranking
 from tgospa_eval.comparison.runs import check_solvers, takes_long
 from tgospa_eval.comparison.solvers import compare_solvers, document
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.comparison.study import Study, carry_out
+from tgospa_eval.comparison.study import document as summary
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, read
-from tgospa_eval.pipeline import Prepared, prepare
-from tgospa_eval.plots.comparison import solver_pictures
-from tgospa_eval.reports.comparison import Document, json_text, render
+from tgospa_eval.formats.assemble import natural
+from tgospa_eval.pipeline import Prepared, prepare, solve
+from tgospa_eval.plots.comparison import solver_pictures, study_pictures
+from tgospa_eval.reports.comparison import (
+    Document,
+    json_text,
+    pairs_table,
+    render,
+    study_report,
+)
 from tgospa_eval.reports.files import check_folder, write_texts
+from tgospa_eval.reports.sheets import as_csv
+from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
+from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.timing import Stopwatch
 
 GIVEN = ("cutoff", "switch_penalty")
@@ -63,6 +82,164 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
     return bool(answer["agree"]) and all(item["finished"] for item in answer["runs"])
 
 
+def compare_estimates(
+    truth: str, estimates: tuple[str, ...], options: dict[str, Any], given: set[str]
+) -> bool:
+    """Rank estimates of one truth, or of that of each run; whether all did what was asked.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    if "epsilon" not in given:
+        options = options | {"epsilon": Sinkhorn.epsilon}
+    solvers = make_solvers(options, options["solvers"] or "certified")
+    if len(solvers) > 1:
+        raise ConfigError(
+            "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
+            "one --epsilon; several solvers are compared on one estimate, without --against"
+        )
+    settings = _settings(options, given)
+    runs = expand(truth, estimates)
+    names = short_names(estimates)
+    stopwatch = Stopwatch()
+
+    def work() -> tuple[Document, dict[str, str]]:
+        pairs = Pairs(settings, options, given, stopwatch)
+        found: list[list[Outcome]] = [[] for _ in estimates]
+        for at, (of_truth, paths) in enumerate(runs):
+            for mine, path in zip(found, paths, strict=True):
+                prepared = pairs.prepared(of_truth, path, named=len(estimates) * len(runs) > 1)
+                result = solve(prepared, solvers[0], Stopwatch())
+                mine.append(
+                    outcome(result, prepared.moments, per_step=options["against"] is not None)
+                )
+            stopwatch.stage = f"run {at + 1} of {len(runs)} done"
+        entrants = [
+            Entrant(name=name, paths=[paths[k] for _, paths in runs], outcomes=mine)
+            for k, (name, mine) in enumerate(zip(names, found, strict=True))
+        ]
+        answer = ranking(entrants, [of_truth for of_truth, _ in runs], result.settings)
+        best = answer["estimates"][0]["name"]
+        return answer, {"per_step.csv": as_csv(steps_table(entrants, best))}
+
+    answer, tables = run(work, stopwatch, show=not options["quiet"])
+    if answer["pairs"]:
+        tables["pairs.csv"] = as_csv(pairs_table(answer))
+    show(answer, options, tables, lambda _: {})
+    return all(made["finished"] for item in answer["estimates"] for made in item["runs"])
+
+
+def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
+    """The scaling study; whether all did what was asked, and agree.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the options or with the folder.
+    """
+    folder = options["output"]
+    if folder is not None and not (Path(folder) / NAME).is_file():
+        check_folder(folder, force=options["force"])
+    settings = make_settings(options | {"by": None}, {name: name in given for name in GIVEN})
+    chosen = ["--scenario", options["scenario"], "--area", str(options["area"])]
+    scene, tracker = scene_settings(simulate.make_context("simulate", ["DIR", *chosen]).params)
+    study = Study(
+        scene=scene,
+        tracker=tracker,
+        seed=options["seed"],
+        parameters=settings.parameters,
+        distance=settings.measure.distance(COLUMNS[scene.state]),
+        solvers=make_solvers(options, options["solvers"] or "certified,sinkhorn"),
+        targets=numbers("targets", options["targets"], int),
+        steps=numbers("steps", options["steps"], int),
+        runs=options["runs"],
+    )
+    log = None if folder is None else Log(folder, study.settings)
+    stopwatch = Stopwatch()
+
+    def work() -> Document:
+        def tell(text: str) -> None:
+            stopwatch.stage = text
+
+        known = {} if log is None else log.known
+        keep = (lambda _: None) if log is None else log.keep
+        return summary(study, carry_out(study, known, keep, tell), machine())
+
+    if not options["quiet"]:
+        say_if_slow()
+        if log is not None and log.known:
+            say(f"{log.path}: {len(log.known)} runs are there, going on")
+    answer = run(work, stopwatch, show=not options["quiet"])
+    pictures = list(study_pictures(answer)) if plots.available() else []
+    texts = {"report.md": study_report(answer, pictures)}
+    show(answer, options | {"force": True}, texts, study_pictures)
+    return not answer["contradictions"] and not any(
+        made["unfinished"] for size in answer["sizes"] for made in size["solvers"]
+    )
+
+
+def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+    """The files of each run: what ``*`` stands for in one pattern stands in all.
+
+    A truth without ``*`` is that of all runs. Names of existing files are no patterns.
+
+    Raises
+    ------
+    ConfigError, InputError
+        A pattern fits nothing, or patterns do not fit each other.
+    """
+    paths = (truth, *estimates)
+    marked = ["*" in path and not Path(path).exists() for path in paths]
+    if not any(marked):
+        return [(truth, list(estimates))]
+    for path, is_pattern in zip(paths, marked, strict=True):
+        if path.count("*") > 1 and is_pattern:
+            raise ConfigError(f"{path}: one * is needed, it stands for the run")
+        if not is_pattern and path != truth:
+            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
+    keys = [_matches(path) for path, is_pattern in zip(paths, marked, strict=True) if is_pattern]
+    for path, own in zip([p for p, m in zip(paths, marked, strict=True) if m], keys, strict=True):
+        lacking = next((key for key in keys[0] if key not in own), None)
+        if lacking is not None:
+            raise InputError(f"{path.replace('*', lacking)}: no such file; other patterns have it")
+        extra = next((key for key in own if key not in keys[0]), None)
+        if extra is not None:
+            raise InputError(f"{path.replace('*', extra)}: has no counterpart in other patterns")
+    return [
+        (truth.replace("*", key) if marked[0] else truth, [p.replace("*", key) for p in estimates])
+        for key in keys[0]
+    ]
+
+
+def _matches(pattern: str) -> list[str]:
+    """What ``*`` stands for, in natural order."""
+    before, after = pattern.split("*")
+    found = glob.glob(f"{glob.escape(before)}*{glob.escape(after)}")
+    if not found:
+        raise InputError(f"{pattern}: no such files")
+    return sorted((path[len(before) : len(path) - len(after)] for path in found), key=natural)
+
+
+def short_names(paths: tuple[str, ...]) -> list[str]:
+    """What each file is called: its name, with its folder if need be, or its whole path.
+
+    Raises
+    ------
+    ConfigError
+        A file is there twice.
+    """
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if paths.count(path) > 1)
+        raise ConfigError(f"{twice}: is given twice")
+    stems = [Path(path).stem for path in paths]
+    for names in (stems, [f"{Path(path).parent.name}/{stem}" for path, stem in zip(paths, stems)]):
+        if len(set(names)) == len(names) and not any("*" in name for name in names):
+            return names
+    return list(paths)
+
+
 def _settings(options: dict[str, Any], given: set[str]) -> Settings:
     """The records that the options ask for; the folder is looked at before any work is done."""
     if options["output"] is not None:
@@ -94,8 +271,8 @@ class Pairs:
         if not self.quiet:
             say_if_slow()
 
-    def prepared(self, truth: str, estimate: str) -> Prepared:
-        """The problem of two files."""
+    def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
+        """The problem of two files; `named` notices say which estimate they are about."""
         with self.stopwatch.span("read"):
             if self.last is None or self.last[0] != truth:
                 self.last = truth, self._read(truth, 0)
@@ -104,7 +281,7 @@ class Pairs:
         distance, aligned = settings.fit(sides, paths)
         if not self.quiet:
             for text in pair_remarks(sides, aligned, distance, settings):
-                self._say_once(text)
+                self._say_once(f"{estimate}: {text}" if named else text)
             if not all(self.given.values()):
                 self._say_once(default_notice(aligned, distance, settings, self.given), "default")
         del aligned

@@ -49,25 +49,20 @@ def error_over_epsilon(document: Document) -> "Figure":
 
 def time_over_error(document: Document) -> "Figure":
     """What an accuracy costs: solving and proof."""
-    made, ((axis,),) = figure(5.2, 3.6)
+    made, ((axis,),) = figure(6.2, 3.6)
     runs = document["runs"]
     solvers = list(dict.fromkeys(run["solver"] for run in runs))
-    for k, name in enumerate(solvers):
-        own = [run for run in runs if run["solver"] == name]
-        x = [floored(run["error"]) for run in own]
-        y = [run["seconds"]["solve"] + run["seconds"]["certify"] for run in own]
-        axis.plot(x, y, MARKERS[k], color=COLOURS[k], label=name, clip_on=False, zorder=3)
-        if name == "sinkhorn":
-            for run, a, b in zip(own, x, y, strict=True):
-                axis.annotate(
-                    f"ε = {run['epsilon']:g}", (a, b), xytext=(6, 4),
-                    textcoords="offset points", fontsize="small", color="#555555",
-                )  # fmt: skip
+    for k, run in enumerate(runs):
+        spent = run["seconds"]["solve"] + run["seconds"]["certify"]
+        axis.plot(
+            [floored(run["error"])], [spent], MARKERS[k % len(MARKERS)], ms=7,
+            color=COLOURS[solvers.index(run["solver"])], label=run["name"], clip_on=False, zorder=3,
+        )  # fmt: skip
     axis.set_yscale("log")
     error_axis(axis, vertical=False)
     label(axis, "relative error of the total, at most", "seconds, solving and proof",
           "Time and error")  # fmt: skip
-    axis.legend(frameon=False)
+    made.legend(*axis.get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return made
 
 
@@ -116,3 +111,106 @@ def _relative(difference: float, referee: dict[str, float]) -> float:
 
 def _temperatures(document: Document) -> Sequence[Document]:
     return [run for run in document["runs"] if run["epsilon"] is not None]
+
+
+# --- study ----------------------------------------------------------------------------------------
+
+ROUNDING = 1e-9
+"""Solvers whose errors are all below are exact, and named instead of drawn."""
+
+
+def study_pictures(document: Document) -> "dict[str, Figure]":
+    """By file name, those pictures that have something to show."""
+    sizes = document["sizes"]
+    made = {}
+    temperatures = [s for s in sizes[0]["solvers"] if s["epsilon"] is not None]
+    if len(temperatures) > 1:
+        made["error_over_epsilon"] = study_errors(document)
+    if len(sizes) > 1:
+        made["scaling"] = scaling(document)
+    return made
+
+
+def study_errors(document: Document) -> "Figure":
+    """Error over temperature, a line for each number of targets, at the largest number of steps."""
+    made, ((axis,),) = figure(5.2, 3.6)
+    longest = max(size["steps"] for size in document["sizes"])
+    sizes = sorted(
+        (size for size in document["sizes"] if size["steps"] == longest),
+        key=lambda size: size["targets"],
+    )
+    for k, size in enumerate(sizes):
+        runs = sorted(
+            (run for run in size["solvers"] if run["epsilon"] is not None),
+            key=lambda run: run["epsilon"],
+        )
+        x = [run["epsilon"] for run in runs]
+        _line(axis, x, [run["error"] for run in runs], k, f"m = {size['targets']}", FLOOR)
+    axis.set_xscale("log")
+    axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
+    axis.set_xticks([], minor=True)
+    error_axis(axis)
+    label(axis, "temperature ε, fraction of $c^p$", "relative error of the total, at most",
+          f"Error of sinkhorn by temperature, T = {longest}")  # fmt: skip
+    axis.legend(frameon=False)
+    return made
+
+
+def scaling(document: Document) -> "Figure":
+    """Time and error over targets at the most steps, and over steps at the most targets."""
+    sizes = document["sizes"]
+    most = {name: max(size[name] for size in sizes) for name in ("targets", "steps")}
+    rows = [
+        (varied, fixed)
+        for varied, fixed in (("targets", "steps"), ("steps", "targets"))
+        if len({size[varied] for size in sizes}) > 1
+    ]
+    made, axes = figure(9.0, 3.3 * len(rows), rows=len(rows), columns=2)
+    letters = {"targets": "m", "steps": "T"}
+    for (left, right), (varied, fixed) in zip(axes, rows, strict=True):
+        chosen = sorted(
+            (size for size in sizes if size[fixed] == most[fixed]), key=lambda size: size[varied]
+        )
+        x = [size[varied] for size in chosen]
+        exact = []
+        for k, run in enumerate(chosen[0]["solvers"]):
+            runs = [size["solvers"][k] for size in chosen]
+            _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
+            errors = [item["error"] for item in runs]
+            if max((item["max"] or 0.0) for item in errors) < ROUNDING:
+                exact.append(run["name"])
+            else:
+                _line(right, x, errors, k, run["name"], FLOOR)
+        left.set_xscale("log")
+        left.set_yscale("log")
+        right.set_xscale("log")
+        error_axis(right)
+        if exact:
+            right.annotate(
+                f"{', '.join(exact)}: below {ROUNDING:g}", (0.02, 0.03),
+                xycoords="axes fraction", fontsize="small", color="#555555",
+            )  # fmt: skip
+        where = f"{letters[fixed]} = {most[fixed]}"
+        name = f"{varied} {letters[varied]}" if varied == "targets" else f"time {varied} T"
+        label(left, name, "seconds, solving and proof", f"Time, {where}")
+        label(right, name, "relative error of the total, at most", f"Error, {where}")
+        for axis in (left, right):
+            axis.set_xticks(x, [f"{value}" for value in x], minor=False)
+            axis.set_xticks([], minor=True)
+    made.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False
+    )
+    return made
+
+
+def _line(
+    axis: "Axes", x: Sequence[float], values: Sequence[Document], k: int, name: str, least: float
+) -> None:
+    """Means with a band of one standard deviation, at least `least`."""
+    mean = [max(value["mean"] or 0.0, least) for value in values]
+    spread = [value["deviation"] or 0.0 for value in values]
+    low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
+    high = [m + s for m, s in zip(mean, spread, strict=True)]
+    colour = COLOURS[k % len(COLOURS)]
+    axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
+    axis.plot(x, mean, "-", marker=MARKERS[k % len(MARKERS)], ms=5, color=colour, label=name)
