@@ -12,7 +12,7 @@ from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.simulate import command as simulate
 from tgospa_eval.cli.work import default_notice, emit, pair_remarks, say, say_if_slow, told
 from tgospa_eval.comparison.log import NAME, Log, machine
-from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_table
+from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
 from tgospa_eval.comparison.runs import check_solvers, takes_long
 from tgospa_eval.comparison.solvers import compare_solvers, document
@@ -22,7 +22,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, read
 from tgospa_eval.formats.assemble import natural
 from tgospa_eval.pipeline import Prepared, prepare, solve
-from tgospa_eval.plots.comparison import solver_pictures, study_pictures
+from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import (
     Document,
     json_text,
@@ -105,7 +105,7 @@ def compare_estimates(
     names = short_names(estimates)
     stopwatch = Stopwatch()
 
-    def work() -> tuple[Document, dict[str, str]]:
+    def work() -> tuple[Document, dict[str, str], dict[str, Any]]:
         pairs = Pairs(settings, options, given, stopwatch)
         found: list[list[Outcome]] = [[] for _ in estimates]
         for at, (of_truth, paths) in enumerate(runs):
@@ -122,12 +122,14 @@ def compare_estimates(
         ]
         answer = ranking(entrants, [of_truth for of_truth, _ in runs], result.settings)
         best = answer["estimates"][0]["name"]
-        return answer, {"per_step.csv": as_csv(steps_table(entrants, best))}
+        tables = {"per_step.csv": as_csv(steps_table(entrants, best))}
+        return answer, tables, steps_costs(entrants)
 
-    answer, tables = run(work, stopwatch, show=not options["quiet"])
+    answer, tables, costs = run(work, stopwatch, show=not options["quiet"])
     if answer["pairs"]:
         tables["pairs.csv"] = as_csv(pairs_table(answer))
-    show(answer, options, tables, lambda _: {})
+    ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
+    show(answer, options, tables, lambda _: estimate_pictures(ranked))
     return all(made["finished"] for item in answer["estimates"] for made in item["runs"])
 
 
@@ -234,7 +236,7 @@ def short_names(paths: tuple[str, ...]) -> list[str]:
         twice = next(path for path in paths if paths.count(path) > 1)
         raise ConfigError(f"{twice}: is given twice")
     stems = [Path(path).stem for path in paths]
-    for names in (stems, [f"{Path(path).parent.name}/{stem}" for path, stem in zip(paths, stems)]):
+    for names in (stems, [f"{Path(path).parent.name}/{Path(path).stem}" for path in paths]):
         if len(set(names)) == len(names) and not any("*" in name for name in names):
             return names
     return list(paths)
@@ -378,7 +380,7 @@ def show(
             **tables,
         }
         if plots.available():
-            files |= {f"{name}.png": plots.png(made) for name, made in draw(answer).items()}
+            files |= plots.pictures(draw, answer)
         elif not options["quiet"]:
             say(plots.MISSING)
         write_texts(files, options["output"], force=options["force"])

@@ -109,7 +109,11 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
     """
     step, total = document["per_step_gospa"], document["total"]
     own = document["counts"]["switch"]
-    share = f"{100 * step['total'] / total:.4g} % of the total of TGOSPA" if total else "0, as is TGOSPA"
+    share = (
+        f"{100 * step['total'] / total:.4g} % of the total of TGOSPA"
+        if total
+        else "0, as is TGOSPA"
+    )
     yield (
         f"per-step GOSPA, summed, is {share}: every step takes its cheapest assignment, and no "
         "change from step to step costs anything"

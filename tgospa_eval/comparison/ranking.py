@@ -263,6 +263,23 @@ def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
     return table
 
 
+def steps_costs(entrants: Sequence[Entrant]) -> dict[str, list[float]]:
+    """Cost of each step by estimate, mean over runs; none where the runs differ in length."""
+    found = {}
+    for entrant in entrants:
+        runs = []
+        for run, item in enumerate(entrant.outcomes):
+            rivals = [other.outcomes[run].moments for other in entrants]
+            moments = np.unique(np.concatenate(rivals))
+            costs = np.zeros(len(moments))
+            costs[np.searchsorted(moments, item.moments)] = sum(item.steps.values())
+            runs.append(costs)
+        if len({len(costs) for costs in runs}) > 1:
+            return {}
+        found[entrant.name] = np.mean(runs, axis=0).tolist()
+    return found
+
+
 def _joined(first: Outcome, second: Outcome) -> tuple[dict[str, Any], dict[str, Any]]:
     """Costs of both on the steps of either."""
     moments = np.union1d(first.moments, second.moments)

@@ -4,12 +4,15 @@ matplotlib is imported when a picture is made.
 """
 
 import io
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito: told apart by those who do not see all colours, and in print."""
@@ -42,14 +45,19 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     return made, axes
 
 
-def png(made: "Figure") -> bytes:
-    """The picture; nothing in it depends on the time or the machine's settings."""
+def pictures(draw: Callable[[T], "Mapping[str, Figure]"], subject: T) -> dict[str, bytes]:
+    """PNG files of what `draw` makes of the subject, whatever the user's settings of matplotlib."""
     import matplotlib
 
-    target = io.BytesIO()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        made.savefig(target, format="png", dpi=DOTS, metadata={"Software": None})
+        return {f"{name}.png": _png(made) for name, made in draw(subject).items()}
+
+
+def _png(made: "Figure") -> bytes:
+    """The picture; nothing in it depends on the time or the version of the program."""
+    target = io.BytesIO()
+    made.savefig(target, format="png", dpi=DOTS, metadata={"Software": None})
     return target.getvalue()
 
 

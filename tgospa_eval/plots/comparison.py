@@ -1,5 +1,6 @@
 """Pictures of `compare`: errors, times and convergence of solvers; takes its documents."""
 
+import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -41,7 +42,7 @@ def error_over_epsilon(document: Document) -> "Figure":
     error_axis(axis)
     axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
-    label(axis, "temperature ε, fraction of $c^p$", "relative error of the total, at most",
+    label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
           "Error of sinkhorn by temperature")  # fmt: skip
     axis.legend(frameon=False)
     return made
@@ -60,7 +61,7 @@ def time_over_error(document: Document) -> "Figure":
         )  # fmt: skip
     axis.set_yscale("log")
     error_axis(axis, vertical=False)
-    label(axis, "relative error of the total, at most", "seconds, solving and proof",
+    label(axis, "relative error, at most", "seconds, solving and proof",
           "Time and error")  # fmt: skip
     made.legend(*axis.get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return made
@@ -80,7 +81,7 @@ def convergence(document: Document) -> "Figure":
         axis.plot(sweeps, above, "-", marker=MARKERS[k % 7], ms=4, color=colour, label=title)
         axis.plot(sweeps, below, "--", marker=MARKERS[k % 7], ms=4, color=colour, mfc="white")
     error_axis(axis)
-    label(axis, "sweeps", "relative error of the total, at most",
+    label(axis, "sweeps", "relative error, at most",
           "Convergence: upper bound (solid), lower bound (dashed)")  # fmt: skip
     axis.legend(frameon=False, fontsize="small")
     return made
@@ -150,7 +151,7 @@ def study_errors(document: Document) -> "Figure":
     axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
     error_axis(axis)
-    label(axis, "temperature ε, fraction of $c^p$", "relative error of the total, at most",
+    label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
           f"Error of sinkhorn by temperature, T = {longest}")  # fmt: skip
     axis.legend(frameon=False)
     return made
@@ -193,12 +194,12 @@ def scaling(document: Document) -> "Figure":
         where = f"{letters[fixed]} = {most[fixed]}"
         name = f"{varied} {letters[varied]}" if varied == "targets" else f"time {varied} T"
         label(left, name, "seconds, solving and proof", f"Time, {where}")
-        label(right, name, "relative error of the total, at most", f"Error, {where}")
+        label(right, name, "relative error, at most", f"Error, {where}")
         for axis in (left, right):
             axis.set_xticks(x, [f"{value}" for value in x], minor=False)
             axis.set_xticks([], minor=True)
     made.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4, frameon=False
+        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False
     )
     return made
 
@@ -214,3 +215,34 @@ def _line(
     colour = COLOURS[k % len(COLOURS)]
     axis.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     axis.plot(x, mean, "-", marker=MARKERS[k % len(MARKERS)], ms=5, color=colour, label=name)
+
+
+# --- estimates ------------------------------------------------------------------------------------
+
+
+def estimate_pictures(series: "dict[str, Sequence[float]]") -> "dict[str, Figure]":
+    """By file name: where the estimates part. `series` holds the costs of the steps by name."""
+    return {"cumulative": cumulative(series)} if series else {}
+
+
+def cumulative(series: "dict[str, Sequence[float]]") -> "Figure":
+    """Cost up to each step, a line for each estimate."""
+    made, ((axis,),) = figure(6.2, 3.6)
+    lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
+    for k, (name, costs) in enumerate(series.items()):
+        total = list(itertools.accumulate(costs))
+        steps = range(1, len(total) + 1)
+        colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
+        lines += axis.plot(steps, total, dashes, color=colour)
+        names.append(f"{_literal(name)}: {total[-1]:.6g}")
+    axis.set_xlim(0, None)
+    axis.set_ylim(0, None)
+    label(axis, "step", "cost of all steps so far", "Where the estimates part")
+    made.legend(lines, names, loc="outside right upper", frameon=False)
+    return made
+
+
+def _literal(name: str) -> str:
+    """A name of the user's, short and without formulas."""
+    name = "".join(c if c.isprintable() else "?" for c in name).replace("$", r"\$")
+    return name if len(name) <= 30 else "..." + name[-27:]

@@ -1,5 +1,6 @@
 """Documents of `compare` as pages and as tables. Computes nothing that is not in the document."""
 
+import itertools
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -216,7 +217,7 @@ def _order(document: Document) -> str:
         mean = "" if document["runs"] == 1 else f", RMS over {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
     names = [item["name"] for item in estimates]
-    steps = zip(names[:-1], names[1:], strict=True)
+    steps = itertools.pairwise(names)
     verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
     if all(verdicts[step] == "less" for step in steps):
         return "Proven order, best first: " + ", ".join(names)
@@ -276,7 +277,7 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
         rows=[
             (
                 pair["second"],
-                _between(*pair["total"], sign="+"),
+                _between(pair["total"][0], pair["total"][1], "+"),
                 *(f"{pair[name]:+.4g}" for name in PARTS),
                 f"{pair['steps']['better']}/{pair['steps']['worse']}",
                 *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
