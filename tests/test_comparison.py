@@ -129,6 +129,7 @@ def test_a_process_that_dies_is_told(write: Write, invoke: Invoke, monkeypatch) 
         (["--epsilon", "0.1,x"], 2, '--epsilon "x": must be numbers with commas'),
         (["--epsilon", "0.1,0.1"], 2, "sinkhorn 0.1 is given twice"),
         (["--epsilon", "0"], 2, "epsilon is 0: must be finite and more than 0"),
+        (["--by", "class"], 2, "choose one class by --class NAME"),
         (["--runs", "3"], 2, "--runs is for --simulate"),
         (["--simulate"], 2, "--simulate makes its scenes"),
         (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "by one solver"),
@@ -245,6 +246,24 @@ def test_patterns_fit_each_other(
     answer = invoke("compare", *(f"{name}.csv" for name in patterns))
     assert answer.status in (2, 3)
     assert message in answer.err
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["out/a.csv", "out/b.txt"], ["a", "b"]),
+        (["x/careful/est.csv", "x/eager/est.csv"], ["careful", "eager"]),
+        (["mc/*/a.csv", "mc/*/b.csv"], ["a", "b"]),
+        (["a/*/est.csv", "b/*/est.csv"], ["a", "b"]),
+        (["a.csv", "a.txt"], ["a.csv", "a.txt"]),
+        (["x/a.csv", "a.csv"], ["x/a.csv", "a.csv"]),
+        (["x/a.csv"], ["a"]),
+    ],
+)
+def test_names_are_what_differs(paths: list[str], names: list[str]) -> None:
+    from tgospa_eval.cli.comparing import short_names
+
+    assert short_names(tuple(paths)) == names
 
 
 def test_hostile_names(write: Write, invoke: Invoke) -> None:

@@ -9,7 +9,7 @@ from tgospa_eval.cli.options import CONFIG_FILE, EVALUATION, FORMATS, KEYS, QUIE
 from tgospa_eval.cli.simulate import SCENARIOS
 
 ACCURACY_MISSED = 4
-ELSEWHERE = {"solver", "epsilon", "by"}
+ELSEWHERE = {"solver", "epsilon", "by"}  # by: hidden, for it may come from a settings file
 """Options of everything that evaluates that this verb has not, or in another form."""
 
 OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}
@@ -21,7 +21,8 @@ OF_FILES = {
 
 SHARED = [add for add in EVALUATION if KEYS[add][0] not in ELSEWHERE]
 OWN = (
-    option(
+    # Those of this verb alone are not read from settings files, which are those of all verbs.
+    click.option(
         "--solvers", metavar="NAMES",
         help="Of certified, exact, sinkhorn.  [default: all, exact only where it is quick; "
         "of several estimates certified]",
@@ -30,7 +31,7 @@ OWN = (
         "--epsilon", metavar="NUMBERS", default="0.1,0.05,0.03,0.01",
         help="Temperatures of sinkhorn, fractions of c^p; one run each.",
     ),
-    option(
+    click.option(
         "--against", type=click.Choice(("per-step-gospa",)),
         help="Beside TGOSPA: per-step GOSPA, summed, and with switches charged afterwards.",
     ),
@@ -68,6 +69,7 @@ OWN = (
         help="Write compare.json, CSV tables and, with the extra plot, pictures to this folder; "
         "of a study report.md too, and every run as soon as it is done.",
     ),
+    option("--by", type=click.Choice(("class",)), hidden=True),
     option("--force", is_flag=True, help="Write into a folder that is not empty."),
     CONFIG_FILE,
     QUIET,
@@ -109,6 +111,10 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
             f"{name} is for files, not for --simulate" if options["simulate"]
             else f"{name} is for --simulate"
         )  # fmt: skip
+    if options.pop("by"):
+        raise click.UsageError(
+            "--by class: compare takes all rows together; choose one class by --class NAME"
+        )
     if options["simulate"] and files:
         raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
     if not options["simulate"] and len(files) < 2:

@@ -225,7 +225,7 @@ def _matches(pattern: str) -> list[str]:
 
 
 def short_names(paths: tuple[str, ...]) -> list[str]:
-    """What each file is called: its name, with its folder if need be, or its whole path.
+    """What each file is called: that part of its path in which it differs from the others.
 
     Raises
     ------
@@ -235,11 +235,22 @@ def short_names(paths: tuple[str, ...]) -> list[str]:
     if len(set(paths)) < len(paths):
         twice = next(path for path in paths if paths.count(path) > 1)
         raise ConfigError(f"{twice}: is given twice")
-    stems = [Path(path).stem for path in paths]
-    for names in (stems, [f"{Path(path).parent.name}/{Path(path).stem}" for path in paths]):
-        if len(set(names)) == len(names) and not any("*" in name for name in names):
-            return names
-    return list(paths)
+    parts = [Path(path).with_suffix("").parts for path in paths]
+    if len(paths) == 1:
+        return [parts[0][-1]]
+    names = ["/".join(part) for part in _without_common(_without_common(parts, 1), -1)]
+    return names if len(set(names)) == len(names) and all(names) else list(paths)
+
+
+def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, ...]]:
+    """Without what is the same in all, at the beginning (1) or at the end (-1)."""
+    turned = [part[::step] for part in parts]
+    same = 0
+    for level in zip(*turned, strict=False):
+        if len(set(level)) > 1:
+            break
+        same += 1
+    return [part[same:][::step] for part in turned]
 
 
 def _settings(options: dict[str, Any], given: set[str]) -> Settings:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
 Document = dict[str, Any]
 
-FLOOR = 1e-12
-"""Errors below are rounding; they are drawn here."""
+FLOOR = 1e-9
+"""Errors below count as none; they are drawn here."""
 
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
@@ -91,7 +91,7 @@ def error_axis(axis: "Axes", *, vertical: bool = True) -> None:
     """A logarithmic axis of errors that says what stands at its end."""
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
-    at_floor = low <= 10 * FLOOR
+    at_floor = low <= 3 * FLOOR
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
     if at_floor:
@@ -115,9 +115,6 @@ def _temperatures(document: Document) -> Sequence[Document]:
 
 
 # --- study ----------------------------------------------------------------------------------------
-
-ROUNDING = 1e-9
-"""Solvers whose errors are all below are exact, and named instead of drawn."""
 
 
 def study_pictures(document: Document) -> "dict[str, Figure]":
@@ -178,7 +175,7 @@ def scaling(document: Document) -> "Figure":
             runs = [size["solvers"][k] for size in chosen]
             _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
             errors = [item["error"] for item in runs]
-            if max((item["max"] or 0.0) for item in errors) < ROUNDING:
+            if max((item["max"] or 0.0) for item in errors) < FLOOR:  # named instead of drawn
                 exact.append(run["name"])
             else:
                 _line(right, x, errors, k, run["name"], FLOOR)
@@ -188,7 +185,7 @@ def scaling(document: Document) -> "Figure":
         error_axis(right)
         if exact:
             right.annotate(
-                f"{', '.join(exact)}: below {ROUNDING:g}", (0.02, 0.03),
+                f"{', '.join(exact)}: below {FLOOR:g}", (0.02, 0.03),
                 xycoords="axes fraction", fontsize="small", color="#555555",
             )  # fmt: skip
         where = f"{letters[fixed]} = {most[fixed]}"
@@ -198,9 +195,9 @@ def scaling(document: Document) -> "Figure":
         for axis in (left, right):
             axis.set_xticks(x, [f"{value}" for value in x], minor=False)
             axis.set_xticks([], minor=True)
-    made.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5, frameon=False
-    )
+    handles, names = axes[0, 0].get_legend_handles_labels()
+    columns = len(names) if len(names) <= 5 else -(-len(names) // 2)
+    made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
     return made
 
 

@@ -11,8 +11,8 @@ from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdow
 Document = dict[str, Any]
 
 PARTS = ("localisation", "missed", "false", "switch")
-ROUNDING = 1e-12
-"""Relative errors below are rounding, and differ from machine to machine."""
+EXACT = 1e-9
+"""Relative errors below count as none, and differ from machine to machine."""
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 
@@ -141,7 +141,7 @@ TIES = (
 def estimates_page(document: Document) -> Page:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     estimates, parameters = document["estimates"], document["parameters"]
-    proven = frozenset({0} if _leads(document) else ())
+    proven = frozenset({(0, 0), (0, 1), (0, 2), (0, 3)} if _leads(document) else ())
     return Page(
         title=_order(document),
         lines=[_runs(document), _parameters(parameters)],
@@ -260,7 +260,7 @@ def _paper_sheet(document: Document) -> Sheet:
             )
             for item in document["estimates"]
         ],
-        bold=frozenset({0} if _leads(document) else ()),
+        bold=frozenset({(0, 0), (0, 1)} if _leads(document) else ()),
     )
 
 
@@ -429,7 +429,7 @@ def _study_sheet(document: Document) -> Sheet:
                 made["name"],
                 *((str(size["targets"]), str(size["steps"])) if not k else ("", "")),
                 _mean(made["seconds"], ".3g"),
-                _deviation(made["seconds"], ".1g"),
+                _deviation(made["seconds"], ".2g"),
                 _error(made["error"]["mean"]),
                 _deviation(made["error"], ".0e"),
                 _error(made["lower_error"]["mean"]),
@@ -476,7 +476,7 @@ def _mean(values: Document, form: str) -> str:
 
 def _deviation(values: Document, form: str) -> str:
     value = values["deviation"]
-    return "-" if value is None else ("0" if value < ROUNDING else f"{value:{form}}")
+    return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
 
 
 # --- words ----------------------------------------------------------------------------------------
@@ -485,7 +485,7 @@ def _deviation(values: Document, form: str) -> str:
 def _error(value: float | None) -> str:
     if value is None:
         return "-"
-    return f"<{ROUNDING:g}" if value < ROUNDING else f"{value:.1e}"
+    return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
 
 
 def _unit(parameters: Document) -> str:

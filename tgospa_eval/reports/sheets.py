@@ -36,13 +36,13 @@ class Sheet:
         Names of the columns.
     rows : sequence of sequences of str
         As many cells each.
-    bold : frozenset of int
-        Rows that stand out in Markdown and LaTeX.
+    bold : frozenset of (int, int)
+        Cells, by row and column, that stand out in Markdown and LaTeX.
     """
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
-    bold: frozenset[int] = frozenset()
+    bold: frozenset[tuple[int, int]] = frozenset()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +82,9 @@ def as_markdown(page: Page) -> str:
         lines = [_pipes(map(markdown_text, sheet.head))]
         lines.append(_pipes(["---", *["---:"] * (len(sheet.head) - 1)]))
         for k, row in enumerate(sheet.rows):
-            cells = [markdown_text(cell) for cell in row]
-            lines.append(_pipes(f"**{c}**" if k in sheet.bold and c else c for c in cells))
+            cells = map(markdown_text, row)
+            bold = [(k, at) in sheet.bold and bool(cell) for at, cell in enumerate(row)]
+            lines.append(_pipes(f"**{c}**" if b else c for c, b in zip(cells, bold, strict=True)))
         blocks.append("\n".join(lines))
     if page.remarks:
         blocks.append("\n".join(f"- {markdown_text(line)}" for line in page.remarks))
@@ -97,9 +98,12 @@ def as_latex(page: Page) -> str:
         lines = [rf"\begin{{tabular}}{{l{'r' * (len(sheet.head) - 1)}}}", r"\toprule"]
         lines += [_ampersands(map(latex_text, sheet.head)), r"\midrule"]
         for k, row in enumerate(sheet.rows):
-            cells = [latex_text(cell) for cell in row]
+            cells = map(latex_text, row)
+            bold = [(k, at) in sheet.bold for at in range(len(row))]
             lines.append(
-                _ampersands(rf"\textbf{{{c}}}" if k in sheet.bold and c else c for c in cells)
+                _ampersands(
+                    rf"\textbf{{{c}}}" if b else c for c, b in zip(cells, bold, strict=True)
+                )
             )
         blocks.append("\n".join([*lines, r"\bottomrule", r"\end{tabular}"]))
     return "\n".join(blocks) + "\n"
