@@ -94,6 +94,7 @@ def test_estimates() -> None:
     ]  # fmt: skip
     assert plots.pictures(comparison.estimate_pictures, {"_a$b": [1.0]})
     assert not comparison.estimate_pictures({})
+    assert not comparison.estimate_pictures({"nothing": []})
 
 
 def test_pictures_are_the_same_bytes() -> None:

@@ -79,7 +79,12 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
 
     answer = run(work, stopwatch, show=not options["quiet"])
     show(answer, options, {}, solver_pictures)
-    return bool(answer["agree"]) and all(item["finished"] for item in answer["runs"])
+    if not answer["agree"]:
+        say("brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"])))
+    unfinished = [made for made in answer["runs"] if not made["finished"]]
+    for made in unfinished:
+        say(f"accuracy not reached: {made['name']}: {made['status']}")
+    return bool(answer["agree"]) and not unfinished
 
 
 def compare_estimates(
@@ -130,7 +135,15 @@ def compare_estimates(
         tables["pairs.csv"] = as_csv(pairs_table(answer))
     ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
     show(answer, options, tables, lambda _: estimate_pictures(ranked))
-    return all(made["finished"] for item in answer["estimates"] for made in item["runs"])
+    unfinished = [
+        (path, made["status"])
+        for item in answer["estimates"]
+        for path, made in zip(item["paths"], item["runs"], strict=True)
+        if not made["finished"]
+    ]
+    for path, status in unfinished:
+        say(f"accuracy not reached: {path}: {status}")
+    return not unfinished
 
 
 def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
@@ -177,9 +190,15 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
     pictures = list(study_pictures(answer)) if plots.available() else []
     texts = {"report.md": study_report(answer, pictures)}
     show(answer, options | {"force": True}, texts, study_pictures)
-    return not answer["contradictions"] and not any(
-        made["unfinished"] for size in answer["sizes"] for made in size["solvers"]
-    )
+    for targets, steps, number, *pair in answer["contradictions"]:
+        say(
+            f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
+            f"{steps} steps"
+        )
+    late = sum(made["unfinished"] for size in answer["sizes"] for made in size["solvers"])
+    if late:
+        say(f"accuracy not reached: {late} runs of solvers")
+    return not answer["contradictions"] and not late
 
 
 def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]]:

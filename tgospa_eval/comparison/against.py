@@ -54,7 +54,8 @@ def against(result: Result) -> Against:
     """Evaluate each step by itself, on the problem of a result."""
     states, problem = result.proof.states, result.proof.states.problem
     parameters, scale = result.proof.parameters, result.scale
-    p, gamma = parameters.order, parameters.switch_penalty
+    p = parameters.order
+    switch = 2 * scale * parameters.switch_price  # gamma^p, where that is a double
     found = per_step_gospa(problem)
     gospa = scale * found.total
     track = partners(problem, found.entries)
@@ -63,7 +64,7 @@ def against(result: Result) -> Against:
         "mathworks": changes_since_last_step(problem, track),
     }
     value = gospa ** (1 / p)
-    paid = {name: gamma * count.total ** (1 / p) for name, count in changes.items()}
+    paid = {name: switch * count.total for name, count in changes.items()}
     used = states.entry[(states.entry >= 0) & (result.proof.weights > 0)]
     changed = np.setxor1d(used, found.entries)
     differing = np.zeros(problem.steps, bool)
@@ -77,8 +78,8 @@ def against(result: Result) -> Against:
         changes=changes,
         values={
             "gospa": value,
-            "stone_soup": np.hypot(value, paid["stone_soup"]),
-            "mathworks": (gospa + gamma**p * changes["mathworks"].total) ** (1 / p),
+            "stone_soup": np.hypot(value, paid["stone_soup"] ** (1 / p)),
+            "mathworks": (gospa + paid["mathworks"]) ** (1 / p),
         },
         differing=differing,
     )
@@ -127,12 +128,15 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
     )
     for rule, name in RULES.items():
         made, halves = step[rule]["switches"], step[rule]["halves"]
-        yield (
-            f"{name} counts {made:.6g} switches afterwards, TGOSPA {own:.6g}: it charges what the "
-            f"cheapest assignments happen to need, and {halves / 2:.6g} for {halves:.6g} changes "
-            "from a track to none or back, as at every miss; TGOSPA holds a pair through a miss "
-            "for nothing"
-        )
+        told = f"{name} counts {made:.6g} switches afterwards, TGOSPA {own:.6g}"
+        if made:
+            told += ": it charges what the cheapest assignments happen to need"
+        if halves:
+            told += (
+                f", and {halves / 2:.6g} for {halves:.6g} changes from a track to none or back, as "
+                "at every miss; TGOSPA holds a pair through a miss for nothing"
+            )
+        yield told
     if step["stone_soup"] != step["mathworks"]:
         if step["stone_soup"]["switches"] != step["mathworks"]["switches"]:
             yield (

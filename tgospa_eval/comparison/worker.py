@@ -7,6 +7,7 @@ closed, so that it does not outlive the one who asked.
 import contextlib
 import os
 import pickle
+import signal
 import sys
 import threading
 from dataclasses import replace
@@ -21,6 +22,7 @@ RESET = Path("/proc/self/clear_refs")
 
 def main() -> None:
     """Answer one question."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # at once, also in compiled code
     source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # nothing else may write into the answer
     prepared, solver = pickle.load(source)

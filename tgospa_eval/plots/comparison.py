@@ -219,7 +219,7 @@ def _line(
 
 def estimate_pictures(series: "dict[str, Sequence[float]]") -> "dict[str, Figure]":
     """By file name: where the estimates part. `series` holds the costs of the steps by name."""
-    return {"cumulative": cumulative(series)} if series else {}
+    return {"cumulative": cumulative(series)} if any(series.values()) else {}
 
 
 def cumulative(series: "dict[str, Sequence[float]]") -> "Figure":
