@@ -113,14 +113,13 @@ def compare_estimates(
     def work() -> tuple[Document, dict[str, str], dict[str, Any]]:
         pairs = Pairs(settings, options, given, stopwatch)
         found: list[list[Outcome]] = [[] for _ in estimates]
-        for at, (of_truth, paths) in enumerate(runs):
+        for of_truth, paths in runs:
             for mine, path in zip(found, paths, strict=True):
                 prepared = pairs.prepared(of_truth, path, named=len(estimates) * len(runs) > 1)
-                result = solve(prepared, solvers[0], Stopwatch())
+                result = solve(prepared, solvers[0], stopwatch)
                 mine.append(
                     outcome(result, prepared.moments, per_step=options["against"] is not None)
                 )
-            stopwatch.stage = f"run {at + 1} of {len(runs)} done"
         entrants = [
             Entrant(name=name, paths=[paths[k] for _, paths in runs], outcomes=mine)
             for k, (name, mine) in enumerate(zip(names, found, strict=True))

@@ -238,13 +238,14 @@ def _pair(
 
 
 def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
-    """Costs of each step, run, and estimate, and the difference to the best estimate's total.
+    """Costs of each step, run, and estimate, and the differences to the best estimate's.
 
     A step that an estimate's evaluation has not, because nothing is there, costs nothing.
     """
     extra = ["gospa", "stone_soup", "mathworks"]
     with_rules = entrants[0].outcomes[0].against is not None
-    names = ["run", "t", "estimate", *PARTS, "total", "difference", *(extra if with_rules else [])]
+    differences = ["difference", *(f"difference_{name}" for name in PARTS)]
+    names = ["run", "t", "estimate", *PARTS, "total", *differences, *(extra if with_rules else [])]
     table: Table = {name: [] for name in names}
     leader = next(entrant for entrant in entrants if entrant.name == best)
     for entrant in entrants:
@@ -255,6 +256,7 @@ def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
             table["estimate"] += [entrant.name] * len(own["moments"])
             for name in PARTS:
                 table[name] += own[name].tolist()
+                table[f"difference_{name}"] += (own[name] - other[name]).tolist()
             table["total"] += _totals(own).tolist()
             table["difference"] += (_totals(own) - _totals(other)).tolist()
             if with_rules:

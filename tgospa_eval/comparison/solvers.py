@@ -42,11 +42,11 @@ class Comparison:
 
     def error(self, run: Run) -> float:
         """Proven: the run's total is at most so much, relative, above the true one."""
-        return excess(run.bracket.upper, self.referee.lower)
+        return excess(run.bracket.upper - run.bracket.allowance, self.referee.lower)
 
     def lower_error(self, run: Run) -> float:
         """Proven: the run's lower bound of the total is at most so much, relative, below it."""
-        return shortfall(run.bracket.lower, self.referee.upper)
+        return shortfall(run.bracket.lower + run.bracket.allowance, self.referee.upper)
 
 
 def compare_solvers(
