@@ -361,15 +361,7 @@ class Result(Summary):
     @property
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        states = self.proof.states
-        return {
-            "truth": states.problem.truths,
-            "estimates": states.problem.estimates,
-            "steps": states.problem.steps,
-            "candidate_pairs": len(states.pair_row),
-            "pair_steps": len(states.problem.cost),
-            "components": len(states.block_begin),
-        }
+        return sizes_of(self.proof.states)
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
@@ -470,6 +462,18 @@ class Result(Summary):
         return {"id": list(ids), "steps": steps} | {
             name: column.tolist() for name, column in columns.items()
         }
+
+
+def sizes_of(states: States) -> dict[str, int]:
+    """Numbers of trajectories, steps, near pairs, their steps, and components."""
+    return {
+        "truth": states.problem.truths,
+        "estimates": states.problem.estimates,
+        "steps": states.problem.steps,
+        "candidate_pairs": len(states.pair_row),
+        "pair_steps": len(states.problem.cost),
+        "components": len(states.block_begin),
+    }
 
 
 def records(table: Table) -> list[dict[str, Any]]:

@@ -1,21 +1,23 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 import hashlib
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation import Labels, Proof, Result
+from tgospa_eval.evaluation import Labels, Proof, Result, sizes_of
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 from tgospa_eval.weights import ONE
@@ -151,6 +153,72 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
+    prepared = prepare(
+        truth,
+        estimate,
+        parameters=parameters,
+        distance=distance,
+        stamps=stamps,
+        unit=unit,
+        settings=settings,
+        inputs=inputs,
+        stopwatch=stopwatch,
+    )
+    return solve(prepared, solver, stopwatch)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared:
+    """A problem that waits for a solver: what all solvers have in common.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Cutoff, order and switch penalty.
+    sides : pair of Trajectories
+        Truth and estimate, aligned.
+    distance : Distance
+        Base distance.
+    states : States
+        The reduced problem.
+    labels : Labels
+        Times and ids.
+    moments : (T,) int or float array
+        The times as numbers.
+    settings : dict
+        Every option that changes the number, but for those of the solver.
+    input : dict
+        Rows and digest of either side.
+    """
+
+    parameters: Parameters
+    sides: tuple[Trajectories, Trajectories]
+    distance: Distance
+    states: States
+    labels: Labels
+    moments: NDArray[Any]
+    settings: dict[str, Any]
+    input: dict[str, Any]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        return sizes_of(self.states)
+
+
+def prepare(
+    truth: Trajectories,
+    estimate: Trajectories,
+    *,
+    parameters: Parameters,
+    distance: str | Distance,
+    stamps: Stamps | None = None,
+    unit: str | None = None,
+    settings: dict[str, Any] | None = None,
+    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    stopwatch: Stopwatch,
+) -> Prepared:
+    """The first half of `evaluate_trajectories`: everything before the solver."""
     stamps = stamps or Stamps()
     measure = _distance(distance)
     check_columns(truth, estimate)
@@ -167,25 +235,18 @@ def evaluate_trajectories(
         problem = _problem(truth, estimate, pairs, parameters)
         del pairs  # the distances are as long as the entries
         states = merge_runs(problem)
-    solution = solver(states, stopwatch)
-    with stopwatch.span("certify"):
-        bounds, weights, breakdown = certify(states, solution)
-    proof = Proof(
-        parameters=parameters, states=states, bounds=bounds, weights=weights, breakdown=breakdown
-    )
-    with stopwatch.span("report"):
-        split = _split(truth, estimate, measure, proof)
-    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
-    return Result(
-        proof=proof,
-        split=split,
+    return Prepared(
+        parameters=parameters,
+        sides=(truth, estimate),
+        distance=measure,
+        states=states,
         labels=Labels(
             times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
             estimates=estimate.ids.tolist(),
             unit=unit,
         ),
-        gap=gap,
+        moments=truth.times,
         settings={
             "cutoff": parameters.cutoff,
             "order": parameters.order,
@@ -196,11 +257,8 @@ def evaluate_trajectories(
             "grid": stamps.grid,
             "time_tolerance": stamps.tolerance,
             "unit": unit,
-            **solver_settings(solver),
             **(settings or {}),
         },
-        solver=_solver_record(solver, solution, parameters, met=bounds.met(gap)),
-        timings=_nested(stopwatch),
         input={
             name: {
                 **told[side],
@@ -210,6 +268,33 @@ def evaluate_trajectories(
             }
             for side, name in enumerate(("truth", "estimate"))
         },
+    )
+
+
+def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
+    """The second half: solution, proof, result; the problem can be solved again."""
+    solution = solver(prepared.states, stopwatch)
+    with stopwatch.span("certify"):
+        bounds, weights, breakdown = certify(prepared.states, solution)
+    proof = Proof(
+        parameters=prepared.parameters,
+        states=prepared.states,
+        bounds=bounds,
+        weights=weights,
+        breakdown=breakdown,
+    )
+    with stopwatch.span("report"):
+        split = _split(*prepared.sides, prepared.distance, proof)
+    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
+    return Result(
+        proof=proof,
+        split=split,
+        labels=prepared.labels,
+        gap=gap,
+        settings={**prepared.settings, **solver_settings(solver)},
+        solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
+        timings=_nested(stopwatch),
+        input=prepared.input,
         version=__version__,
     )
 

@@ -27,7 +27,7 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
         An option has no meaning, or the folder cannot be written.
     """
     check_folder(folder, force=options["force"], option=OPTION)
-    scene, tracker = _settings(options)
+    scene, tracker = settings(options)
     truth, estimate = simulate(scene, tracker, np.random.default_rng(options["seed"]))
     names = ("truth.csv", "estimate.csv") if options["format"] == "csv" else ("gt.txt", "res.txt")
     if options["format"] == "kitti":  # whose frames count from 0
@@ -45,7 +45,8 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
     )
 
 
-def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
+def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
+    """The scene and the tracker that the options of `simulate` ask for."""
     boxes = options["format"] != "csv"
     if boxes and options["state"] in ("point", "gaussian"):
         raise ConfigError(
