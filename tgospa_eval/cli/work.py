@@ -3,7 +3,7 @@
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import click
@@ -27,7 +27,11 @@ from tgospa_eval.timing import Stopwatch
 
 
 def evaluate_files(
-    truth: str, estimate: str, options: dict[str, Any], given: dict[str, bool]
+    truth: str,
+    estimate: str,
+    options: dict[str, Any],
+    given: dict[str, bool],
+    say: Callable[[str], None] | None = None,
 ) -> tuple[Summary, bool]:
     """Read, evaluate, and say whether the asked accuracy was reached.
 
@@ -39,12 +43,15 @@ def evaluate_files(
         Values of the options.
     given : dict
         Whether cutoff and switch penalty were given, or are defaults.
+    say : callable, optional
+        What to do with notices; by default they go to stderr.
 
     Raises
     ------
     TgospaError
         Something is wrong with options or files.
     """
+    say = say or _say
     quiet = options["quiet"]
     settings = make_settings(options, given)
     solver = make_solver(options)
@@ -60,25 +67,23 @@ def evaluate_files(
         if not quiet:
             for path, side in zip(paths, sides, strict=True):
                 for notice in side.notices:
-                    _say(f"{path}: {notice}")
+                    say(f"{path}: {notice}")
             for text in _remarks(sides, aligned, distance, settings):
-                _say(text)
+                say(text)
             if KERNEL == "numpy" and solver.name != "exact":
-                _say(
-                    "no compiled kernels, slower: installing with a C compiler at hand builds them"
-                )
+                say("no compiled kernels, slower: installing with a C compiler at hand builds them")
             if not all(given.values()):
-                _say(_default_notice(aligned, distance, settings, given))
+                say(_default_notice(aligned, distance, settings, given))
         return evaluate_sides(sides, distance, settings, solver, stopwatch)
 
     result = run(work, stopwatch, show=not quiet)
     if options["verbose"]:
         for text in _progress(result, stopwatch):
-            _say(text)
+            say(text)
     finished = result.certified if solver.name == "certified" else bool(result.solver["finished"])
     if not finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
-        _say(
+        say(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}"
         )
