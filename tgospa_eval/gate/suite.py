@@ -173,7 +173,7 @@ def _rules(table: dict[str, Any], where: str) -> dict[str, tuple[str, ...]]:
     for key in RULES:
         texts = table.get(key, ())
         texts = [texts] if isinstance(texts, str) else texts
-        if not all(isinstance(text, str) for text in texts or ()) or isinstance(texts, dict):
+        if not isinstance(texts, list | tuple) or not all(isinstance(t, str) for t in texts):
             raise ConfigError(f'{where}: "{key}" must be a text or a list of texts')
         if key in table:
             rules[key] = tuple(texts)
