@@ -14,6 +14,7 @@ Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
 
 TRUTH = "id,t,x,y\n" + "".join(f"a,{t},{t},0\n" for t in range(5))
+SAMPLES = Path(__file__).parents[1] / "sample_data"
 METRIC = ("-c", "4", "-p", "1", "-g", "1")
 
 
@@ -242,6 +243,10 @@ def test_missing_baseline_says_how_to_make_it(invoke: Invoke, write: Write) -> N
     assert f"\n  {command}\n" in answer.out
     assert invoke(*typed, "--update-baseline").status == 0
     assert invoke(*typed).status == 0
+    assert (
+        "-q --update-baseline -- t.csv"
+        in invoke("gate", "--baseline", "other.json", "-q", "--", "t.csv", "my e.csv").out
+    )
 
 
 def test_usage(invoke: Invoke, gate: Invoke) -> None:
@@ -413,6 +418,12 @@ def suite(invoke: Invoke, tmp_path: Path) -> Invoke:
 
 def verdicts(answer: Any) -> dict[str, str]:
     return {found["name"]: found["verdict"] for found in json.loads(answer.out)["pairs"]}
+
+
+def test_sample_data_pass(invoke: Invoke) -> None:
+    answer = invoke("gate", "--suite", str(SAMPLES / "gate" / "suite.toml"), "-q")
+    assert answer.status == 0, answer.out
+    assert "tightened" not in answer.out
 
 
 def test_suite(suite: Invoke, write: Write) -> None:

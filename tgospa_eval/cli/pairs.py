@@ -80,8 +80,10 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
         for name in old or ()
         if name not in rules
     ]
-    again = shlex.join(["tgospa-eval", "gate", *given.context.meta[TYPED], "--update-baseline"])
-    return _report(path, outcomes, again)
+    typed = given.context.meta[TYPED]
+    at = typed.index("--") if "--" in typed else len(typed)
+    again = ["tgospa-eval", "gate", *typed[:at], "--update-baseline", *typed[at:]]
+    return _report(path, outcomes, shlex.join(again))
 
 
 def _report(path: str, outcomes: list[Outcome], again: str = "") -> Report:

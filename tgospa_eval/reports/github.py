@@ -85,7 +85,7 @@ def append_summary(report: Report, path: str | None) -> None:
 
 def summary(report: Report, room: int) -> bytes:
     """The Markdown report in at most so many bytes."""
-    lines = [f"{line}\n".encode() for line in markdown_lines(report)]
+    lines = [f"{line}\n".encode() for line in (*markdown_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
     room -= len(CUT.encode())
