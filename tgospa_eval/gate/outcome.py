@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
-from tgospa_eval.gate.rules import Finding, Rule, Verdict, judge, worst
+from tgospa_eval.gate.rules import COSTS, Finding, Rule, Value, Verdict, judge, worst
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +135,8 @@ def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
 def _notes(findings: list[Finding], result: Summary, entry: Entry) -> Iterator[str]:
     for finding in findings:
         yield from _sentences(finding)
+    if any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
+        yield from _parts(measure(result), entry)
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
         yield f"undecided: {_remedy(result)}"
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
@@ -162,6 +164,17 @@ def _sentences(finding: Finding) -> Iterator[str]:
         mark = "" if now.proven else " (split, not proven)"
         warning = "warning: " if rule.warns else ""
         yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
+
+
+def _parts(values: dict[str, Value], entry: Entry) -> Iterator[str]:
+    """Where the cost went, as far as the split tells."""
+    moved = [
+        " -> ".join((f"{path} {entry.values[path]:.7g}", f"{values[path].upper:.7g}"))
+        for path in COSTS
+        if abs(values[path].upper - entry.values[path]) > values[path].tolerance
+    ]
+    if moved:
+        yield f"split, not proven: {', '.join(moved)}"
 
 
 def texts(*numbers: float) -> list[str]:

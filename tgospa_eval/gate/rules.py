@@ -15,10 +15,8 @@ from tgospa_eval.errors import ConfigError
 PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
 
-SPLIT = (
-    *("localisation", "missed", "false", "switch"),
-    *("counts.missed", "counts.false", "counts.switch"),
-)
+COSTS = ("localisation", "missed", "false", "switch")
+SPLIT = (*COSTS, "counts.missed", "counts.false", "counts.switch")
 """Values of one optimal assignment; another one may split the same total in another way."""
 
 BY_CLASS = "by_class."
