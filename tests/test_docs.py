@@ -88,6 +88,9 @@ def test_shown_output_is_true(
                 if expected:
                     at = printed.index(expected[0], at)
                     assert expected == printed[at : at + len(expected)]
+        elif program == "cat" and arguments[0] == ">":
+            assert lines[-1] == "EOF"
+            Path(arguments[1]).write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
         elif program == "cat" and not Path(arguments[0]).exists():
             Path(arguments[0]).write_text("\n".join(lines) + "\n", encoding="utf-8")
         elif program in ("cat", "head"):

@@ -379,4 +379,5 @@ def test_sample_data_is_made_by_its_commands(invoke, tmp_path: Path, command: st
 
 def test_all_sample_data_has_its_command() -> None:
     folders = {path.name for path in (ROOT / "sample_data").iterdir() if path.is_dir()}
+    folders.remove("gate")  # judges the others
     assert {Path(command.split()[2]).name for command in commands()} == folders

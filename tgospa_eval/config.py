@@ -36,11 +36,22 @@ def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[
     if path is None:
         path, table = _search()
     else:
-        table = _read(path)
+        table = read_toml(path)
         if Path(path).name == "pyproject.toml":
             table = _section(table) or {}
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: [tool.{TABLE}] must be a table")
+    return path, settings_of(table, str(path), known)
+
+
+def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) -> dict[str, Any]:
+    """The settings of a table, as `load` returns them; `path` begins the messages.
+
+    Raises
+    ------
+    ConfigError
+        A key is unknown, a value of the wrong kind.
+    """
     settings: dict[str, Any] = {}
     for key, value in table.items():
         name = key.replace("_", "-")
@@ -57,15 +68,15 @@ def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[
             needed = "true or false" if known[name] else "a value, not true or false"
             raise ConfigError(f'{path}: "{key}" is {value!r}; needed is {needed}')
         settings[name] = value
-    return path, settings
+    return settings
 
 
 def _search() -> tuple[str | None, Any]:
     if Path(FILE).is_file():
-        return FILE, _read(FILE)
+        return FILE, read_toml(FILE)
     if _may_have_table("pyproject.toml"):
         try:
-            table = _section(_read("pyproject.toml"))
+            table = _section(read_toml("pyproject.toml"))
         except ConfigError:
             return None, {}  # somebody else's broken file is not ours to report
         if table is not None:
@@ -86,7 +97,14 @@ def _section(document: dict[str, Any]) -> Any:
     return tool.get(TABLE) if isinstance(tool, dict) else None
 
 
-def _read(path: str) -> dict[str, Any]:
+def read_toml(path: str) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, or is no TOML.
+    """
     import tomllib  # here: most runs have no such file
 
     try:

@@ -14,6 +14,7 @@ from tgospa_eval.errors import TgospaError
 
 VERBS = {
     "evaluate": ("tgospa_eval.cli.evaluate", "One evaluation: value, bracket, decomposition."),
+    "gate": ("tgospa_eval.cli.gate", "A regression gate for CI: judge by a baseline."),
     "inspect": ("tgospa_eval.cli.inspect", "What was read, and what looks wrong with it."),
     "compare": ("tgospa_eval.cli.compare", "Solvers, or estimates, side by side."),
     "simulate": ("tgospa_eval.cli.simulate", "A made-up scene: truth plus a tracker's errors."),
@@ -58,9 +59,10 @@ class Verbs(click.Group):
         """Position of the first argument that is neither an option nor the value of one."""
         if not args[0].startswith("-"):
             return 0
-        command = self.get_command(ctx, "evaluate")
+        commands = [self.get_command(ctx, verb) for verb in ("evaluate", "gate")]
         taking = {
             name
+            for command in commands
             for option in (command.params if command else ())
             if isinstance(option, click.Option) and not (option.is_flag or option.count)
             for name in option.opts

@@ -185,10 +185,49 @@ OUTPUT = (
     option("-v", "--verbose", is_flag=True, help="Stages and timings on stderr."),
 )  # fmt: skip
 
+VERBOSE = OUTPUT[-1]
+
+GATE = (
+    option(
+        "--baseline", metavar="FILE", type=click.Path(),
+        help="Values to judge against; a suite may name it itself.",
+    ),
+    option(
+        "--suite", metavar="FILE", type=click.Path(),
+        help="TOML file with several pairs, instead of TRUTH ESTIMATE.",
+    ),
+    option(
+        "--fail-on", metavar="RULE", multiple=True,
+        help="PATH:+N or PATH:+N%, how much worse PATH may be than in the baseline; repeatable.  "
+        "[default: total:+0.001%]",
+    ),
+    option(
+        "--warn-on", metavar="RULE", multiple=True, help="The same, for a warning only.",
+    ),
+    option(
+        "--max", "maximum", metavar="NAME=VALUE", multiple=True,
+        help="The most that a value may be, whatever the baseline says; repeatable.",
+    ),
+    option(
+        "--junit", metavar="FILE", type=click.Path(), help="Write a JUnit XML report.",
+    ),
+    option(
+        "--github", is_flag=True,
+        help="Annotations on stderr, and Markdown to the file that GITHUB_STEP_SUMMARY names.",
+    ),
+)  # fmt: skip
+
 
 def evaluation_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of everything that evaluates."""
     for add in reversed((*EVALUATION, *OUTPUT)):
+        command = add(command)
+    return command
+
+
+def gate_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options of the gate, and of what it evaluates."""
+    for add in reversed((*GATE, *EVALUATION, CONFIG_FILE, QUIET, VERBOSE)):
         command = add(command)
     return command
 

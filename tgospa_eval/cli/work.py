@@ -3,7 +3,7 @@
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import click
@@ -27,8 +27,17 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
 
 
+def say(text: str) -> None:
+    """Print a notice."""
+    click.echo(text, err=True)
+
+
 def evaluate_files(
-    truth: str, estimate: str, options: dict[str, Any], given: dict[str, bool]
+    truth: str,
+    estimate: str,
+    options: dict[str, Any],
+    given: dict[str, bool],
+    tell: Callable[[str], None] = say,
 ) -> tuple[Summary, bool]:
     """Read, evaluate, and say whether the asked accuracy was reached.
 
@@ -40,6 +49,8 @@ def evaluate_files(
         Values of the options.
     given : dict
         Whether cutoff and switch penalty were given, or are defaults.
+    tell : callable
+        What to do with notices; by default they go to stderr.
 
     Raises
     ------
@@ -61,23 +72,23 @@ def evaluate_files(
         if not quiet:
             for path, side in zip(paths, sides, strict=True):
                 for notice in side.notices:
-                    say(f"{path}: {notice}")
+                    tell(f"{path}: {notice}")
             for text in pair_remarks(sides, aligned, distance, settings):
-                say(text)
+                tell(text)
             if solver.name != "exact":
-                say_if_slow()
+                say_if_slow(tell)
             if not all(given.values()):
-                say(default_notice(aligned, distance, settings, given))
+                tell(default_notice(aligned, distance, settings, given))
         return evaluate_sides(sides, distance, settings, solver, stopwatch)
 
     result = run(work, stopwatch, show=not quiet)
     if options["verbose"]:
         for text in _progress(result, stopwatch):
-            say(text)
+            tell(text)
     finished = result.certified if solver.name == "certified" else bool(result.solver["finished"])
     if not finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
-        say(
+        tell(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}"
         )
@@ -146,15 +157,10 @@ def inspect_files(
     return run(work, Stopwatch(), show=not options["quiet"])
 
 
-def say(text: str) -> None:
-    """Print a notice."""
-    click.echo(text, err=True)
-
-
-def say_if_slow() -> None:
+def say_if_slow(tell: Callable[[str], None] = say) -> None:
     """Print a notice where the kernels were not built."""
     if KERNEL == "numpy":
-        say("no compiled kernels, slower: installing with a C compiler at hand builds them")
+        tell("no compiled kernels, slower: installing with a C compiler at hand builds them")
 
 
 def told(reading: Reading) -> dict[str, Any]:

@@ -104,6 +104,34 @@ def write_texts(
             shutil.rmtree(beside, ignore_errors=True)
 
 
+def write_file(path: str, text: str, option: str) -> None:
+    """Write a file beside first, then rename it; `option` is for messages.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written.
+    """
+    if not path:
+        raise ConfigError(f"{option} is empty; name a file")
+    target = Path(os.path.realpath(path))  # what a link points to, and not the link, is replaced
+    beside = target.with_name(f".{target.name}-{os.getpid()}-{os.urandom(4).hex()}")
+    try:
+        if target.is_dir():
+            raise ConfigError(f"{option} {path}: is a folder; name a file")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            # Not by tempfile, whose files nobody else may read: CI has many users.
+            with beside.open("x", encoding="utf-8", newline="") as file:
+                file.write(text)
+            os.replace(beside, target)
+        finally:
+            beside.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"{option} {path}: cannot be written: {reason}") from None
+
+
 def _timings(result: Summary) -> Table:
     flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
     flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}

@@ -1,0 +1,551 @@
+"""The gate as CI meets it: files, verdicts, exit statuses, baselines, suites."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Invoke = Callable[..., Any]
+Write = Callable[[str, str | bytes], str]
+
+TRUTH = "id,t,x,y\n" + "".join(f"a,{t},{t},0\n" for t in range(5))
+SAMPLES = Path(__file__).parents[1] / "sample_data"
+METRIC = ("-c", "4", "-p", "1", "-g", "1")
+
+
+def estimate(error: float, steps: int = 5) -> str:
+    """One track beside the truth for all steps: with METRIC the total is `steps * error`."""
+    return "id,t,x,y\n" + "".join(f"7,{t},{t},{error}\n" for t in range(steps))
+
+
+@pytest.fixture
+def gate(invoke: Invoke, write: Write) -> Invoke:
+    """The gate on t.csv and e.csv with the baseline b.json, whose total is 5 * 1."""
+    write("t.csv", TRUTH)
+    write("e.csv", estimate(1))
+
+    def gate(*arguments: str) -> Any:
+        return invoke("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q", *arguments)
+
+    assert gate(*METRIC, "--update-baseline").status == 0
+    return gate
+
+
+def pair(answer: Any) -> dict[str, Any]:
+    """The only pair of a JSON report."""
+    (found,) = json.loads(answer.out)["pairs"]
+    assert isinstance(found, dict)
+    return found
+
+
+def edit(path: str, change: Callable[[dict[str, Any]], Any], name: str = "pair") -> None:
+    """Change an entry of a baseline by hand."""
+    document = json.loads(Path(path).read_text(encoding="utf-8"))
+    change(document["pairs"][name])
+    Path(path).write_text(json.dumps(document), encoding="utf-8")
+
+
+# --- verdicts -------------------------------------------------------------------------------------
+
+
+def test_passes_and_takes_options_from_the_baseline(gate: Invoke) -> None:
+    answer = gate("--format", "json")
+    assert answer.status == 0
+    assert pair(answer)["verdict"] == "pass"
+    assert pair(answer)["rules"][0]["upper"] == 5
+
+
+def test_fails_when_the_lower_bound_is_worse(gate: Invoke, write: Write) -> None:
+    write("e.csv", estimate(1.1))
+    answer = gate()
+    assert answer.status == 1
+    assert answer.out.startswith("gate: fail (exit status 1)\n")
+    assert "total is at least 5.5, proven, 5.00005 allowed by total:+0.001%" in answer.out
+    assert gate("--fail-on", "total:+11%").status == 0
+    assert gate("--fail-on", "total:+0.51").status == 0
+    assert gate("--fail-on", "total:+0.49").status == 1
+    # Only a warning; --fail-on has replaced the default rule.
+    answer = gate("--fail-on", "missed:+0", "--warn-on", "total:+0.49")
+    assert answer.status == 0
+    assert "warning: total is at least 5.5" in answer.out
+
+
+def test_maximum_adds_to_what_holds(gate: Invoke, write: Write) -> None:
+    assert gate("--max", "tgospa=5").status == 0
+    assert gate("--max", "tgospa=4.9").status == 1
+    write("e.csv", estimate(1.1))
+    assert gate("--max", "tgospa=50").status == 1  # by the default rule
+
+
+def test_undecided_inside_the_bracket(gate: Invoke, write: Write, crowd: tuple[str, str]) -> None:
+    """Between the bounds of a coarse approximation; outside them all is proven."""
+    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
+        shutil.copy(path, name)
+    coarse = ("--solver", "sinkhorn", "--epsilon", "0.5", "-c", "5", "-g", "2")
+    assert gate(*coarse, "-p", "2", "--update-baseline").status == 0
+    values = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["values"]
+    lower, upper = values["lower_bound"], values["upper_bound"]
+    assert upper > lower * 1.001
+    assert gate().status == 0
+    answer = gate("--max", f"tgospa={(lower + upper) / 2}")
+    assert answer.status == 4
+    assert "undecided: a smaller --epsilon than 0.5, or --solver certified" in answer.out
+    assert gate("--max", f"tgospa={lower * 0.99}").status == 1
+    # The options of solving may differ: what is proven holds for any solver.
+    decided = gate("--max", f"tgospa={(lower + upper) / 2}", "--solver", "certified")
+    assert decided.status in (0, 1)
+
+
+def test_improvement(gate: Invoke, write: Write) -> None:
+    write("e.csv", estimate(0.5))
+    answer = gate()
+    assert answer.status == 0
+    assert "baseline can be tightened: total" in answer.out
+    assert "--update-baseline" in answer.out
+    answer = gate("--update-baseline")
+    assert answer.status == 0
+    assert next(line.split()[1:] for line in answer.out.splitlines() if " total " in line) == [
+        "total",
+        "5",
+        "2.5",
+    ]
+    write("e.csv", estimate(1))
+    assert gate().status == 1
+
+
+def test_ties_move_the_split(invoke: Invoke, write: Write) -> None:
+    """c = 4, p = 1, gamma = 4: one switch costs as much as a miss and a false target, 4.
+
+    The rule on the split fails where the other optimum was the baseline's, and says what that is.
+    """
+    write("t.csv", "id,t,x\na,0,0\na,1,0\na,2,0\n")
+    write("e.csv", "id,t,x\n1,0,0\n1,1,0\n2,2,0\n")
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    assert invoke(*common, "-c", "4", "-p", "1", "-g", "4", "--update-baseline").status == 0
+
+    def other_optimum(entry: dict[str, Any]) -> None:
+        assert entry["values"]["total"] == 4
+        switched = entry["values"]["switch"] == 4
+        entry["values"] |= {"switch": 0.0 if switched else 4.0}
+        entry["values"] |= dict.fromkeys(("missed", "false"), 2.0 if switched else 0.0)
+
+    edit("b.json", other_optimum)
+    assert invoke(*common).status == 0  # the total is unique
+    rules = ("--fail-on", "switch:+0", "--fail-on", "missed:+0", "--fail-on", "false:+0")
+    answer = invoke(*common, *rules)
+    assert answer.status == 1
+    assert "(split, not proven)" in answer.out
+    assert "where optima tie" in answer.out
+    assert " *" in answer.out
+
+
+def test_by_class(invoke: Invoke, write: Write) -> None:
+    rows = [f"{k},{t},{t},0,{k}\n" for k in ("car", "van.big") for t in range(3)]
+    write("t.csv", "id,t,x,y,class\n" + "".join(rows))
+    write("e.csv", "id,t,x,y,class\n" + "".join(rows))
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    answer = invoke(*common, *METRIC, "--by", "class", "--update-baseline")
+    assert answer.status == 0, answer.err
+    write("e.csv", "id,t,x,y,class\n" + "".join(rows[:3]))
+    assert invoke(*common, "--fail-on", "by_class.car.total:+0").status == 0
+    assert invoke(*common, "--fail-on", "by_class.van.big.counts.missed:+2").status == 1
+    answer = invoke(*common, "--fail-on", "by_class.bus.total:+0")
+    assert answer.status == 2
+    assert "the result has no by_class.bus.total" in answer.out
+
+
+# --- not comparable -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("-c", "5"), "cutoff is 5.0, in the baseline 4.0"),
+        (("-g", "2"), "switch_penalty is 2.0, in the baseline 1.0"),
+        (("--distance", "manhattan"), 'distance is "manhattan", in the baseline "euclidean"'),
+        (("--columns", "x"), 'columns is ["x"], in the baseline ["x", "y"]'),
+        (("--grid", "common"), "grid"),
+        (("--time", "0:3"), "time is \"0:3\", in the baseline not set"),
+        (("--unit", "m"), "unit"),
+    ],
+)  # fmt: skip
+def test_given_options_that_differ(gate: Invoke, arguments: tuple[str, ...], said: str) -> None:
+    answer = gate(*arguments)
+    assert answer.status == 2
+    assert "not comparable" in answer.out
+    assert said in answer.out
+
+
+def test_given_by_environment_or_file_counts_as_given(
+    gate: Invoke, invoke: Invoke, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TGOSPA_EVAL_CUTOFF", "5")
+    assert gate().status == 2
+    assert gate("-c", "4").status == 0
+    monkeypatch.delenv("TGOSPA_EVAL_CUTOFF")
+    write("tgospa-eval.toml", "cutoff = 5\n")
+    assert gate().status == 2
+    assert gate("-c", "4").status == 0
+    write("tgospa-eval.toml", 'baseline = "b.json"\nfail-on = ["total:+9%", "missed:+1"]\n')
+    answer = gate("--format", "json")
+    assert [rule["rule"] for rule in pair(answer)["rules"]] == ["total:+9%", "missed:+1"]
+    assert invoke("t.csv", "e.csv").status == 0  # other verbs pass over the keys of the gate
+
+
+def test_other_truth(gate: Invoke, write: Write) -> None:
+    write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4,0.001"))
+    answer = gate()
+    assert answer.status == 2
+    assert "the truth is not that of the baseline" in answer.out
+    # The same numbers in another text are the same truth.
+    write("t.csv", TRUTH.replace("a,4,4,0", "a,4,4.0,0e0").replace("\n", "\r\n"))
+    assert gate().status == 0
+
+
+def test_header_maps_and_matrices_come_from_the_baseline(invoke: Invoke, write: Write) -> None:
+    text = TRUTH.replace("id,t,x,y", "trk,time_s,px,py")
+    write("t.csv", text)
+    write("e.csv", text)
+    write("cov.csv", "4,0\n0,1\n")
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    given = ("--columns", "id=trk,t=time_s,x=px,y=py", "--distance", "mahalanobis")
+    assert invoke(*common, *given, "--covariance", "cov.csv", "--update-baseline").status == 0
+    assert invoke(*common).status == 0
+    write("cov.csv", "4,0\n0,2\n")
+    answer = invoke(*common)
+    assert answer.status == 2
+    assert "covariance" in answer.out
+
+
+def test_defaults_of_the_distance_are_kept(invoke: Invoke, write: Write) -> None:
+    write("t.csv", "id,t,left,top,width,height\n1,1,0,0,10,10\n")
+    common = ("gate", "t.csv", "t.csv", "--baseline", "b.json", "-q")
+    assert invoke(*common, "--distance", "iou", "--update-baseline").status == 0
+    answer = invoke(*common, "--format", "json")
+    assert answer.status == 0
+    entry = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]
+    assert entry["options"] == {"cutoff": 0.5, "switch-penalty": 0.5, "distance": "iou"}
+
+
+def test_missing_baseline_says_how_to_make_it(invoke: Invoke, write: Write) -> None:
+    write("t.csv", TRUTH)
+    write("my e.csv", estimate(1))
+    typed = ("gate", "t.csv", "my e.csv", "--baseline", "new/b.json", "-c", "4", "-q")
+    answer = invoke(*typed)
+    assert answer.status == 2
+    assert "no such file: new/b.json" in answer.out
+    command = "tgospa-eval gate t.csv 'my e.csv' --baseline new/b.json -c 4 -q --update-baseline"
+    assert f"\n  {command}\n" in answer.out
+    assert invoke(*typed, "--update-baseline").status == 0
+    assert invoke(*typed).status == 0
+    assert (
+        "-q --update-baseline -- t.csv"
+        in invoke("gate", "--baseline", "other.json", "-q", "--", "t.csv", "my e.csv").out
+    )
+
+
+def test_usage(invoke: Invoke, gate: Invoke) -> None:
+    assert invoke("gate").status == 2
+    assert invoke("gate", "t.csv").status == 2
+    assert "--baseline" in invoke("gate", "t.csv", "e.csv").err
+    assert invoke("gate", "t.csv", "e.csv", "--suite", "s.toml", "--baseline", "b").status == 2
+    assert "must be PATH:+N or PATH:+N%" in gate("--fail-on", "total").err
+    assert invoke("--baseline", "b.json", "gate", "t.csv", "e.csv", "-q").status == 0
+
+
+def test_bad_input(gate: Invoke, write: Write) -> None:
+    write("e.csv", "id,t,x,y\n7,0,1.2.3,0\n")
+    answer = gate("--junit", "j.xml")
+    assert answer.status == 3
+    assert answer.err.count('e.csv, line 2, column "x": not a number') == 1
+    assert "<error" in Path("j.xml").read_text(encoding="utf-8")
+    assert gate("--update-baseline").status == 3
+
+
+# --- the baseline file ----------------------------------------------------------------------------
+
+
+def test_baseline_is_made_for_git(gate: Invoke) -> None:
+    text = Path("b.json").read_bytes()
+    document = json.loads(text)
+    assert text.decode() == json.dumps(document, sort_keys=True, indent=1) + "\n"
+    assert document["schema"] == "tgospa-eval/baseline/1"
+    entry = document["pairs"]["pair"]
+    assert entry["values"]["total"] == entry["values"]["upper_bound"] == 5
+    assert entry["parameters"]["order"] == 1
+    before = Path("b.json").stat().st_mtime_ns
+    answer = gate("--update-baseline")
+    assert "unchanged" in answer.out
+    assert Path("b.json").stat().st_mtime_ns == before
+    assert Path("b.json").read_bytes() == text
+    Path("b.json").write_bytes(text.replace(b"\n", b"\r\n"))
+    assert gate().status == 0
+
+
+def spoil(*keys: str, value: Any) -> Callable[[dict[str, Any]], None]:
+    def change(entry: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            entry = entry[key]
+        if value is None:
+            del entry[keys[-1]]
+        else:
+            entry[keys[-1]] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (spoil("values", "total", value=float("nan")), "NaN is no number"),
+        (spoil("values", "total", value=float("inf")), "Infinity is no number"),
+        (spoil("values", "total", value="5"), 'pair "pair": values.total is "5": must be a number'),
+        (spoil("values", "total", value=True), "values.total is true"),
+        (spoil("values", "total", value=-1), "values.total is -1"),
+        (spoil("values", "total", value=10**400), "values.total"),
+        (spoil("values", "total", value=None), "values.total is missing"),
+        (spoil("values", "counts", value=3), "values.counts.missed is missing"),
+        (spoil("values", value=[]), '"values" must be an object'),
+        (spoil("parameters", value=None), '"parameters" must be an object'),
+        (spoil("truth", "sha256", value=None), "truth.sha256"),
+        (spoil("version", value=1), "version"),
+        (spoil("options", "cutof", value=1), 'unknown key "cutof"'),
+        (spoil("options", "cutoff", value="wide"), "cutoff"),
+        (spoil("options", "cutoff", value=None), "cutoff is 10.0, in the baseline 4.0"),
+        (spoil("parameters", "cutoff", value=5), "cutoff is 4.0, in the baseline 5"),
+    ],
+)  # fmt: skip
+def test_edited_by_hand(gate: Invoke, change: Callable[[Any], None], said: str) -> None:
+    edit("b.json", change)
+    answer = gate()
+    assert answer.status == 2
+    assert said in answer.out + answer.err
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "line 1: not valid JSON"),
+        ("[]", "is no baseline"),
+        ("{}", "is no baseline"),
+        ('{"schema": "tgospa-eval/result/1"}', "is no baseline"),
+        ('{"schema": "tgospa-eval/baseline/2", "pairs": {}}', "this version reads"),
+        ('{"schema": "tgospa-eval/baseline/1"}', '"pairs" must be an object'),
+        ("{\n<<<<<<< HEAD\n", "line 2: not valid JSON (a merge conflict)"),
+        ('{"a": 1,\n "a": 2}', '"a" is there twice'),
+        ("[" * 100_000, "b.json"),
+        (b"\xff\xfe", "not UTF-8"),
+    ],
+)
+def test_no_baselines(gate: Invoke, write: Write, content: str | bytes, said: str) -> None:
+    """Neither judged by nor overwritten."""
+    write("b.json", content)
+    for arguments in ((), ("--update-baseline",)):
+        answer = gate(*arguments)
+        assert answer.status == 2
+        assert said in answer.err
+        assert len(answer.err.splitlines()) == 1
+    kept = Path("b.json").read_bytes()
+    assert kept == (content.encode() if isinstance(content, str) else content)
+
+
+def test_places_that_cannot_be_written(gate: Invoke, invoke: Invoke, write: Write) -> None:
+    Path("folder").mkdir()
+    assert "is a folder" in gate("--junit", "folder").err
+    assert gate("--junit", "folder").status == 2
+    write("file", "")
+    assert gate("--junit", "file/j.xml").status == 2
+    answer = invoke("gate", "t.csv", "e.csv", "--baseline", "file/b.json", "--update-baseline")
+    assert answer.status == 2
+    assert "file/b.json" in answer.err
+    write("e.csv", estimate(2))
+    assert gate("--junit", "folder").status == 1  # the regression is not hidden by it
+
+
+def test_two_writers(gate: Invoke, environment: dict[str, str]) -> None:
+    """Both end well, one wins, and nothing is left beside."""
+    command = [
+        *(sys.executable, "-m", "tgospa_eval", "gate", "t.csv", "e.csv", "-q"),
+        *("--baseline", "two/b.json", "--update-baseline", *METRIC),
+    ]
+    running = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) for _ in range(3)
+    ]
+    assert [process.wait(60) for process in running] == [0, 0, 0]
+    assert [path.name for path in Path("two").iterdir()] == ["b.json"]
+    assert json.loads(Path("two/b.json").read_text(encoding="utf-8"))["pairs"]
+
+
+# --- suites ---------------------------------------------------------------------------------------
+
+SUITE = """
+baseline = "base.json"
+
+[options]
+cutoff = 4
+order = 1
+switch-penalty = 1
+
+[[pair]]
+truth = "data/{name}/truth.csv"
+estimate = "out/{name}.csv"
+"""
+
+
+@pytest.fixture
+def suite(invoke: Invoke, tmp_path: Path) -> Invoke:
+    """A suite of the pairs a and b in the folder s, with its baseline."""
+    folder = tmp_path / "s"
+    for name in ("a", "b"):
+        (folder / "data" / name).mkdir(parents=True)
+        (folder / "data" / name / "truth.csv").write_text(TRUTH, encoding="utf-8")
+    (folder / "out").mkdir()
+    for name in ("a", "b"):
+        (folder / "out" / f"{name}.csv").write_text(estimate(1), encoding="utf-8")
+    (folder / "suite.toml").write_text(SUITE, encoding="utf-8")
+
+    def suite(*arguments: str) -> Any:
+        return invoke("gate", "--suite", "s/suite.toml", "-q", *arguments)
+
+    assert suite("--update-baseline").status == 0
+    return suite
+
+
+def verdicts(answer: Any) -> dict[str, str]:
+    return {found["name"]: found["verdict"] for found in json.loads(answer.out)["pairs"]}
+
+
+def test_sample_data_pass(invoke: Invoke) -> None:
+    answer = invoke("gate", "--suite", str(SAMPLES / "gate" / "suite.toml"), "-q")
+    assert answer.status == 0, answer.out
+    assert "tightened" not in answer.out
+
+
+def test_suite(suite: Invoke, write: Write) -> None:
+    answer = suite("--format", "json")
+    assert answer.status == 0
+    assert verdicts(answer) == {"a": "pass", "b": "pass"}
+    write("s/out/b.csv", estimate(2))
+    answer = suite("--format", "json")
+    assert answer.status == 1
+    assert verdicts(answer) == {"a": "pass", "b": "fail"}
+
+
+def test_suite_never_passes_by_halves(suite: Invoke, write: Write) -> None:
+    """A pair that is new, gone or broken; and a proven regression is not hidden by any of them."""
+    Path("s/data/c").mkdir()
+    write("s/data/c/truth.csv", TRUTH)
+    write("s/out/c.csv", estimate(1))
+    answer = suite("--format", "json")
+    assert (answer.status, verdicts(answer)["c"]) == (2, "not comparable")
+    assert "not in s/base.json" in answer.out
+    shutil.rmtree("s/data/c")
+    shutil.rmtree("s/data/a")
+    answer = suite("--format", "json")
+    assert answer.status == 2
+    assert verdicts(answer) == {"b": "pass", "a": "not comparable"}
+    Path("s/data/a").mkdir()
+    write("s/data/a/truth.csv", TRUTH)
+    Path("s/out/a.csv").unlink()
+    answer = suite("--format", "json")
+    assert (answer.status, verdicts(answer)) == (3, {"a": "error", "b": "pass"})
+    assert answer.err == "a: s/out/a.csv: no such file\n".replace("s/out", str(Path("s/out")))
+    write("s/out/b.csv", estimate(2))
+    assert suite().status == 1
+
+
+def test_suite_update_is_whole_or_absent(suite: Invoke, write: Write) -> None:
+    before = Path("s/base.json").read_bytes()
+    write("s/out/a.csv", estimate(2))
+    write("s/out/b.csv", "")
+    answer = suite("--update-baseline")
+    assert answer.status == 3
+    assert answer.err.startswith("b: ")
+    assert Path("s/base.json").read_bytes() == before
+    shutil.rmtree("s/data/b")
+    answer = suite("--update-baseline")
+    assert answer.status == 0
+    assert "removed" in answer.out
+    assert list(json.loads(Path("s/base.json").read_text(encoding="utf-8"))["pairs"]) == ["a"]
+
+
+def test_suite_rules_and_options(suite: Invoke, write: Write) -> None:
+    more = """
+fail-on = ["total:+50%"]
+
+[[pair]]
+name = "{name} by two"
+truth = "data/{name}/truth.csv"
+estimate = "out/{name}.csv"
+options = { scale = "x=2" }
+warn-on = "total:+0"
+max = ["missed=0"]
+"""
+    text = SUITE.replace("\n[options]", "fail-on = 'total:+20%'\n[options]")
+    write("s/suite.toml", text + more)
+    assert suite("--update-baseline").status == 0
+    write("s/out/b.csv", estimate(1.1))
+    answer = suite("--format", "json")
+    assert answer.status == 0
+    rules = {found["name"]: found["rules"] for found in json.loads(answer.out)["pairs"]}
+    assert [rule["rule"] for rule in rules["b"]] == ["total:+50%"]
+    assert [r["rule"] for r in rules["b by two"]] == ["total:+20%", "total:+0", "missed<=0"]
+    assert rules["b by two"][1]["verdict"] == "fail"  # which warns only
+    assert suite("--fail-on", "total:+5%").status == 1  # a flag beats the suite
+    assert suite("-c", "5").status == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "status", "said"),
+    [
+        ("", 2, "no pair to judge"),
+        ("pair = 3", 2, "write [[pair]]"),
+        ("pairs = []", 2, 'unknown key "pairs"'),
+        ("[[pair]]\ntruth = 't.csv'", 2, '"estimate" must be a text'),
+        ("[[pair]]\ntruth = 't.csv'\nestimate = 't.csv'\ncutoff = 4", 2, "go under options"),
+        ("[options]\ncutof = 4", 2, 'unknown key "cutof"'),
+        ("[options]\nbaseline = 'b'", 2, 'unknown key "baseline"'),
+        ("fail-on = 3\n[[pair]]\ntruth = 't'\nestimate = 't'", 2, '"fail-on" must be'),
+        ("fail-on = ['x']\n[[pair]]\ntruth = 't'\nestimate = 't'", 2, "must be PATH:+N"),
+        ("[[pair]]\ntruth = 'no/{n}.csv'\nestimate = '{n}'", 3, "no file is like"),
+        ("[[pair]]\ntruth = 'a.csv'\nestimate = '{n}.csv'", 2, "{n} is not in"),
+        ("[[pair]]\ntruth = 'a'\nestimate = 'b'\n" * 2, 2, 'the name "pair" is there twice'),
+        ("[[pair]\n", 2, "not valid TOML"),
+    ],
+)
+def test_suites_that_are_wrong(
+    suite: Invoke, write: Write, text: str, status: int, said: str
+) -> None:
+    write("s/suite.toml", 'baseline = "base.json"\n' + text)
+    answer = suite()
+    assert answer.status == status
+    assert said in answer.err
+    assert len(answer.err.splitlines()) == 1
+
+
+def test_patterns(invoke: Invoke, write: Write) -> None:
+    """A placeholder stands for the same text everywhere, and brackets in names for themselves."""
+    for name in ("s1/run_1", "s1/run_2", "s[2]/run_1", "s2/other_1"):
+        Path(name).parent.mkdir(exist_ok=True)
+        write(f"{name}.csv", TRUTH)
+        write(f"{name}.out", estimate(1))
+    text = (
+        'baseline = "b.json"\n[[pair]]\ntruth = "{s}/run_{k}.csv"\nestimate = "{s}/run_{k}.out"\n'
+    )
+    write("suite.toml", text.replace("\n", "\r\n"))
+    answer = invoke("gate", "--suite", "suite.toml", "--update-baseline", "-q", "--format", "json")
+    assert answer.status == 0, answer.err
+    assert list(verdicts(answer)) == ["s1/1", "s1/2", "s[2]/1"]
+
+
+def test_suite_and_single_baselines_are_told_apart(suite: Invoke, invoke: Invoke) -> None:
+    single = ("gate", "s/data/a/truth.csv", "s/out/a.csv", "--baseline", "s/base.json")
+    for more in ((), ("--update-baseline",)):
+        answer = invoke(*single, *more)
+        assert answer.status == 2
+        assert "is the baseline of a suite (a, b)" in answer.err

@@ -1,0 +1,220 @@
+"""From the options of the gate to verdicts, and these to stdout and files."""
+
+import os
+import shlex
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import click
+
+from tgospa_eval import __version__
+from tgospa_eval.cli.gate import TYPED
+from tgospa_eval.cli.sources import KNOWN, Given
+from tgospa_eval.cli.work import emit, evaluate_files
+from tgospa_eval.errors import ConfigError, TgospaError
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
+from tgospa_eval.gate.outcome import Change, Outcome, Report, change, compare
+from tgospa_eval.gate.rules import STATUS, Finding, Rule, Verdict, worst
+from tgospa_eval.gate.suite import ALONE, Pair, Suite
+from tgospa_eval.gate.suite import load as load_suite
+from tgospa_eval.reports.files import write_file
+from tgospa_eval.reports.gate import GATE_REPORTS, plain
+
+
+def run_gate(
+    context: click.Context, truth: str | None, estimate: str | None, options: dict[str, Any]
+) -> int:
+    """Judge, print, write; the exit status.
+
+    Raises
+    ------
+    TgospaError
+        Nothing could be judged.
+    """
+    given = Given(context=context, options=options)
+    if options["config"] and not options["quiet"]:
+        click.echo(f"settings from {options['config']}", err=True)
+    try:
+        report = _judge(given, truth, estimate)
+    except TgospaError as error:
+        failed = Outcome(
+            name="gate", truth=truth or "", estimate=estimate or "",
+            verdict=Verdict.ERROR, status=error.exit_status, notes=(str(error),),
+        )  # fmt: skip
+        _publish(_report(options["baseline"] or "", [failed]), options)
+        raise
+    for outcome in report.outcomes:
+        if outcome.verdict is Verdict.ERROR:
+            said = (f"{outcome.name}: " if options["suite"] else "") + " ".join(outcome.notes)
+            click.echo(plain(said), err=True)
+    emit(GATE_REPORTS[options["format_"]](report))
+    return worst((report.status, _publish(report, options)))
+
+
+def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
+    """All pairs, and the new baseline if one is asked for."""
+    options = given.options
+    suite = _suite(given, truth, estimate)
+    path = options["baseline"] if given.strong("baseline") or not suite.baseline else suite.baseline
+    if not path:
+        raise ConfigError("no baseline: name it with --baseline FILE")
+    update = options["update_baseline"]
+    old = load(path)
+    alone = suite.pairs[0].name == ALONE and not options["suite"]
+    if alone and old and ALONE not in old:
+        raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
+    rules = {pair.name: given.rules(pair) for pair in suite.pairs}  # wrong ones before any work
+    if update:
+        return _update(given, suite, old or {}, path)
+    missing = f"no such file: {path}" if old is None else f"not in {path}"
+    outcomes = [
+        _outcome(given, pair, old[pair.name], rules[pair.name], path)
+        if old and pair.name in old
+        else _absent(pair, missing)
+        for pair in suite.pairs
+    ]
+    outcomes += [
+        _absent(Pair(name=name, truth="", estimate=""), "in the baseline and not in the suite")
+        for name in old or ()
+        if name not in rules
+    ]
+    typed = given.context.meta[TYPED]
+    at = typed.index("--") if "--" in typed else len(typed)
+    again = ["tgospa-eval", "gate", *typed[:at], "--update-baseline", *typed[at:]]
+    return _report(path, outcomes, shlex.join(again))
+
+
+def _report(path: str, outcomes: list[Outcome], again: str = "") -> Report:
+    return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, again=again)
+
+
+def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
+    path = given.options["suite"]
+    if truth is not None and estimate is not None:
+        if path and given.strong("suite"):
+            raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
+        given.options["suite"] = None
+        return Suite(pairs=(Pair(name=ALONE, truth=truth, estimate=estimate),), baseline=None)
+    if truth is not None or not path:
+        raise click.UsageError("needed are TRUTH and ESTIMATE, or --suite FILE", given.context)
+    return load_suite(path, KNOWN)
+
+
+def _absent(pair: Pair, why: str) -> Outcome:
+    return Outcome(
+        name=pair.name, truth=pair.truth, estimate=pair.estimate, verdict=Verdict.INCOMPARABLE,
+        status=STATUS[Verdict.INCOMPARABLE], notes=(why,),
+    )  # fmt: skip
+
+
+def _evaluate(
+    given: Given, pair: Pair, entry: Entry | None, path: str
+) -> tuple[Summary, dict[str, Any]]:
+    """The result of a pair, and the options that made it."""
+    resolved = given.resolve(pair, entry, path)
+    defaults = {name: name in resolved["given"] for name in ("cutoff", "switch_penalty")}
+    prefix = f"{pair.name}: " if given.options["suite"] else ""
+    result, _ = evaluate_files(
+        pair.truth, pair.estimate, resolved["values"], defaults, _sayer(prefix)
+    )
+    return result, given.kept(resolved["given"], result)
+
+
+def _sayer(prefix: str) -> Callable[[str], None]:
+    return lambda text: click.echo(plain(prefix + text), err=True)
+
+
+def _outcome(given: Given, pair: Pair, entry: Entry, rules: list[Rule], path: str) -> Outcome:
+    """The verdict on a pair; wrong files do not keep others from being judged."""
+    begin = time.monotonic()
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...]
+    try:
+        result, _ = _evaluate(given, pair, entry, path)
+    except TgospaError as error:
+        verdict, status, notes = Verdict.ERROR, error.exit_status, (str(error),)
+    else:
+        verdict, findings, notes = compare(result, entry, rules)
+        status = STATUS[verdict]
+    return Outcome(
+        name=pair.name, truth=pair.truth, estimate=pair.estimate, verdict=verdict, status=status,
+        findings=findings, notes=notes, seconds=time.monotonic() - begin,
+    )  # fmt: skip
+
+
+def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
+    """Make the baseline anew, of all pairs or not at all, and say what changed."""
+    new: Baseline = {}
+    outcomes = []
+    for pair in suite.pairs:
+        begin = time.monotonic()
+        before = old.get(pair.name)
+        try:
+            result, kept = _evaluate(given, pair, before, path)
+        except TgospaError as error:
+            prefix = f"{pair.name}: " if given.options["suite"] else ""
+            raise type(error)(f"{prefix}{error}") from None
+        entry = new[pair.name] = make_entry(result, kept)
+        changes, notes = change(before, entry), tuple(_remarks(before, entry, result))
+        outcomes.append(_updated(pair, time.monotonic() - begin, changes, notes))
+    removed = ("removed: it is not in the suite",)
+    outcomes += [
+        _updated(Pair(name=name, truth="", estimate=""), 0.0, (), removed)
+        for name in old
+        if name not in new
+    ]
+    if new != old or not os.path.exists(path):
+        write_file(path, dump(new), "--baseline")
+    return _report(path, outcomes)
+
+
+def _updated(
+    pair: Pair, seconds: float, changes: tuple[Change, ...], notes: tuple[str, ...]
+) -> Outcome:
+    return Outcome(
+        name=pair.name, truth=pair.truth, estimate=pair.estimate, verdict=Verdict.UPDATED,
+        status=STATUS[Verdict.UPDATED], changes=changes, notes=notes, seconds=seconds,
+    )  # fmt: skip
+
+
+def _remarks(before: Entry | None, entry: Entry, result: Summary) -> Iterator[str]:
+    """What is not seen from the values."""
+    if before is None:
+        yield "new in the baseline"
+    elif before == entry:
+        yield "unchanged"
+    elif before.truth != entry.truth:
+        yield "the truth is another one than before"
+    elif {**before.parameters} != {**entry.parameters}:
+        yield "parameters are others than before"
+    if not result.certified:
+        yield (
+            f"the bracket is open, relative gap {result.relative_gap:.2g}: the gate is as loose as "
+            "the upper bound"
+        )
+
+
+def _publish(report: Report, options: dict[str, Any]) -> int:
+    """JUnit file, annotations and step summary; 2 if one cannot be written, else 0."""
+    status = 0
+    if options["junit"] is not None:
+        from tgospa_eval.reports.junit import junit  # here: most runs need no XML
+
+        try:
+            write_file(options["junit"], junit(report), "--junit")
+        except ConfigError as error:
+            click.echo(str(error), err=True)
+            status = error.exit_status
+    if options["github"]:
+        from tgospa_eval.reports.github import annotations, append_summary
+
+        for line in annotations(report):
+            click.echo(line, err=True)
+        try:
+            append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY"))
+        except ConfigError as error:
+            click.echo(str(error), err=True)
+            status = error.exit_status
+    return status

@@ -1,0 +1,101 @@
+"""Where the values of a gate come from: defaults, baseline, files, environment, flags."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tgospa_eval import config
+from tgospa_eval.cli.options import EVALUATION, KEYS
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.gate.baseline import Entry
+from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule
+from tgospa_eval.gate.suite import Pair
+
+KNOWN = dict(KEYS[add] for add in EVALUATION)
+NOT_KEPT = "jobs"
+"""The one option of an evaluation that changes neither the number nor its bracket."""
+
+RULES = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
+"""Rules by their names in a suite and as parameters."""
+
+STRONG = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """The options of the command line, with where they come from.
+
+    A default yields to the baseline, that to a configuration file, that to the suite, that to the
+    environment, that to a flag.
+    """
+
+    context: click.Context
+    options: dict[str, Any]
+
+    def strong(self, name: str) -> bool:
+        """Whether it is a flag or from the environment."""
+        return self.context.get_parameter_source(name) in STRONG
+
+    def weak(self, name: str) -> bool:
+        """Whether it is from a configuration file."""
+        return self.context.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
+
+    def parameters(self) -> dict[str, click.Parameter]:
+        """Options of the evaluation by their names in a configuration file."""
+        return {
+            item.opts[-1].lstrip("-"): item
+            for item in self.context.command.params
+            if isinstance(item, click.Option) and item.opts[-1].lstrip("-") in KNOWN
+        }
+
+    def typed(self, settings: dict[str, Any], where: str) -> dict[str, Any]:
+        """Settings as click would have made them, by parameter."""
+        values = {}
+        for key, value in config.settings_of(settings, where, KNOWN).items():
+            item = self.parameters()[key]
+            try:
+                values[str(item.name)] = item.type_cast_value(
+                    self.context, (value,) if item.multiple else value
+                )
+            except click.BadParameter as error:
+                raise ConfigError(f'{where}: "{key}": {error.message}') from None
+        return values
+
+    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, dict[str, Any]]:
+        """All values, and those that are no defaults, by parameter."""
+        names = [str(item.name) for item in self.parameters().values()]
+        given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
+        given |= {name: self.options[name] for name in names if self.weak(name)}
+        given |= self.typed(dict(pair.options), f'pair "{pair.name}", options')
+        given |= {name: self.options[name] for name in names if self.strong(name)}
+        silent = {"output": None, "config": None}
+        return {"values": {**self.options, **silent, **given}, "given": given}
+
+    def kept(self, given: dict[str, Any], result: Summary) -> dict[str, Any]:
+        """What a baseline keeps of the options: those given, and c and gamma in any case."""
+        keys = {str(item.name): key for key, item in self.parameters().items()}
+        kept = {
+            keys[name]: ",".join(value) if isinstance(value, tuple) else value
+            for name, value in given.items()
+            if keys[name] != NOT_KEPT and value not in (None, ())
+        }
+        used = result.proof.parameters
+        return {**kept, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
+
+    def rules(self, pair: Pair) -> list[Rule]:
+        """The rules of a pair."""
+        found: list[Rule] = []
+        for key, name in RULES.items():
+            own = [part for text in self.options[name] for part in text.split(",") if part.strip()]
+            suite = [part for text in pair.rules.get(key, ()) for part in text.split(",")]
+            if key == "fail-on":
+                texts = own if own and (self.strong(name) or not suite) else suite
+                found += [parse_rule(text) for text in texts] or [DEFAULT]
+            elif key == "warn-on":
+                found += [parse_rule(text, option=key) for text in (*suite, *own)]
+            else:
+                found += [parse_maximum(text) for text in (*suite, *own)]
+        return found

@@ -1,0 +1,249 @@
+"""Rules over numbers, and the verdict that what is proven allows. Pure functions.
+
+A number is known by a bracket. It breaks a rule only if its lower bound is above the limit, and
+keeps it only if its upper bound is not; between the two nothing is proven, and nothing passes.
+"""
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from tgospa_eval.errors import ConfigError
+
+PROVEN = ("total", "tgospa", "normalised.tgospa")
+"""Values with a proven bracket."""
+
+COSTS = ("localisation", "missed", "false", "switch")
+SPLIT = (*COSTS, "counts.missed", "counts.false", "counts.switch")
+"""Values of one optimal assignment; another one may split the same total in another way."""
+
+BY_CLASS = "by_class."
+TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
+"""How a path may end, the longer of two first: ``counts.missed`` before ``missed``."""
+
+TOLERANCE = 1e-6
+"""Of rules on the split: in counts, or in units of c^p."""
+
+FLOOR = 1e-9
+"""Least slack of the default rule, in units of c^p."""
+
+ROUNDING = 1e-9
+"""Relative change that is no improvement."""
+
+_RULE = re.compile(r"(?P<path>.+):\+(?P<slack>[^%]+)(?P<percent>%?)")
+
+
+class Verdict(StrEnum):
+    """What is known of a pair, or of one rule."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    UNDECIDED = "undecided"
+    INCOMPARABLE = "not comparable"
+    ERROR = "error"
+    UPDATED = "updated"
+
+
+STATUS = {
+    Verdict.PASS: 0,
+    Verdict.UPDATED: 0,
+    Verdict.FAIL: 1,
+    Verdict.INCOMPARABLE: 2,
+    Verdict.ERROR: 3,
+    Verdict.UNDECIDED: 4,
+}
+"""Exit status of each verdict; an error may bring its own."""
+
+SEVERITY = (1, 3, 2, 4, 0)
+"""Exit statuses, the worst first.
+
+A proven regression comes before everything: who tolerates 2 or 4 in a pipeline must not thereby let
+one pass.
+"""
+
+
+def worst(statuses: Iterable[int]) -> int:
+    """The exit status of several."""
+    return min(statuses, key=SEVERITY.index, default=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Value:
+    """A number and what is known of it.
+
+    Parameters
+    ----------
+    lower, upper : float
+        The bracket; of a value of the split both are the reported number.
+    proven : bool
+        Whether the bracket is proven.
+    unit : float
+        c^p for costs, 1 for counts: the scale of tolerances.
+    """
+
+    lower: float
+    upper: float
+    proven: bool
+    unit: float
+
+    @property
+    def tolerance(self) -> float:
+        """What a limit may be exceeded by."""
+        return 0.0 if self.proven else TOLERANCE * self.unit
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    """A limit for one value.
+
+    Parameters
+    ----------
+    text : str
+        As it was given.
+    path : str
+        Name of the value.
+    slack : float
+        How much worse than the baseline is allowed; of `maximum` the limit itself.
+    relative : bool
+        Whether the slack is a share of the baseline.
+    floor : float
+        Least slack, in units of the value.
+    maximum : bool
+        Whether the limit does not depend on the baseline.
+    warns : bool
+        Whether breaking it is a warning only.
+    """
+
+    text: str
+    path: str
+    slack: float
+    relative: bool = False
+    floor: float = 0.0
+    maximum: bool = False
+    warns: bool = False
+
+    def limit(self, base: float | None, unit: float) -> float:
+        """The largest value that keeps the rule, given that of the baseline."""
+        if self.maximum:
+            return self.slack
+        if base is None:
+            raise ConfigError(f"{self.text}: the baseline has no {self.path}")
+        slack = base * self.slack if self.relative else self.slack
+        return base + max(slack, self.floor * unit)
+
+
+DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=FLOOR)
+"""The rule that holds where none is given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What a rule found.
+
+    Parameters
+    ----------
+    rule : Rule
+        The rule.
+    base : float or None
+        Value of the baseline.
+    limit : float
+        The largest value that keeps the rule.
+    now : Value
+        Value of this run.
+    verdict : Verdict
+        Pass, fail or undecided.
+    """
+
+    rule: Rule
+    base: float | None
+    limit: float
+    now: Value
+    verdict: Verdict
+
+    @property
+    def improved(self) -> bool:
+        """Whether the value is better than the baseline by more than the rule's slack."""
+        if self.base is None or self.rule.maximum:
+            return False
+        slack = max(self.limit - self.base, ROUNDING * self.base, self.now.tolerance)
+        return self.now.upper < self.base - slack
+
+
+def judge(rule: Rule, now: Value, base: float | None) -> Finding:
+    """Whether the value keeps the rule, as far as its bracket tells.
+
+    Raises
+    ------
+    ConfigError
+        The rule needs a value that the baseline does not have.
+    """
+    limit = rule.limit(base, now.unit)
+    if now.lower > limit + now.tolerance:
+        verdict = Verdict.FAIL
+    elif now.upper <= limit + now.tolerance:
+        verdict = Verdict.PASS
+    else:
+        verdict = Verdict.UNDECIDED
+    return Finding(rule=rule, base=base, limit=limit, now=now, verdict=verdict)
+
+
+def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
+    """The rule that ``PATH:+N`` or ``PATH:+N%`` says.
+
+    Raises
+    ------
+    ConfigError
+        It is no rule.
+    """
+    found = _RULE.fullmatch(text.strip())
+    slack = _number(found["slack"]) if found else None
+    if found is None or slack is None:
+        raise ConfigError(f'--{option} "{text}": must be PATH:+N or PATH:+N%, as total:+0.1%')
+    path = _path(found["path"].strip(), option, text)
+    relative = found["percent"] == "%"
+    return Rule(
+        text=f"{path}:+{found['slack'].strip()}{found['percent']}",
+        path=path,
+        slack=slack / 100 if relative else slack,
+        relative=relative,
+        warns=option == "warn-on",
+    )
+
+
+def parse_maximum(text: str) -> Rule:
+    """The rule that ``NAME=VALUE`` says.
+
+    Raises
+    ------
+    ConfigError
+        It is none.
+    """
+    name, equals, number = text.rpartition("=")
+    limit = _number(number)
+    if not equals or limit is None:
+        raise ConfigError(f'--max "{text}": must be NAME=VALUE, as tgospa=50')
+    path = _path(name.strip(), "max", text)
+    return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, maximum=True)
+
+
+def _number(text: str) -> float | None:
+    """A finite number that is not negative."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if 0 <= number < math.inf else None
+
+
+def _path(path: str, option: str, text: str) -> str:
+    name = path
+    if path.startswith(BY_CLASS):
+        name = next((tail for tail in TAILS if path.endswith(f".{tail}")), "")
+    if name not in PROVEN and name not in SPLIT:
+        raise ConfigError(
+            f'--{option} "{text}": "{path}" cannot be judged; there are '
+            f"{', '.join((*PROVEN, *SPLIT))}, and with --by class {BY_CLASS}NAME.total and so on"
+        )
+    return path

@@ -1,0 +1,196 @@
+"""Suites: several pairs to judge, from a TOML file. Knows names of files, not their content."""
+
+import glob
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tgospa_eval import config
+from tgospa_eval.errors import ConfigError, InputError
+
+RULES = ("fail-on", "warn-on", "max")
+PAIR = ("name", "truth", "estimate", "options", *RULES)
+SUITE = ("baseline", "pair", "options", *RULES)
+ALONE = "pair"
+"""Name of the pair in a baseline that holds one pair only."""
+
+_PLACEHOLDER = re.compile(r"\{([A-Za-z_]\w*)\}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Two files to evaluate against each other.
+
+    Parameters
+    ----------
+    name : str
+        Under which the baseline knows it.
+    truth, estimate : str
+        Paths.
+    options : dict
+        Options of the evaluation that the suite sets, by their names in a configuration file.
+    rules : dict of str to tuple of str
+        Of ``fail-on``, ``warn-on`` and ``max`` those that the suite sets.
+    """
+
+    name: str
+    truth: str
+    estimate: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suite:
+    """Pairs, and the baseline if the file names one.
+
+    Parameters
+    ----------
+    pairs : tuple of Pair
+        In the order of the file, those of one pattern by name; at least one.
+    baseline : str or None
+        Path.
+    """
+
+    pairs: tuple[Pair, ...]
+    baseline: str | None
+
+
+def load(path: str, known: Mapping[str, bool]) -> Suite:
+    """Read a suite; its paths are relative to its folder.
+
+    Parameters
+    ----------
+    path : str
+        The TOML file.
+    known : mapping of str to bool
+        Options that it may set, and whether each is a flag.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, has an unknown key, no pair, or two of one name.
+    InputError
+        A pattern finds no file.
+    """
+    document = config.read_toml(path)
+    folder = os.path.dirname(path)
+    _check(document, SUITE, path)
+    tables = document.get("pair", [])
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise ConfigError(f'{path}: "pair" must be a list of tables; write [[pair]]')
+    common = _options(document, path, known, folder), _rules(document, path)
+    pairs = [
+        pair
+        for number, table in enumerate(tables, start=1)
+        for pair in _pairs(table, f"{path}, pair {number}", known, folder, common)
+    ]
+    if not pairs:
+        raise ConfigError(f"{path}: no pair to judge; add [[pair]] with truth and estimate")
+    seen: dict[str, Pair] = {}
+    for pair in pairs:
+        if pair.name in seen:
+            raise ConfigError(
+                f'{path}: the name "{pair.name}" is there twice, for {seen[pair.name].truth} and '
+                f"{pair.truth}; give every [[pair]] a name of its own"
+            )
+        seen[pair.name] = pair
+    baseline = _text(document, "baseline", path) if "baseline" in document else None
+    return Suite(
+        pairs=tuple(pairs), baseline=None if baseline is None else os.path.join(folder, baseline)
+    )
+
+
+def _pairs(
+    table: dict[str, Any],
+    where: str,
+    known: Mapping[str, bool],
+    folder: str,
+    common: tuple[dict[str, Any], dict[str, tuple[str, ...]]],
+) -> Iterator[Pair]:
+    """The pairs of one table: one, or one for each file that its pattern finds."""
+    _check(table, PAIR, where)
+    truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
+    words = list(dict.fromkeys(_PLACEHOLDER.findall(truth)))
+    name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in words)
+    for text in (estimate, name):
+        unknown = [word for word in _PLACEHOLDER.findall(text) if word not in words]
+        if unknown:
+            raise ConfigError(f'{where}: "{text}": {{{unknown[0]}}} is not in "{truth}"')
+    options = common[0] | _options(table, where, known, folder)
+    rules = dict(common[1])
+    for key, own in _rules(table, where).items():
+        rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
+    found = [{}] if not words else list(_matches(truth, folder))
+    if not found:
+        raise InputError(f'{where}: no file is like "{os.path.join(folder, truth)}"')
+    for values in found:
+        yield Pair(
+            name=_fill(name, values) or ALONE,
+            truth=os.path.join(folder, _fill(truth, values)),
+            estimate=os.path.join(folder, _fill(estimate, values)),
+            options=options,
+            rules=rules,
+        )
+
+
+def _matches(pattern: str, folder: str) -> Iterator[dict[str, str]]:
+    """What the placeholders stand for in each file that is like the pattern, sorted."""
+    parts = _PLACEHOLDER.split(pattern)  # text, word, text, word, ..., text
+    wild = "*".join(glob.escape(text) for text in parts[::2])
+    shape, seen = "", set()
+    for text, word in zip(parts[::2], (*parts[1::2], None), strict=True):
+        shape += re.escape(text.replace("\\", "/"))
+        if word is not None:
+            shape += f"(?P={word})" if word in seen else f"(?P<{word}>[^/]+)"
+            seen.add(word)
+    for path in sorted(glob.glob(wild, root_dir=folder or None)):
+        match = re.fullmatch(shape, path.replace("\\", "/"))
+        if match is not None:
+            yield match.groupdict()
+
+
+def _fill(text: str, values: Mapping[str, str]) -> str:
+    return _PLACEHOLDER.sub(lambda found: values[found[1]], text) if values else text
+
+
+def _options(
+    table: dict[str, Any], where: str, known: Mapping[str, bool], folder: str
+) -> dict[str, Any]:
+    options = table.get("options", {})
+    if not isinstance(options, dict):
+        raise ConfigError(f'{where}: "options" must be a table of options')
+    settings = config.settings_of(options, where, known)
+    if "covariance" in settings:
+        settings["covariance"] = os.path.join(folder, str(settings["covariance"]))
+    return settings
+
+
+def _rules(table: dict[str, Any], where: str) -> dict[str, tuple[str, ...]]:
+    rules = {}
+    for key in RULES:
+        texts = table.get(key, ())
+        texts = [texts] if isinstance(texts, str) else texts
+        if not isinstance(texts, list | tuple) or not all(isinstance(t, str) for t in texts):
+            raise ConfigError(f'{where}: "{key}" must be a text or a list of texts')
+        if key in table:
+            rules[key] = tuple(texts)
+    return rules
+
+
+def _check(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
+    unknown = [key for key in table if key not in known]
+    if unknown:
+        raise ConfigError(
+            f'{where}: unknown key "{unknown[0]}"; known are {", ".join(known)}; options of '
+            "the evaluation go under options"
+        )
+
+
+def _text(table: dict[str, Any], key: str, where: str) -> str:
+    value = table.get(key)
+    if not isinstance(value, str) or not value:
+        raise ConfigError(f'{where}: "{key}" must be a text')
+    return value

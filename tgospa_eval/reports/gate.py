@@ -1,0 +1,225 @@
+"""What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
+
+import json
+import math
+import re
+import textwrap
+from collections.abc import Iterator
+from typing import Any
+
+from tgospa_eval.gate.outcome import Outcome, Report
+from tgospa_eval.gate.rules import Finding, Verdict
+from tgospa_eval.gate.suite import ALONE
+from tgospa_eval.reports.console import WIDTH
+
+SCHEMA = "tgospa-eval/gate/1"
+PAIR, RULE, NUMBER = 16, 20, 11
+"""Widths of columns."""
+
+_COMMAND = re.compile(r"(?<!\S):(?=:)|#(?=#\[)")
+
+
+def plain(text: str) -> str:
+    """One line without control characters, and without what GitHub's runner takes for a command."""
+    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return _COMMAND.sub(lambda found: f"\\x{ord(found[0]):02x}", line)
+
+
+def title(outcome: Outcome) -> str:
+    """What to call a pair."""
+    return outcome.estimate if outcome.name == ALONE and outcome.estimate else outcome.name
+
+
+def headline(report: Report) -> str:
+    """The verdict and what it is made of, in one line."""
+    counts = ", ".join(f"{report.count(v)} {v}" for v in Verdict if report.count(v))
+    pairs = "" if len(report.outcomes) == 1 else f": {counts}"
+    return f"gate: {report.verdict} (exit status {report.status}){pairs}"
+
+
+def table(report: Report) -> str:
+    """The rules of all pairs, then what there is to say about them."""
+    updated = report.verdict is Verdict.UPDATED
+    rows = [_head(*(("value", "old", "new", "") if updated else ("rule", *LIMITS)))]
+    for outcome in report.outcomes:
+        rows += list(_changes(outcome) if updated else _findings(outcome))
+    notes = [
+        line
+        for outcome in report.outcomes
+        for note in outcome.notes
+        if outcome.verdict is not Verdict.ERROR  # that is on stderr
+        for line in textwrap.wrap(
+            plain(f"{title(outcome)}: {note}"), WIDTH, subsequent_indent="  ",
+            break_on_hyphens=False, break_long_words=False,
+        )
+    ]  # fmt: skip
+    advice = ["To make the whole baseline anew, if that is right:", f"  {plain(report.advice)}"]
+    blocks = [
+        [headline(report)], rows if len(rows) > 1 else [], notes, advice if report.advice else [],
+    ]  # fmt: skip
+    return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
+
+
+LIMITS = ("baseline", "limit", "now")
+
+
+def _head(name: str, *columns: str) -> str:
+    return (f"{'pair':<{PAIR}}{name:<{RULE}}" + _numbers(*columns)).rstrip()
+
+
+def _numbers(*columns: str) -> str:
+    return "".join(f"{column:>{NUMBER}}" for column in columns)
+
+
+def _row(pair: str, rule: str, *columns: str) -> str:
+    return (f"{_fit(pair, PAIR)}{_fit(rule, RULE)}" + _numbers(*columns)).rstrip()
+
+
+def _fit(text: str, width: int) -> str:
+    """The end of a text, which tells names apart, in its column."""
+    text = plain(text)
+    return f"{text if len(text) < width else '...' + text[4 - width :]:<{width}}"
+
+
+def _findings(outcome: Outcome) -> Iterator[str]:
+    if not outcome.findings:
+        yield f"{_fit(title(outcome), PAIR)}{outcome.verdict}"
+    for number, finding in enumerate(outcome.findings):
+        rule = finding.rule.text + ("" if finding.now.proven else " *")
+        base = "-" if finding.base is None or finding.rule.maximum else number_of(finding.base)
+        yield (
+            _row(
+                "" if number else title(outcome), rule, base, number_of(finding.limit),
+                number_of(deciding(finding)),
+            )
+            + f" {said(finding)}"
+        )  # fmt: skip
+
+
+def said(finding: Finding) -> str:
+    """The verdict of a rule; a broken one that only warns is a warning."""
+    return "warning" if finding.rule.warns and finding.verdict is Verdict.FAIL else finding.verdict
+
+
+def deciding(finding: Finding) -> float:
+    """The bound that decides: the lower one of a failure, else the upper one."""
+    return finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
+
+
+def _changes(outcome: Outcome) -> Iterator[str]:
+    for number, one in enumerate(outcome.changes):
+        old, new = ("-" if value is None else number_of(value) for value in (one.old, one.new))
+        yield _row("" if number else title(outcome), one.path, old, new)
+
+
+def number_of(value: float) -> str:
+    """A number in its column."""
+    text = f"{value:.7g}"
+    return text if len(text) < NUMBER else f"{value:.4g}"
+
+
+def json_text(report: Report) -> str:
+    """The report with sorted keys, never NaN or Infinity."""
+    document = {
+        "schema": SCHEMA,
+        "version": report.version,
+        "baseline": report.baseline,
+        "verdict": report.verdict,
+        "status": report.status,
+        "update": report.advice,
+        "pairs": [_pair(outcome) for outcome in report.outcomes],
+    }
+    return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
+
+
+def _pair(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "name": outcome.name,
+        "truth": outcome.truth,
+        "estimate": outcome.estimate,
+        "verdict": outcome.verdict,
+        "status": outcome.status,
+        "notes": list(outcome.notes),
+        "rules": [_finding(finding) for finding in outcome.findings],
+        "changes": {one.path: {"old": one.old, "new": one.new} for one in outcome.changes},
+        "seconds": outcome.seconds,
+    }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "rule": finding.rule.text,
+        "warns": finding.rule.warns,
+        "path": finding.rule.path,
+        "baseline": None if finding.rule.maximum else finding.base,
+        "limit": finding.limit if math.isfinite(finding.limit) else None,
+        "lower": finding.now.lower,
+        "upper": finding.now.upper,
+        "proven": finding.now.proven,
+        "improved": finding.improved,
+        "verdict": finding.verdict,
+    }
+
+
+def markdown(report: Report) -> str:
+    """A table for a pull request."""
+    return "\n".join(markdown_lines(report)) + "\n"
+
+
+def markdown_lines(report: Report) -> Iterator[str]:
+    """The lines of the Markdown report, the verdict first."""
+    yield f"**TGOSPA {headline(report)}**"
+    yield ""
+    updated = report.verdict is Verdict.UPDATED
+    if updated:
+        yield from ("| pair | value | old | new |", "|---|---|---:|---:|")
+    else:
+        yield "| pair | rule | baseline | limit | now | verdict |"
+        yield "|---|---|---:|---:|---:|---|"
+    for outcome in report.outcomes:
+        yield from _cells(outcome, updated=updated)
+    yield ""
+    for outcome in report.outcomes:
+        for note in outcome.notes:
+            yield f"- {code(title(outcome))}: {_prose(note)}"
+    if report.advice:
+        yield f"\nTo make the whole baseline anew, if that is right: {code(report.advice)}"
+
+
+def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
+    name = code(title(outcome))
+    if updated:
+        for one in outcome.changes:
+            old, new = ("" if v is None else f"{v:.7g}" for v in (one.old, one.new))
+            yield f"| {name} | {code(one.path)} | {old} | {new} |"
+        return
+    if not outcome.findings:
+        yield f"| {name} | | | | | **{outcome.verdict}** |"
+    for finding in outcome.findings:
+        base = "" if finding.base is None or finding.rule.maximum else f"{finding.base:.7g}"
+        mark = "" if finding.now.proven else ", split, not proven"
+        verdict = said(finding)
+        shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
+        yield (
+            f"| {name} | {code(finding.rule.text)} | {base} | {finding.limit:.7g} | "
+            f"{deciding(finding):.7g} | {shown}{mark} |"
+        )
+
+
+def code(text: str) -> str:
+    """A name as code, in which nothing is markup, a mention or a new cell."""
+    text = plain(text)
+    if not text.strip() or any(mark in text for mark in "`|\\"):
+        return f"<code>{_prose(text)}</code>"
+    return f"`{text}`"
+
+
+def _prose(text: str) -> str:
+    """A sentence in which nothing is markup: all but words, blanks and plain marks as entities."""
+    return "".join(
+        c if c.isalnum() or c in " .,;:+%-=()/'\"" else f"&#{ord(c)};" for c in plain(text)
+    )
+
+
+GATE_REPORTS = {"table": table, "json": json_text, "markdown": markdown}
+"""What ``--format`` of the gate prints, by name."""
