@@ -1,6 +1,7 @@
 """The gate as CI meets it: files, verdicts, exit statuses, baselines, suites."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -316,6 +317,7 @@ def spoil(*keys: str, value: Any) -> Callable[[dict[str, Any]], None]:
         (spoil("version", value=1), "version"),
         (spoil("options", "cutof", value=1), 'unknown key "cutof"'),
         (spoil("options", "cutoff", value="wide"), "cutoff"),
+        (spoil("options", "unit", value={}), '"unit" is a table'),
         (spoil("options", "cutoff", value=None), "cutoff is 10.0, in the baseline 4.0"),
         (spoil("parameters", "cutoff", value=5), "cutoff is 4.0, in the baseline 5"),
     ],
@@ -363,10 +365,13 @@ def test_places_that_cannot_be_written(gate: Invoke, invoke: Invoke, write: Writ
     answer = invoke("gate", "t.csv", "e.csv", "--baseline", "file/b.json", "--update-baseline")
     assert answer.status == 2
     assert "file/b.json" in answer.err
+    assert gate("--junit", os.devnull).status == 0
+    assert not Path(os.devnull).is_file()
     write("e.csv", estimate(2))
     assert gate("--junit", "folder").status == 1  # the regression is not hidden by it
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be replaced there")
 def test_two_writers(gate: Invoke, environment: dict[str, str]) -> None:
     """Both end well, one wins, and nothing is left beside."""
     command = [
@@ -443,7 +448,7 @@ def test_suite_never_passes_by_halves(suite: Invoke, write: Write) -> None:
     write("s/out/c.csv", estimate(1))
     answer = suite("--format", "json")
     assert (answer.status, verdicts(answer)["c"]) == (2, "not comparable")
-    assert "not in s/base.json" in answer.out
+    assert '"not in s' in answer.out
     shutil.rmtree("s/data/c")
     shutil.rmtree("s/data/a")
     answer = suite("--format", "json")

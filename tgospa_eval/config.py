@@ -60,7 +60,9 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
         if isinstance(value, list):
             value = ",".join(map(str, value))
         if not isinstance(value, str | int | float):
-            kind = "a table" if isinstance(value, dict) else "a date or time"
+            kind = (
+                "nothing" if value is None else "a table" if isinstance(value, dict) else "a date"
+            )
             raise ConfigError(f'{path}: "{key}" is {kind}; a number or a text is needed')
         if name in settings:
             raise ConfigError(f'{path}: "{name}" is given twice, with - and with _')

@@ -278,9 +278,15 @@ def of_startup(store: Store) -> list[Table]:
     found = store.get(startup.PART)
     if found is None:
         return []
-    needs = ", ".join(found["needs"])
+    needs, gate_needs = (", ".join(found[name]) for name in ("needs", "gate_needs"))
     rows = [
         (f"tgospa-eval on {found['rows']} rows", found["evaluate"], found["imports"]),
+        (
+            f"tgospa-eval gate on {startup.GATED.targets} x {startup.GATED.estimates} x "
+            f"{startup.GATED.steps}",
+            found["gate"],
+            found["gate_imports"],
+        ),
         ("tgospa-eval --help", found["help"], found["python"]),
     ]
     return [
@@ -289,7 +295,7 @@ def of_startup(store: Store) -> list[Table]:
             ("command", "s", "base s", "ratio"),
             [(name, f"{a:.3f}", f"{b:.3f}", f"{a / b:.2f}") for name, a, b in rows],
             (
-                f"Base: python -c 'import {needs}', and python -c pass. Medians of "
+                f"Base: python -c 'import {needs}', 'import {gate_needs}', and pass. Medians of "
                 f"{startup.RUNS} runs in turn.",
             ),
         )

@@ -29,7 +29,7 @@ def measure(scene: Scene) -> dict[str, float | bool]:
     """Write the scene as CSV, run the command on it, read its JSON."""
     with tempfile.TemporaryDirectory() as folder:
         sides = [Path(folder) / name for name in ("truth.csv", "estimate.csv")]
-        rows = [_write(path, states) for path, states in zip(sides, scene.arrays(0), strict=True)]
+        rows = [write(path, states) for path, states in zip(sides, scene.arrays(0), strict=True)]
         output = Path(folder) / "result.json"
         options = ["-c", f"{CUTOFF:g}", "-g", f"{SWITCH_PENALTY:g}", "--format", "json", "-q"]
         run = launch([COMMAND, *map(str, sides), *options], output, LIMIT)
@@ -55,7 +55,7 @@ def measure(scene: Scene) -> dict[str, float | bool]:
     }
 
 
-def _write(path: Path, states: Floats) -> int:
+def write(path: Path, states: Floats) -> int:
     """Long form, in time order, as a recorder would; the number of rows."""
     step, track = np.nonzero(~np.isnan(states[:, :, 0]))
     x, y = states[step, track].round(3).T

@@ -1,7 +1,6 @@
 """From the options of the gate to verdicts, and these to stdout and files."""
 
 import os
-import shlex
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -82,11 +81,11 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     ]
     typed = given.context.meta[TYPED]
     at = typed.index("--") if "--" in typed else len(typed)
-    again = ["tgospa-eval", "gate", *typed[:at], "--update-baseline", *typed[at:]]
-    return _report(path, outcomes, shlex.join(again))
+    again = ("tgospa-eval", "gate", *typed[:at], "--update-baseline", *typed[at:])
+    return _report(path, outcomes, again)
 
 
-def _report(path: str, outcomes: list[Outcome], again: str = "") -> Report:
+def _report(path: str, outcomes: list[Outcome], again: tuple[str, ...] = ()) -> Report:
     return Report(baseline=path, outcomes=tuple(outcomes), version=__version__, again=again)
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tgospa_eval.by_class import ByClass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.rules import BY_CLASS, PROVEN, SPLIT, TAILS, Value
@@ -52,7 +51,10 @@ Baseline = dict[str, Entry]
 def measure(result: Summary) -> dict[str, Value]:
     """The values of a result that rules can name, with what is known of them."""
     found = _measure(result)
-    if isinstance(result, ByClass):
+    if result.per_class_table():
+        from tgospa_eval.by_class import ByClass  # here: few evaluate classes apart
+
+        assert isinstance(result, ByClass)
         for name, part in result.results.items():
             found |= {f"{BY_CLASS}{name}.{path}": value for path, value in _measure(part).items()}
     return found

@@ -67,14 +67,14 @@ class Report:
         In the order of the suite.
     version : str
         Of the program.
-    again : str
-        Command that makes the baseline anew.
+    again : tuple of str
+        Command that makes the baseline anew, word for word.
     """
 
     baseline: str
     outcomes: tuple[Outcome, ...]
     version: str
-    again: str = ""
+    again: tuple[str, ...] = ()
 
     @property
     def status(self) -> int:
@@ -89,11 +89,13 @@ class Report:
     @property
     def advice(self) -> str:
         """Command that makes the baseline anew, if there is a reason to think of it."""
+        import shlex  # here: most gates pass
+
         outdated = any(
             outcome.verdict is Verdict.INCOMPARABLE or any(f.improved for f in outcome.findings)
             for outcome in self.outcomes
         )
-        return self.again if outdated else ""
+        return shlex.join(self.again) if outdated else ""
 
     def count(self, verdict: Verdict) -> int:
         """Pairs of a verdict."""

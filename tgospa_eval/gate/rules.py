@@ -32,7 +32,7 @@ FLOOR = 1e-9
 ROUNDING = 1e-9
 """Relative change that is no improvement."""
 
-_RULE = re.compile(r"(?P<path>.+):\+(?P<slack>[^%]+)(?P<percent>%?)")
+_RULE = r"(?P<path>.+):\+(?P<slack>[^%]+)(?P<percent>%?)"
 
 
 class Verdict(StrEnum):
@@ -197,7 +197,7 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     ConfigError
         It is no rule.
     """
-    found = _RULE.fullmatch(text.strip())
+    found = re.fullmatch(_RULE, text.strip())
     slack = _number(found["slack"]) if found else None
     if found is None or slack is None:
         raise ConfigError(f'--{option} "{text}": must be PATH:+N or PATH:+N%, as total:+0.1%')

@@ -1,6 +1,5 @@
 """Suites: several pairs to judge, from a TOML file. Knows names of files, not their content."""
 
-import glob
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -16,7 +15,7 @@ SUITE = ("baseline", "pair", "options", *RULES)
 ALONE = "pair"
 """Name of the pair in a baseline that holds one pair only."""
 
-_PLACEHOLDER = re.compile(r"\{([A-Za-z_]\w*)\}")
+_PLACEHOLDER = r"\{([A-Za-z_]\w*)\}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,10 +112,10 @@ def _pairs(
     """The pairs of one table: one, or one for each file that its pattern finds."""
     _check(table, PAIR, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
-    words = list(dict.fromkeys(_PLACEHOLDER.findall(truth)))
+    words = list(dict.fromkeys(re.findall(_PLACEHOLDER, truth)))
     name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in words)
     for text in (estimate, name):
-        unknown = [word for word in _PLACEHOLDER.findall(text) if word not in words]
+        unknown = [word for word in re.findall(_PLACEHOLDER, text) if word not in words]
         if unknown:
             raise ConfigError(f'{where}: "{text}": {{{unknown[0]}}} is not in "{truth}"')
     options = common[0] | _options(table, where, known, folder)
@@ -138,7 +137,9 @@ def _pairs(
 
 def _matches(pattern: str, folder: str) -> Iterator[dict[str, str]]:
     """What the placeholders stand for in each file that is like the pattern, sorted."""
-    parts = _PLACEHOLDER.split(pattern)  # text, word, text, word, ..., text
+    import glob  # here: most gates have no patterns
+
+    parts = re.split(_PLACEHOLDER, pattern)  # text, word, text, word, ..., text
     wild = "*".join(glob.escape(text) for text in parts[::2])
     shape, seen = "", set()
     for text, word in zip(parts[::2], (*parts[1::2], None), strict=True):
@@ -153,7 +154,7 @@ def _matches(pattern: str, folder: str) -> Iterator[dict[str, str]]:
 
 
 def _fill(text: str, values: Mapping[str, str]) -> str:
-    return _PLACEHOLDER.sub(lambda found: values[found[1]], text) if values else text
+    return re.sub(_PLACEHOLDER, lambda found: values[found[1]], text) if values else text
 
 
 def _options(

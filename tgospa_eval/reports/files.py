@@ -119,6 +119,9 @@ def write_file(path: str, text: str, option: str) -> None:
     try:
         if target.is_dir():
             raise ConfigError(f"{option} {path}: is a folder; name a file")
+        if target.exists() and not target.is_file():  # a device or a pipe: nothing to rename over
+            target.write_text(text, encoding="utf-8", newline="")
+            return
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             # Not by tempfile, whose files nobody else may read: CI has many users.

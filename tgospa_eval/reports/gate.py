@@ -16,13 +16,15 @@ SCHEMA = "tgospa-eval/gate/1"
 PAIR, RULE, NUMBER = 16, 20, 11
 """Widths of columns."""
 
-_COMMAND = re.compile(r"(?<!\S):(?=:)|#(?=#\[)")
+_COMMAND = r"(?<!\S):(?=:)|#(?=#\[)"
 
 
 def plain(text: str) -> str:
     """One line without control characters, and without what GitHub's runner takes for a command."""
     line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-    return _COMMAND.sub(lambda found: f"\\x{ord(found[0]):02x}", line)
+    if "::" not in line and "##[" not in line:
+        return line
+    return re.sub(_COMMAND, lambda found: f"\\x{ord(found[0]):02x}", line)
 
 
 def title(outcome: Outcome) -> str:
