@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_distances import WAYS, assert_as_by_brute_force, table
 
@@ -181,18 +181,101 @@ def test_near_pairs_of_odd_sizes(kind: str) -> None:
             assert_as_by_brute_force(truth, estimate, cutoff, METRICS[name])
 
 
-@pytest.mark.parametrize("name", ["mahalanobis", "haversine", "iou", "circle"])
-def test_candidates_do_not_grow_with_all_pairs(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Four times the objects at the same density: about four times the candidates."""
-    compared = []
-    circle = Norm(name="euclidean", power=2.0, period=(math.inf, 100.0, math.inf))
+def boxes(rng: np.random.Generator, count: int, spread: float) -> np.ndarray:
+    """Boxes on a coarse grid: equal, touching and nested ones, of sizes up to `spread`."""
+    size = np.ceil(spread ** rng.uniform(0, 1, (count, 2)) * rng.choice([1, 8], (count, 1)))
+    size[rng.random(count) < 0.5] = rng.choice([1.0, 4.0])
+    place = np.round(rng.uniform(0, 12, (count, 2)))
+    place[rng.random(count) < 0.2] *= np.round(spread)
+    return np.concatenate((place, size), axis=1)
+
+
+CUTOFFS = st.sampled_from([1e-9, 0.1, 0.5, 0.75, 0.9, 0.999, 1 - 1e-12, 1.0, 1.5])
+
+
+@pytest.mark.parametrize("way", WAYS)
+@settings(deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    spread=st.sampled_from([1.0, 3.0, 300.0, 1e7, 1e60]),
+    unit=st.sampled_from([1.0, 0.1, 1e-40, 1e80]),
+    cutoff=CUTOFFS,
+    edge=st.sampled_from([None, 0.0, 1.0]),
+)
+def test_near_boxes_of_all_sizes(
+    way: str, seed: int, spread: float, unit: float, cutoff: float, edge: float | None
+) -> None:
+    rng = np.random.default_rng(seed)
+    truth, estimate = (
+        table(rng.integers(0, 2, 25), unit * boxes(rng, 25, spread), 2) for _ in range(2)
+    )
+    if edge is not None:  # exactly the distance of a pair, or just above
+        every = IoU()(truth.state[:, None], estimate.state[None])
+        cutoff = float(np.nextafter(max(rng.choice(every.ravel()), 1e-9), edge * 9))
+    with pytest.MonkeyPatch.context() as patch:
+        for setting, value in WAYS[way].items():
+            patch.setattr(gating if setting == "ROWS" else search, setting, value)
+        assert_as_by_brute_force(truth, estimate, cutoff, IoU())
+
+
+@pytest.mark.parametrize("way", WAYS)
+@settings(deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    size=st.integers(1, 4),
+    apart=st.sampled_from([0.5, 1e-2, 1e-5, 1.1e-6]),
+    place=st.sampled_from([0.0, 1e3, 1e9, 1e15, 1e290]),
+    cutoff=st.sampled_from([1e-6, 0.5, 3.0, 1e4]),
+    scaled=st.booleans(),
+)
+def test_near_points_of_correlated_columns(
+    way: str, seed: int, size: int, apart: float, place: float, cutoff: float, scaled: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    factor = np.tril(rng.normal(size=(size, size)))  # a correlation matrix with small pivots
+    factor[np.diag_indices(size)] = rng.choice([1.0, apart], size)
+    factor /= np.sqrt(np.square(factor).sum(axis=1))[:, None]
+    deviation = 10.0 ** rng.uniform(-3, 3, size)
+    scale = tuple(10.0 ** rng.uniform(-2, 2, size)) if scaled else None
+    factor = deviation[:, None] * factor
+    try:
+        distance = Mahalanobis(covariance=factor @ factor.T, scale=scale)
+    except ConfigError:  # by rounding
+        return
+    x = place + rng.normal(0, 3 * cutoff, (25, 1)) * deviation
+    # Half of them at the cutoff, but for rounding.
+    turn = rng.normal(size=(25, size))
+    turn *= cutoff / np.sqrt(np.square(turn).sum(axis=1))[:, None]
+    turn[::2] *= rng.uniform(0, 2, (13, 1))
+    y = (x + turn @ factor.T) / np.asarray(scale or 1.0)
+    x = x / np.asarray(scale or 1.0)
+    x[rng.random(25) < 0.1] *= -1e8
+    y[rng.random(25) < 0.1] = 1.7e308
+    truth, estimate = (table(np.zeros(25, int), side, 1) for side in (x, y))
+    with pytest.MonkeyPatch.context() as patch:
+        for setting, value in WAYS[way].items():
+            patch.setattr(gating if setting == "ROWS" else search, setting, value)
+        assert_as_by_brute_force(truth, estimate, cutoff, distance)
+
+
+@pytest.fixture
+def compared(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many candidates were compared, each time that some were."""
+    found: list[int] = []
     plain = search._compared
 
     def counted(truth: Any, estimate: Any, candidates: Any, reach: Any) -> Any:
-        compared.append(int(candidates.count.sum()))
+        found.append(int(candidates.count.sum()))
         return plain(truth, estimate, candidates, reach)
 
     monkeypatch.setattr(search, "_compared", counted)
+    return found
+
+
+@pytest.mark.parametrize("name", ["mahalanobis", "haversine", "iou", "circle"])
+def test_candidates_do_not_grow_with_all_pairs(name: str, compared: list[int]) -> None:
+    """Four times the objects at the same density: about four times the candidates."""
+    circle = Norm(name="euclidean", power=2.0, period=(math.inf, 100.0, math.inf))
     totals = []
     for count in (1000, 4000):
         rng = np.random.default_rng(count)
@@ -210,6 +293,46 @@ def test_candidates_do_not_grow_with_all_pairs(name: str, monkeypatch: pytest.Mo
         totals.append(compared[-1])
     assert totals[1] < 6 * totals[0]
     assert totals[1] < 0.05 * 4000**2
+
+
+ALIKE = Mahalanobis(covariance=[[1.0, 1 - 1e-8], [1 - 1e-8, 1.0]])
+
+
+@pytest.mark.parametrize(
+    "kind", ["a giant", "giants of all shapes", "all sizes", "correlation", "far away", "outliers"]
+)
+def test_candidates_of_unequal_states(
+    kind: str, compared: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is hard: a few large boxes among small ones, columns that are nearly the same."""
+    monkeypatch.setattr(search, "_tree", None)  # sorting alone
+    count = 8000
+    rng = np.random.default_rng(1)
+    side = math.sqrt(count) * 8
+    if kind in ("correlation", "far away", "outliers"):
+        distance: Distance = ALIKE
+        cutoff = 3.0
+        x = rng.uniform(0, 7, (count, 1)) + rng.normal(0, 0.1, (count, 2))
+        y = x + rng.normal(0, 1, (count, 1)) + rng.normal(0, 1e-5, (count, 2))
+        if kind == "far away":
+            x, y = x + 1e9, y + 1e9
+        if kind == "outliers":
+            x[:3] = [[1e15, 1e15], [-1e15, 1e15], [1e308, -1e308]]
+            y[2:5] = 1e300
+    else:
+        distance, cutoff = IoU(), 0.5
+        x = rng.uniform(0, side, (count, 4))
+        x[:, 2:] = 3.0
+        if kind == "all sizes":
+            x[:, 2:] *= 100 ** rng.random((count, 2)) ** 4
+        y = x + rng.normal(0, 0.2, x.shape) * [1, 1, 0, 0]
+        if kind == "a giant":
+            y[0] = 0, 0, side, side
+        if kind == "giants of all shapes":
+            x[:3] = y[:3] = [[0, 0, side, 3], [0, 0, 3, side], [0, 0, side, side]]
+    near = near_pairs(*(table(np.zeros(count, int), of, 1) for of in (x, y)), cutoff, distance)
+    assert len(near.distance) > 0.5 * count
+    assert sum(compared) < search.MANY * 2 * count  # of 4000 * 2 * count
 
 
 # --- options and arguments ------------------------------------------------------------------------

@@ -75,6 +75,7 @@ WAYS = {
     "small pieces": {"ROWS": 11, "PIECE": 30},
     "all axes": {"FEW": 0, "ROWS": 50, "PIECE": 64},
     "trees": {"FEW": 0, "MANY": 1e-9, "PIECE": 30},
+    "divided": {"FEW": 0, "MANY": 1, "PIECE": 5, "EQUAL": 1.001},
 }
 
 

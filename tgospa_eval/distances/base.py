@@ -24,6 +24,7 @@ class Distance(ABC):
 
     The search sorts points, not states: `embed` maps states to points and `reach` bounds the
     differences of the coordinates of near ones, so that a pair beyond a bound needs no distance.
+    Each state has a reach of its own, and the larger one of a pair is the bound.
 
     Attributes
     ----------
@@ -31,7 +32,7 @@ class Distance(ABC):
         As on the command line.
     tree_power : float
         For states nearer than the cutoff, the Minkowski norm with this power of the difference of
-        their points is at most 1, if every coordinate is measured in its reach.
+        their points is at most 1, if every coordinate is measured in the larger of their reaches.
     columns : tuple of str, optional
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
@@ -77,11 +78,13 @@ class Distance(ABC):
         return axes
 
     @abstractmethod
-    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
-        """For each axis of the points, what near ones of the states (d, R) differ by at most.
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
+        """How far near ones may be from each of the states (d, R), on every axis of the points.
 
-        Infinite for an axis that tells nothing. No distance that is computed as less than the
-        cutoff may have a computed difference that is not less than the reach.
+        Shape (e, R), or (e, 1) if it is the same for all. Two states that are near differ on each
+        axis by less than the larger of their two reaches: no distance that is computed as less than
+        the cutoff may have a computed difference that is not. Infinite on an axis that tells
+        nothing.
         """
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:

@@ -34,7 +34,7 @@ class IoU(Distance):
         """Left, top and the logarithms of width and height."""
         return np.concatenate((axes[:2], np.log(axes[2:])))
 
-    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
         """How far left and top, how unequal the sizes of near boxes can be; infinite if c > 1.
 
         Let q = 1 - c be the least IoU. The overlap in width is at least q times the larger width w,
@@ -42,12 +42,13 @@ class IoU(Distance):
         w - q w = c w at most, and the smaller width is at least q w; the same with heights.
         """
         if cutoff > 1:
-            return np.full(4, np.inf)
+            return np.full((4, 1), np.inf)
         near = cutoff + 2.0**-48  # the rounding of a distance
-        largest = [max(side.max(initial=0.0) for side in sides) for sides in zip(a, b, strict=True)]
         ratio = -np.log1p(-near) if near < 1 else np.inf
-        place = near * (1 + ROUNDING)
-        return np.array([place * largest[2], place * largest[3], *[ratio + ROUNDING] * 2])
+        sizes = axes[2:]
+        return np.concatenate(
+            (near * (1 + ROUNDING) * sizes, np.full_like(sizes, ratio + ROUNDING))
+        )
 
     def fault(self, axes: Floats) -> Fault | None:
         """Widths and heights are positive."""

@@ -64,12 +64,13 @@ def near_pairs(
 
 def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tuple[Ints, Ints]]:
     """Candidates, by those axes of the embedded states that can tell some apart."""
-    reach = distance.reach(cutoff, a.axes, b.axes)
-    telling = np.isfinite(reach)
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
+    reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
+    telling = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)
     if not telling.all():
         points = [replace(side, axes=side.axes[telling]) for side in points]
-    return search(points[0], points[1], reach[telling], distance.tree_power)
+        reach = [own[telling] for own in reach]
+    return search(points[0], points[1], (reach[0], reach[1]), distance.tree_power)
 
 
 class _Column:

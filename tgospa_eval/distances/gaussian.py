@@ -93,10 +93,9 @@ class GaussianWasserstein(Distance):
         """Those of the means."""
         return self._means.embed(axes[: _dimension(len(axes))])
 
-    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
         """That of the means, which are nowhere further apart than the laws."""
-        d = _dimension(len(a))
-        return self._means.reach(cutoff, a[:d], b[:d])
+        return self._means.reach(cutoff, axes[: _dimension(len(axes))])
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
         """Whether scale and period have a number for each column."""

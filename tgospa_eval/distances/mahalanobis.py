@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import Distance, Floats
+from tgospa_eval.distances.base import ROUNDING, Distance, Floats
 from tgospa_eval.distances.vector import check_length, positive_numbers
 from tgospa_eval.errors import ConfigError
 
 SINGULAR = 1e-6
 """Pivot of the correlation matrix below which a matrix is singular but for rounding."""
 
-MARGIN = 1 + 2.0**-20
-"""Of the reach: above the rounding of the distance for every matrix that is not singular."""
+STRONG = 0.5
+"""A column gets a residual if its standard deviation given those before it is less of its own."""
+
+HUGE = 1e300
+"""Of residuals, so that their differences are doubles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +53,11 @@ class Mahalanobis(Distance):
         if self.covariance is None:
             return
         matrix = _matrix(self.covariance)
+        deviation, factor = _factor(matrix)
         object.__setattr__(self, "covariance", tuple(map(tuple, matrix.tolist())))
-        object.__setattr__(self, "_factor", _factor(matrix))
+        object.__setattr__(self, "_deviation", deviation)
+        object.__setattr__(self, "_factor", deviation[:, None] * factor)
+        object.__setattr__(self, "_residuals", _residuals(factor))
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Euclidean length of ``L^-1 (a - b)``, by forward substitution, where ``C = L L'``."""
@@ -65,16 +71,37 @@ class Mahalanobis(Distance):
             whitened.append(rest / factor[k, k])
         return reduce(np.hypot, whitened, np.zeros(()))
 
-    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
-        """The box around the ellipsoid: c standard deviations of each component.
+    def embed(self, axes: Floats) -> Floats:
+        """The columns, and what is left of each that those before it nearly determine."""
+        weights = self._weights()
+        if not len(weights):
+            return axes
+        left = np.clip(weights @ axes, -HUGE, HUGE)  # no number where infinities cancel
+        return np.concatenate((axes, np.nan_to_num(left, copy=False, nan=0.0)))
 
-        By Cauchy and Schwarz, ``|v_k| <= sqrt(C_kk) sqrt(v' C^-1 v)``. Whitened points would be
-        sorted into narrower boxes where components are strongly correlated, but their rounding
-        grows with the coordinates; here there is none.
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
+        """What the ellipsoid spans: c standard deviations of each column and of each residual.
+
+        By Cauchy and Schwarz, ``|f' v| <= |L' f| sqrt(v' C^-1 v)`` for all weights f. Rounding of
+        the distance adds to ``|L' f|`` some 2^-50 of the sum of |f| in standard deviations, as
+        forward substitution is backward stable; rounding of a residual is up to such a part of the
+        sum of its terms. A state for which that sum is no double is near to all.
         """
-        del a, b
-        deviation = np.sqrt(np.diag(np.asarray(self.covariance, np.float64)))
-        return np.asarray(cutoff * deviation / np.asarray(self.scale or 1.0) * MARGIN)
+        deviation: Floats = self.__dict__["_deviation"] / np.asarray(self.scale or 1.0)
+        plain = (cutoff * (1 + ROUNDING) ** 2 * deviation)[:, None]
+        weights = self._weights()
+        if not len(weights):
+            return plain
+        length: Floats = self.__dict__["_residuals"][1][:, None]
+        rounding = (len(axes) + 4) * 2.0**-52 * (np.abs(weights) @ np.abs(axes))
+        left = np.minimum(cutoff * (1 + ROUNDING) * length + rounding, 4 * HUGE)
+        return np.concatenate((np.broadcast_to(plain, axes.shape), left))
+
+    def _weights(self) -> Floats:
+        """Of the columns in the residuals (m, d)."""
+        weights: Floats = self.__dict__["_residuals"][0]
+        deviation: Floats = self.__dict__["_deviation"]
+        return weights * (np.asarray(self.scale or 1.0) / deviation)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
         """Whether covariance and scale are for so many columns."""
@@ -116,9 +143,9 @@ def _matrix(covariance: ArrayLike) -> Floats:
     return 0.5 * matrix + 0.5 * matrix.T
 
 
-def _factor(matrix: Floats) -> Floats:
-    """Cholesky factor, by way of the correlations, which have no units."""
-    deviation = np.sqrt(np.diag(matrix))
+def _factor(matrix: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations (d,), and the Cholesky factor (d, d) of the correlations."""
+    deviation: Floats = np.sqrt(np.diag(matrix))
     try:
         factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
     except np.linalg.LinAlgError:
@@ -127,4 +154,16 @@ def _factor(matrix: Floats) -> Floats:
         raise ConfigError(
             "covariance is not positive definite: some combination of the columns has no variance"
         )
-    return np.asarray(deviation[:, None] * factor)
+    return deviation, np.asarray(factor, np.float64)
+
+
+def _residuals(factor: Floats) -> tuple[Floats, Floats]:
+    """Weights f (m, d) of the residuals of columns that are nearly determined, ``|L' f|`` (m,).
+
+    A column less its regression on those before it is f' v, where f is its row of L^-1 and has 1
+    for the column itself; all in standard deviations. How well L^-1 is computed does not matter.
+    """
+    strong = np.diag(factor) < STRONG
+    weights: Floats = (np.linalg.inv(factor) * np.diag(factor)[:, None])[strong]
+    length = np.linalg.norm(weights @ factor, axis=1) + ROUNDING * np.abs(weights).sum(axis=1)
+    return weights, np.asarray(length)

@@ -1,10 +1,13 @@
 """Candidates for near pairs: what sorting along the axes leaves of all pairs of a step.
 
-It sees points, and for each axis how much near ones differ by at most, the reach. The estimates are
-sorted by (step, cell, coordinate), where the cells are as wide as the reach: the candidates of a
-truth are a few runs of that order, found by bisection. One axis after the other is used until the
-candidates are few. The exact differences of the candidates decide, so that rounding of the cells
-costs candidates, never pairs.
+It sees points, and for each of them and each axis its reach: near ones differ by less than the
+larger of their two reaches. The estimates are sorted by (step, cell, coordinate), where the cells
+are as wide as the largest reach: the candidates of a truth are a few runs of that order, found by
+bisection. One axis after the other is used until the candidates are few. The exact differences of
+the candidates decide, so that rounding of the cells costs candidates, never pairs.
+
+Where that leaves many and reaches are unequal, points with a small one are searched apart from
+those with a large one, and so on. Where it leaves many all the same, a tree is asked.
 """
 
 from collections.abc import Iterator
@@ -30,6 +33,9 @@ MANY = 64
 
 SAMPLE = 100
 """Truths whose near pairs are counted for a guess."""
+
+EQUAL = 4.0
+"""Reaches of a side are not told apart, if the largest is no more than so many times the least."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,24 +77,32 @@ class _Candidates:
     count: Ints
 
 
-def search(a: Side, b: Side, reach: Floats, power: float) -> Iterator[tuple[Ints, Ints]]:
-    """Pairs that differ by less than the reach on every axis, or some more, in order.
+def search(
+    a: Side, b: Side, reaches: tuple[Floats, Floats], power: float
+) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs that differ by less than the larger reach on every axis, or some more, in order.
 
     Parameters
     ----------
     a, b : Side
         Points.
-    reach : (d,) float array
-        Finite and > 0.
+    reaches : two (d, R) or (d, 1) float arrays
+        Of `a` and of `b`; finite and > 0.
     power : float
-        Minkowski norm of the differences, in units of their reach, that is at most 1 for all pairs
-        that are needed.
+        Minkowski norm of the differences, in units of the larger reach, that is at most 1 for all
+        pairs that are needed.
     """
     if not len(a.step) or not len(b.step):
         return
+    reach = np.maximum(*(own.max(axis=1) for own in reaches))
     candidates = _candidates(a, b, reach)
     rows = len(a.step) + len(b.step)
     if len(reach) and candidates.count.sum() > max(MANY * rows, PIECE):
+        widest = _widest(reaches)
+        if widest:
+            del candidates
+            yield from _divided((a, b), reaches, power, *widest)
+            return
         some = np.arange(0, len(a.step), -(-len(a.step) // SAMPLE))
         sample = replace(
             candidates, begin=candidates.begin[:, some], count=candidates.count[:, some]
@@ -101,6 +115,44 @@ def search(a: Side, b: Side, reach: Floats, power: float) -> Iterator[tuple[Ints
     yield from _compared(a.axes, b.axes, candidates, reach)
 
 
+def _widest(reaches: tuple[Floats, Floats]) -> tuple[int, int] | None:
+    """The side and the axis on which reaches differ the most; None if they hardly do."""
+    ratio = np.array([own.max(axis=1) / own.min(axis=1) for own in reaches])
+    which, axis = divmod(int(ratio.argmax()), ratio.shape[1])
+    return (which, axis) if ratio[which, axis] > EQUAL else None
+
+
+def _divided(
+    sides: tuple[Side, Side], reaches: tuple[Floats, Floats], power: float, which: int, axis: int
+) -> Iterator[tuple[Ints, Ints]]:
+    """Pairs, searched for small and for large reaches of a side, in order.
+
+    They are told apart at their geometric mean: a few halvings of the logarithm leave equal ones.
+    """
+    own = reaches[which]
+    small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())
+    found = [np.zeros(0, np.int64)]
+    for rows in (np.flatnonzero(small), np.flatnonzero(~small)):
+        part, reach = _taken(sides[which], rows), own[:, rows]
+        if which == 0:
+            pieces = search(part, sides[1], (reach, reaches[1]), power)
+            found += [rows[i] << 32 | j for i, j in pieces]
+        else:
+            pieces = search(sides[0], part, (reaches[0], reach), power)
+            found += [i << 32 | rows[j] for i, j in pieces]
+    pairs = np.sort(np.concatenate(found))
+    del found
+    for begin in range(0, len(pairs), PIECE):
+        pair = pairs[begin : begin + PIECE]
+        yield pair >> 32, pair & 0xFFFFFFFF
+
+
+def _taken(side: Side, rows: Ints) -> Side:
+    step = side.step[rows]
+    at = np.searchsorted(step, np.arange(len(side.at)))
+    return replace(side, step=step, at=at, axes=side.axes[:, rows])
+
+
 def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
     """By the fewest axes that leave few, those with the largest spread in reaches first."""
     begin = b.at[a.step]
@@ -110,9 +162,12 @@ def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
     enough = FEW * (len(a.step) + len(b.step))
     if found.count.sum() <= enough:
         return found
+    least, most = ([of(side.axes, axis=1) for side in (a, b)] for of in (np.min, np.max))
+    if np.any(np.maximum(*least) - np.minimum(*most) >= reach):
+        return replace(found, count=np.zeros_like(found.count))
     # Halves, whose differences do not overflow.
-    low = 0.5 * np.minimum(a.axes.min(axis=1), b.axes.min(axis=1))
-    spread = 0.5 * np.maximum(a.axes.max(axis=1), b.axes.max(axis=1)) - low
+    low = 0.5 * np.minimum(*least)
+    spread = 0.5 * np.maximum(*most) - low
     axes = np.argsort(-spread / reach, kind="stable")[:AXES]
     for used in range(1, len(axes) + 1):
         found = _by_cells(a, b, axes[:used], (low, spread), reach)

@@ -59,10 +59,10 @@ class Haversine(Distance):
             ]
         )
 
-    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
         """The cutoff, and the rounding of the points: no chord is longer than its arc."""
-        del a, b
-        return np.full(3, cutoff * (1 + ROUNDING) + 2.0**-46 * RADIUS)
+        del axes
+        return np.full((3, 1), cutoff * (1 + ROUNDING) + 2.0**-46 * RADIUS)
 
     def fault(self, axes: Floats) -> Fault | None:
         """Latitudes are up to 90, longitudes up to 360, in either direction."""

@@ -84,19 +84,18 @@ class Norm(Distance):
                 points += [radius * np.cos(angle), radius * np.sin(angle)]
         return np.array(points)
 
-    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
         """The cutoff, in units of the column: no norm is below one difference, no arc a chord."""
-        del b
         if self.scale is None and self.period is None:
-            return np.full(len(a), cutoff)
+            return np.full((len(axes), 1), cutoff)
         reach: list[float] = []
         for scale, period in zip(
-            self.scale or (1.0,) * len(a), self.period or (np.inf,) * len(a), strict=True
+            self.scale or (1.0,) * len(axes), self.period or (np.inf,) * len(axes), strict=True
         ):
             own = cutoff / scale * (1 + ROUNDING)
             # Coordinates on the circle are rounded in units of its radius.
             reach += [own] if period == np.inf else [own + 2.0**-46 * period] * 2
-        return np.array(reach)
+        return np.array(reach)[:, None]
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
         """Whether scale and period have a number for each column."""
