@@ -77,6 +77,23 @@ class Proof(Costs):
     weights: Ints
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """Where the objects were, for pictures alone: no number depends on it.
+
+    Parameters
+    ----------
+    columns : tuple of str
+        Names of the d state columns.
+    truth, estimate : (R, d) float arrays
+        States in the order of the rows of the problem, by step and track.
+    """
+
+    columns: tuple[str, ...]
+    truth: Floats
+    estimate: Floats
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Summary(ABC):
     """What reports need: one evaluation, or the sum of several over the same steps.
@@ -338,9 +355,12 @@ class Result(Summary):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
+    scene : Scene, optional
+        The states, for pictures; not part of the JSON.
     """
 
     proof: Proof
+    scene: Scene | None = None
 
     @property
     def sizes(self) -> dict[str, int]:

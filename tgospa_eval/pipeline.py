@@ -10,7 +10,7 @@ from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation import Labels, Proof, Result
+from tgospa_eval.evaluation import Labels, Proof, Result, Scene
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.result import Solution, certify
@@ -204,6 +204,7 @@ def evaluate_trajectories(
             for side, name in enumerate(("truth", "estimate"))
         },
         version=__version__,
+        scene=Scene(columns=truth.columns, truth=truth.state, estimate=estimate.state),
     )
 
 

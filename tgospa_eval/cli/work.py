@@ -202,10 +202,12 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
         )
 
 
-def show(result: Summary, options: dict[str, Any]) -> None:
+def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
-        write_folder(result, options["output"], force=options["force"])
+        missing = write_folder(result, options["output"], force=options["force"], names=names)
+        for extra in () if options["quiet"] else missing:
+            _say(f"report.html is not written: it needs pip install 'tgospa-eval[{extra}]'")
     emit(REPORTS[options["format_"]](result))
 
 

@@ -56,24 +56,35 @@ def _headline(result: Summary) -> Iterator[str]:
     )
 
 
-def _meaning(result: Summary) -> Iterator[str]:
+def meaning(result: Summary) -> list[tuple[str, str]]:
+    """The parameters by name, each in words."""
     parameters = result.proof.parameters
     p = parameters.order
     miss, price = result.scale / 2, _power(parameters.switch_penalty, p)
     cutoff = quantity(result, parameters.cutoff)
     gamma = quantity(result, parameters.switch_penalty)
-    yield from _wrap(
-        f"  c     = {cutoff}, cutoff: no error counts more; a missed or a false target "
-        f"costs c^p/2 = {miss:.6g}"
-    )
-    yield from _wrap(
-        f"  p     = {p:g}, order: costs are errors to the power p, TGOSPA is the p-th root "
-        "of their total"
-    )
-    yield from _wrap(
-        f"  gamma = {gamma}, switch penalty: changing to another track costs "
-        f"gamma^p = {price}, to or from none half of it"
-    )
+    return [
+        (
+            "c",
+            f"{cutoff}, cutoff: no error counts more; a missed or a false target "
+            f"costs c^p/2 = {miss:.6g}",
+        ),
+        (
+            "p",
+            f"{p:g}, order: costs are errors to the power p, TGOSPA is the p-th root "
+            "of their total",
+        ),
+        (
+            "gamma",
+            f"{gamma}, switch penalty: changing to another track costs "
+            f"gamma^p = {price}, to or from none half of it",
+        ),
+    ]
+
+
+def _meaning(result: Summary) -> Iterator[str]:
+    for name, words in meaning(result):
+        yield from _wrap(f"  {name:<5} = {words}")
 
 
 def _power(value: float, order: float) -> str:
@@ -99,9 +110,9 @@ def _parts(result: Summary) -> Iterator[str]:
     for name in PARTS:
         cost = getattr(result, name)
         count = f"{result.counts[name]:.6g}" if name in result.counts else ""
-        share = _share(cost, total)
-        yield f"  {name:<14}{cost:>12.6g}{share:>9}{count:>10}  {notes[name]}".rstrip()
-    yield f"  {'total':<14}{total:>12.6g}{_share(total, total):>9}{'':>10}  = TGOSPA^p".rstrip()
+        percent = share(cost, total)
+        yield f"  {name:<14}{cost:>12.6g}{percent:>9}{count:>10}  {notes[name]}".rstrip()
+    yield f"  {'total':<14}{total:>12.6g}{share(total, total):>9}{'':>10}  = TGOSPA^p".rstrip()
 
 
 def _classes(result: Summary) -> Iterator[str]:
@@ -172,7 +183,8 @@ def _name(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
-def _share(part: float, total: float) -> str:
+def share(part: float, total: float) -> str:
+    """A part in percent of the total."""
     return f"{100 * part / total:.1f} %" if total > 0 else "-"
 
 
