@@ -43,6 +43,8 @@ class Side:
         Distance to it as a fraction of the cutoff; 1 where it is unassigned.
     state : (R, d) float array
         d = 0 where the states are unknown.
+    shared : int
+        Number of states that are assigned to `other` in part only.
     """
 
     track: Ints
@@ -50,6 +52,7 @@ class Side:
     other: Ints
     error: Floats
     state: Floats
+    shared: int
 
 
 def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
@@ -108,6 +111,7 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
         "unit": result.labels.unit or "",
         "errors": ERRORS,
         "stride": stride,
+        "shared": sides["truth"].shared,
         "rows": {name: [kept[name], len(side.track)] for name, side in sides.items()},
         "arrays": [[name, len(array)] for name, array in arrays.items()],
     }, arrays
@@ -137,8 +141,9 @@ def packed(arrays: dict[str, Ints]) -> str:
     what is regular becomes zeros, which deflate away.
     """
     planes = []
-    for array in arrays.values():
-        change = np.diff(array.astype(np.int64), prepend=0)
+    for array in (values.astype(np.int64) for values in arrays.values()):
+        change = np.empty(len(array), np.int64)
+        change[:1], change[1:] = array[:1], array[1:] - array[:-1]
         code = ((change << 1) ^ (change >> 63)).astype(np.uint32)
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
     return base64.b64encode(zlib.compress(b"".join(planes), 6)).decode("ascii")
@@ -157,6 +162,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Side:
                 other=np.where(side.other == NONE, NONE, side.other + first[other]),
                 error=side.error,
                 state=side.state,
+                shared=side.shared,
             )
         )
         first["truth"] += len(part.labels.truths)
@@ -167,6 +173,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Side:
         other=np.concatenate([side.other for side in sides]),
         error=np.concatenate([side.error for side in sides]),
         state=np.concatenate([side.state for side in sides]),
+        shared=sum(side.shared for side in sides),
     )
 
 
@@ -202,6 +209,7 @@ def _side(result: Result, name: str, size: int) -> Side:
         other=partner[by_track],
         error=error[by_track],
         state=state[by_track],
+        shared=int(np.count_nonzero((partner != NONE) & (best < ONE))),
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 
 from tgospa_eval.evaluation import Summary, Table
-from tgospa_eval.reports.console import PARTS, headline, meaning, quantity, share
+from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "plane", "tables", "page")
@@ -50,19 +50,20 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         return loader.get_source(environment, name)[0]
 
     return environment.get_template("page.html.j2").render(
-        names=names,
-        headline=headline(result),
-        value=quantity(result, result.tgospa),
-        bracket=[quantity(result, bound) for bound in (result.lower_bound, result.upper_bound)],
+        # a path may hold bytes that are no text
+        names=[name.encode("utf-8", "backslashreplace").decode() for name in names],
+        claim=result.claim,
+        proven=result.proven,
+        value=result.quantity(result.tgospa),
+        bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
         certified=result.certified,
         meaning=meaning(result),
         sizes=result.sizes,
         parts=_parts(result),
         total=f"{result.total:.6g}",
-        per_step=quantity(result, result.normalised["tgospa"]),
+        per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
         switches=len(data["switches"]["step"]),
-        shared=_shared(result),
         timings=_flat(result.timings),
         parameters=_flat(result.parameters),
         inputs={name: _flat(told) for name, told in result.input.items()},
@@ -81,7 +82,7 @@ def _parts(result: Summary) -> list[dict[str, str]]:
         {
             "name": name,
             "cost": f"{getattr(result, name):.6g}",
-            "share": share(getattr(result, name), result.total),
+            "share": result.share(getattr(result, name)),
             "count": f"{result.counts[name]:.6g}" if name in result.counts else "",
             "note": NOTES[name],
         }
@@ -95,12 +96,6 @@ def _classes(result: Summary) -> list[list[str]]:
         [str(name), *(f"{value:.6g}" for value in values)]
         for name, *values in zip(*table.values(), strict=True)
     ]
-
-
-def _shared(result: Summary) -> int:
-    """Object-steps of which a part only is assigned to the estimate that is shown."""
-    weights = result.assignments_table()["weight"]
-    return sum(weight < 1 for weight in weights)
 
 
 def _flat(record: dict[str, Any], before: str = "") -> dict[str, str]:

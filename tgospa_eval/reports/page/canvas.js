@@ -91,9 +91,14 @@ function timeAxis(context, width, bottom) {
   context.textAlign = "center";
   const longest = Math.max(time(state.from).length, time(state.to).length) * 7 + 24;
   const count = Math.max(2, Math.floor((width - LEFT - RIGHT) / Math.max(longest, 60)));
-  const ticks = span() <= count
-    ? Array.from({ length: span() }, (_, k) => state.from + k)
-    : niceSteps(state.from, state.to, count).filter(Number.isInteger);
+  let ticks = Array.from({ length: Math.min(span(), count) }, (_, k) => state.from + k);
+  if (span() > count) {
+    // Round times where there are such steps, else steps at round distances.
+    const [begin, end] = [doc.times[state.from], doc.times[state.to]];
+    const round = typeof begin === "number" && end > begin ? niceSteps(begin, end, count) : [];
+    ticks = round.map((value) => stepOf.get(String(+value.toPrecision(12)))).filter((step) => step !== undefined);
+    if (ticks.length < Math.max(2, round.length / 2)) ticks = niceSteps(0, state.to - state.from, count).filter(Number.isInteger).map((step) => step + state.from);
+  }
   let last = -1e9;
   for (const step of ticks) {
     const x = (left(step, width) + left(step + 1, width)) / 2;

@@ -4,6 +4,7 @@ const NONE = -1;
 const PARTS = ["localisation", "missed", "false", "switch"];
 const steps = doc.times.length;
 const total = doc.times.map((_, k) => PARTS.reduce((sum, name) => sum + doc.costs[name][k], 0));
+const stepOf = new Map(doc.times.map((t, k) => [String(t), k]));
 const sides = { truth: null, estimate: null };
 
 async function readArrays() {

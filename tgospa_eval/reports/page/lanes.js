@@ -61,6 +61,8 @@ const lanes = {
     context.fillStyle = colour("line");
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
+    document.getElementById("lanes-note").textContent = printing && shown < whole
+      ? `${Math.floor(bottom / this.tall)} of ${this.rows.length} rows are printed, in the order that was chosen` : "";
   },
 
   drawLane(context, { side, track }, y, width) {

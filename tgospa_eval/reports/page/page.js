@@ -6,7 +6,6 @@ function address({ step = null, side = null, track = null, from = 0, to = steps 
   if (from > 0 || to < steps - 1) parts.push(`range=${encodeURIComponent(time(from))}..${encodeURIComponent(time(to))}`);
   return parts.join("&");
 }
-const stepOf = new Map(doc.times.map((t, k) => [String(t), k]));
 function decoded(text) {
   try { return decodeURIComponent(text); } catch { return text; }
 }
@@ -111,6 +110,7 @@ async function begin() {
   readAddress();
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);
+  drawNow(); // once before, for lanes are scrolled to when they have a height
   refresh();
   drawNow();
   document.documentElement.dataset.ready = "yes";

@@ -6,7 +6,8 @@ const plane = {
   downward: document.getElementById("downward"),
   equal: document.getElementById("equal"),
   view: null, // centre and pixels per unit of either axis
-  marks: [],
+  mark: 1, // size of marks
+  crowded: false,
 
   arrange() {
     doc.columns.forEach((name, axis) => {
@@ -70,7 +71,11 @@ const plane = {
     context.beginPath();
     context.rect(56, 4, width - 60, height - 30);
     context.clip();
-    this.marks = [];
+    // Smaller and thinner marks where they would hide one another.
+    let count = 0;
+    for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + doc.counts.switch[k];
+    this.crowded = count >= 400;
+    this.mark = !this.crowded || state.track !== null ? 1 : Math.max(0.45, 1 - Math.log10(count / 400) * 0.4);
     const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
     for (const name of ["truth", "estimate"]) this.lines(context, sides[name], only[name], width, height);
     for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
@@ -119,7 +124,7 @@ const plane = {
       const dim = only && !only.has(track);
       context.globalAlpha = dim ? 0.13 : 1;
       context.strokeStyle = truth ? colour("truth") : colourOf(track);
-      context.lineWidth = truth ? 1 : only && !dim ? 2.4 : 1.6;
+      context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
       context.setLineDash(truth ? [4, 2] : []);
       context.beginPath();
       let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2;
@@ -149,17 +154,18 @@ const plane = {
   events(context, side, only, width, height) {
     const { row } = side, [xs, ys] = this.coordinates(side), missed = side.name === "truth";
     context.strokeStyle = colour(missed ? "missed" : "false");
-    context.lineWidth = 1.6;
-    const path = [new Path2D(), new Path2D()];
+    context.lineWidth = 1.6 * this.mark;
+    const path = [new Path2D(), new Path2D()], arm = (missed ? 3.5 : 4.2) * this.mark;
     for (let k = 0; k < row.track.length; k++) {
       if (row.other[k] !== NONE || row.step[k] < state.from || row.step[k] > state.to) continue;
       const [x, y] = this.place(xs[k], ys[k], width, height), dim = only && !only.has(row.track[k]) ? 1 : 0;
+      if (dim && this.crowded) continue;
       if (x < 40 || x > width + 10 || y < -10 || y > height) continue;
       if (missed) {
-        path[dim].moveTo(x - 3.5, y - 3.5); path[dim].lineTo(x + 3.5, y + 3.5);
-        path[dim].moveTo(x + 3.5, y - 3.5); path[dim].lineTo(x - 3.5, y + 3.5);
+        path[dim].moveTo(x - arm, y - arm); path[dim].lineTo(x + arm, y + arm);
+        path[dim].moveTo(x + arm, y - arm); path[dim].lineTo(x - arm, y + arm);
       } else {
-        path[dim].moveTo(x, y - 4); path[dim].lineTo(x + 4, y + 3); path[dim].lineTo(x - 4, y + 3); path[dim].closePath();
+        path[dim].moveTo(x, y - arm); path[dim].lineTo(x + arm, y + arm * 0.8); path[dim].lineTo(x - arm, y + arm * 0.8); path[dim].closePath();
       }
     }
     context.stroke(path[0]);
@@ -172,9 +178,10 @@ const plane = {
     const { step, truth, mass } = doc.switches;
     for (let k = 0; k < step.length; k++) {
       if (step[k] < state.from || step[k] > state.to) continue;
+      if (this.crowded && only && !only.has(truth[k])) continue;
       const at = placeAt(sides.truth, truth[k], step[k]) || placeAt(sides.truth, truth[k], step[k] - 1);
       if (!at) continue;
-      const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height), size = mass[k] >= 0.99 ? 6 : 4;
+      const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height), size = (mass[k] >= 0.99 ? 6 : 4) * this.mark;
       context.globalAlpha = only && !only.has(truth[k]) ? 0.15 : 1;
       context.beginPath();
       context.moveTo(x, y - size); context.lineTo(x + size, y); context.lineTo(x, y + size); context.lineTo(x - size, y);
@@ -191,12 +198,15 @@ const plane = {
   // The selected step: where everything is, and what is assigned to what.
   moment(context, width, height) {
     const places = { truth: new Map(), estimate: new Map() };
+    const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
+    const fade = (name, track) => { context.globalAlpha = only[name] && !only[name].has(track) ? 0.3 : 1; };
     for (const side of [sides.truth, sides.estimate]) {
       for (let track = 0; track < side.count; track++) {
         const at = placeAt(side, track, state.step);
         if (!at) continue;
         const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height);
         places[side.name].set(track, [x, y]);
+        fade(side.name, track);
         this.outline(context, side, track, at, width, height);
         context.lineWidth = 2;
         context.beginPath();
@@ -218,18 +228,21 @@ const plane = {
     for (const [track, [x, y]] of places.truth) {
       const r = runAt(sides.truth, track, state.step), other = places.estimate.get(sides.truth.run.other[r]);
       if (!other) continue;
+      fade("truth", track);
       context.beginPath();
       context.moveTo(x, y);
       context.lineTo(...other);
       context.stroke();
     }
+    context.globalAlpha = 1;
     const few = places.truth.size + places.estimate.size <= 60;
-    if (!few) return;
+    if (!few && state.track === null) return;
     context.lineWidth = 3;
     for (const side of [sides.truth, sides.estimate]) {
       const truth = side.name === "truth";
       context.textAlign = truth ? "right" : "left";
       for (const [track, [x, y]] of places[side.name]) {
+        if (!few && !only[side.name]?.has(track)) continue;
         context.strokeStyle = colour("paper");
         context.fillStyle = truth ? colour("ink") : colour("accent");
         context.strokeText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));

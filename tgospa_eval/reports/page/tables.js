@@ -158,12 +158,18 @@ function drawDetail() {
         ? `, error ${withUnit(side.row.error[r] / doc.errors * doc.cutoff)}` : "";
       parts.push(make("p", laneWords({ side, track: k }, state.step).split("\n")[0] + error + "."));
     }
-    const runs = [];
-    for (let r = run.first[k]; r < run.first[k + 1]; r++) {
+    const runs = [], first = run.first[k], end = run.first[k + 1];
+    // Those around the selected step, where there are many.
+    let begin = first;
+    while (state.step !== null && begin < end && run.end[begin] < state.step) begin++;
+    begin = Math.max(first, Math.min(begin - (MANY >> 1), end - MANY));
+    if (begin > first) runs.push(`${begin - first} before`);
+    for (let r = begin; r < Math.min(begin + MANY, end); r++) {
       const stretch = run.begin[r] === run.end[r] ? ["at ", stepLink(run.begin[r])] : [stepLink(run.begin[r]), " to ", stepLink(run.end[r])];
       runs.push([...stretch, ...(run.other[r] === NONE ? [`: ${kind}`] : [truth ? ": followed by " : ": follows ", trackLink(side.other, run.other[r])])]);
     }
-    parts.push(list(runs));
+    if (begin + MANY < end) runs.push(`and ${end - begin - MANY} more`);
+    parts.push(make("ul", runs.map((item) => make("li", item))));
   }
   if (!parts.length) parts.push(make("p", "Click a step, a lane, a point or a row."));
   document.getElementById("detail").replaceChildren(...parts);
