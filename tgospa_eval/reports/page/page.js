@@ -101,7 +101,18 @@ for (const [name, on] of [["beforeprint", true], ["afterprint", false]]) {
   });
 }
 
+function say(text) {
+  const notice = document.getElementById("notice");
+  notice.textContent = text;
+  notice.hidden = false;
+}
 async function begin() {
+  if (!steps) {
+    document.getElementById("main").hidden = true;
+    say("Neither file has a row: there is nothing to draw.");
+    document.documentElement.dataset.ready = "yes";
+    return;
+  }
   const arrays = await readArrays();
   for (const name of ["truth", "estimate"]) sides[name] = makeSide(name, arrays);
   lanes.arrange();
@@ -116,8 +127,6 @@ async function begin() {
   document.documentElement.dataset.ready = "yes";
 }
 begin().catch((error) => {
-  const failure = document.getElementById("failure");
-  failure.textContent = `The pictures could not be drawn: ${error.message}. The page needs a browser of 2023 or later.`;
-  failure.hidden = false;
+  say(`The pictures could not be drawn: ${error.message}. The page needs a browser of 2023 or later.`);
   throw error;
 });
