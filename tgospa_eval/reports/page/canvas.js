@@ -59,6 +59,11 @@ function prepare(canvas, height) {
   return [context, width, height];
 }
 
+// As wide as the lanes, which may have a scroll bar: one step is above the other.
+function alignWithLanes(canvas) {
+  canvas.style.width = printing ? "" : `${lanes.canvas.clientWidth}px`;
+}
+
 let printing = false, pending = 0;
 const views = [];
 function redraw() {

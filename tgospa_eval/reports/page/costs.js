@@ -2,6 +2,7 @@
 const costs = {
   canvas: document.getElementById("costs"),
   draw() {
+    alignWithLanes(this.canvas);
     const [context, width, height] = prepare(this.canvas, 190), top = 8, bottom = height - 24;
     let high = 0;
     for (let k = state.from; k <= state.to; k++) high = Math.max(high, total[k]);
@@ -38,6 +39,7 @@ const costs = {
 const curve = {
   canvas: document.getElementById("curve"),
   draw() {
+    alignWithLanes(this.canvas);
     const [context, width, height] = prepare(this.canvas, 150), top = 8, bottom = height - 24;
     let high = 0;
     for (let k = state.from; k <= state.to; k++) high = Math.max(high, doc.curve.total[k]);

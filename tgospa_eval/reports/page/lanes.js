@@ -33,8 +33,8 @@ const lanes = {
 
   draw() {
     const whole = this.rows.length * this.tall + 24;
-    // In print there is no scrolling: as many lanes as fit a page or two.
-    const shown = printing ? Math.min(whole, 1500) : Math.min(whole, 480);
+    // In print there is no scrolling: as many lanes as fit a page.
+    const shown = Math.min(whole, printing ? 720 : 480);
     this.box.style.height = printing ? "auto" : `${shown + 2}px`;
     document.getElementById("lanes-space").style.height = `${printing ? 0 : whole - shown}px`;
     const [context, width] = prepare(this.canvas, shown), bottom = shown - 24;

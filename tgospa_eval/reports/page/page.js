@@ -90,7 +90,7 @@ document.getElementById("step").addEventListener("change", (event) => {
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") act("clear"); });
 addEventListener("hashchange", () => { if (location.hash !== "#main") { readAddress(); refresh(); } });
 addEventListener("resize", redraw);
-const forget = () => { style = null; patterns.clear(); };
+const forget = () => { style = null; patterns.clear(); plane.drawn = null; };
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { forget(); redraw(); });
 for (const [name, on] of [["beforeprint", true], ["afterprint", false]]) {
   addEventListener(name, () => {
@@ -117,11 +117,11 @@ async function begin() {
   for (const name of ["truth", "estimate"]) sides[name] = makeSide(name, arrays);
   lanes.arrange();
   plane.arrange();
-  views.push(costs, lanes, plane, curve);
+  views.push(lanes, costs, plane, curve);
   readAddress();
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);
-  drawNow(); // once before, for lanes are scrolled to when they have a height
+  lanes.draw(); // once before, for lanes are scrolled to when they have a height
   refresh();
   drawNow();
   document.documentElement.dataset.ready = "yes";

@@ -8,6 +8,8 @@ const plane = {
   view: null, // centre and pixels per unit of either axis
   mark: 1, // size of marks
   crowded: false,
+  kept: document.createElement("canvas"),
+  drawn: null,
 
   arrange() {
     doc.columns.forEach((name, axis) => {
@@ -66,6 +68,35 @@ const plane = {
     const [context, width, height] = prepare(this.canvas, 460);
     if (!this.view) this.fit(false);
     if (!this.view) return;
+    this.still(context, width, height);
+    context.save();
+    context.beginPath();
+    context.rect(56, 4, width - 60, height - 30);
+    context.clip();
+    if (state.step !== null) this.moment(context, width, height);
+    context.restore();
+    document.getElementById("plane-note").textContent =
+      (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
+      (doc.stride > 1 ? `Every ${doc.stride}th position of a track, all misses, false targets and changes. ` : "") +
+      (doc.boxes ? "Lines join the corners (left, top); boxes are drawn at the selected step." : "");
+  },
+
+  // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
+  still(context, width, height) {
+    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, printing];
+    const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, this.canvas.width, ways]);
+    if (drawn !== this.drawn) {
+      this.kept.width = this.canvas.width;
+      this.kept.height = this.canvas.height;
+      const pen = this.kept.getContext("2d");
+      pen.setTransform(context.getTransform());
+      for (const name of ["font", "textBaseline", "direction"]) pen[name] = context[name];
+      this.paint(pen, width, height);
+      this.drawn = drawn;
+    }
+    context.drawImage(this.kept, 0, 0, width, height);
+  },
+  paint(context, width, height) {
     this.axes(context, width, height);
     context.save();
     context.beginPath();
@@ -80,12 +111,7 @@ const plane = {
     for (const name of ["truth", "estimate"]) this.lines(context, sides[name], only[name], width, height);
     for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
     this.switches(context, only.truth, width, height);
-    if (state.step !== null) this.moment(context, width, height);
     context.restore();
-    document.getElementById("plane-note").textContent =
-      (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
-      (doc.stride > 1 ? `Every ${doc.stride}th position of a track, all misses, false targets and changes. ` : "") +
-      (doc.boxes ? "Lines join the corners (left, top); boxes are drawn at the selected step." : "");
   },
 
   axes(context, width, height) {
@@ -125,9 +151,9 @@ const plane = {
       context.globalAlpha = dim ? 0.13 : 1;
       context.strokeStyle = truth ? colour("truth") : colourOf(track);
       context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
-      context.setLineDash(truth ? [4, 2] : []);
+      context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
       context.beginPath();
-      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2;
+      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, drawnX = 0, drawnY = 0;
       const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
       for (let k = from; k < to; k++) {
         const [x, y] = this.place(xs[k], ys[k], width, height);
@@ -137,11 +163,11 @@ const plane = {
           if (lastTold !== lastStep && lastStep >= 0) context.lineTo(lastX, lastY);
           context.moveTo(x, y);
           lastTold = row.step[k];
-          [this.lx, this.ly] = [x, y];
-        } else if (Math.abs(x - this.lx) + Math.abs(y - this.ly) > 1 || k === to - 1) {
+          [drawnX, drawnY] = [x, y];
+        } else if (Math.abs(x - drawnX) + Math.abs(y - drawnY) > 1 || k === to - 1) {
           context.lineTo(x, y);
           lastTold = row.step[k];
-          [this.lx, this.ly] = [x, y];
+          [drawnX, drawnY] = [x, y];
         }
         [lastStep, lastX, lastY] = [row.step[k], x, y];
       }
@@ -235,14 +261,19 @@ const plane = {
       context.stroke();
     }
     context.globalAlpha = 1;
-    const few = places.truth.size + places.estimate.size <= 60;
-    if (!few && state.track === null) return;
+    // Names of all where there is room, else of what is selected and whom it is assigned to.
+    const few = places.truth.size + places.estimate.size <= 60, named = { truth: new Set(), estimate: new Set() };
+    if (!few && state.track !== null) {
+      const side = sides[state.side], r = runAt(side, state.track, state.step);
+      named[side.name].add(state.track);
+      if (r >= 0) named[side.other].add(side.run.other[r]);
+    }
     context.lineWidth = 3;
     for (const side of [sides.truth, sides.estimate]) {
       const truth = side.name === "truth";
       context.textAlign = truth ? "right" : "left";
       for (const [track, [x, y]] of places[side.name]) {
-        if (!few && !only[side.name]?.has(track)) continue;
+        if (!few && !named[side.name].has(track)) continue;
         context.strokeStyle = colour("paper");
         context.fillStyle = truth ? colour("ink") : colour("accent");
         context.strokeText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
