@@ -122,7 +122,7 @@ const plane = {
     context.textAlign = "center";
     for (const value of niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110)) {
       const [x] = this.place(value, centre[1], width, height);
-      if (x < 70 || x > width - 20) continue;
+      if (x < 58 || x > width - 14) continue;
       context.fillStyle = colour("grid");
       context.fillRect(x, 5, 1, height - 32);
       context.fillStyle = colour("soft");
