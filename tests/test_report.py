@@ -383,6 +383,19 @@ def test_little_is_drawn_too(shown: Callable) -> None:
     assert "missed: 0" in detail(tab)
 
 
+def test_times_and_places_may_be_large(shown: Callable) -> None:
+    """Nanoseconds since 1970 and metres of UTM: beyond the digits of a browser, and far away."""
+    pandas = pytest.importorskip("pandas")
+    first = 1_700_000_000_000_000_000
+    rows = pandas.DataFrame({"id": "a", "t": first + np.arange(5), "x": 4e6, "y": 1e17})
+    result = evaluate(rows, rows.iloc[:4], cutoff=1.0)
+    tab = shown(result, f"#step={first + 3}&truth=a")
+    assert f"Step {first + 3}" in detail(tab)
+    tab.run("document.querySelector('[data-do=forth]').click()")
+    assert address(tab) == f"#step={first + 4}&truth=a"
+    assert "missed" in detail(tab)
+
+
 def test_nothing_is_said_in_words(shown: Callable) -> None:
     nothing = np.zeros((0, 0, 2))
     tab = shown(evaluate(nothing, nothing, cutoff=1.0))

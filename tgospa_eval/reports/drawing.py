@@ -90,7 +90,7 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
     return {
-        "times": [t if isinstance(t, int | float) else str(t) for t in per_step["t"]],
+        "times": [_time(t) for t in per_step["t"]],
         "costs": {name: _rounded(per_step[name]) for name in PARTS},
         "counts": {
             name: _rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
@@ -279,6 +279,11 @@ def _switches(parts: list[Result]) -> Table:
         found["cost"] += _rounded(table["cost"])
         truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
     return found
+
+
+def _time(t: float | str) -> float | str:
+    """A time as it was read; what is beyond the whole numbers of a browser is a text to it."""
+    return t if isinstance(t, int | float) and abs(t) < 1 << 53 else str(t)
 
 
 def _rounded(values: list[float]) -> list[float]:

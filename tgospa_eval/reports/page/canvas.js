@@ -87,14 +87,33 @@ function niceSteps(low, high, count) {
   const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
   const size = [1, 2, 5, 10].find((factor) => factor * power >= raw) * power;
   const ticks = [];
-  for (let value = Math.ceil(low / size) * size; value <= high + size * 1e-9; value += size) ticks.push(value);
+  // By number, for a step may be less than the last digit of a large value.
+  for (let k = 0, first = Math.ceil(low / size) * size; k <= 2 * count + 2 && first + k * size <= high + size * 1e-9; k++) ticks.push(first + k * size);
   return ticks;
 }
+
+// A value of an axis with as many digits as tell it from the next one.
+function tick(value, ticks) {
+  const size = ticks.length > 1 ? ticks[1] - ticks[0] : Math.abs(value) || 1;
+  if (Math.abs(value) >= 1e9 || size < 1e-6) return number(value);
+  const text = value.toFixed(Math.max(0, Math.ceil(-Math.log10(size) - 1e-9)));
+  return Number(text) === 0 ? "0" : text;
+}
+
+// Of times that are texts what is the same in all, as the date, is left out on axes.
+const shared = (() => {
+  const [first, last] = [time(0), time(Math.max(steps - 1, 0))];
+  if (!steps || typeof doc.times[0] === "number") return 0;
+  let same = 0;
+  while (same < first.length && first[same] === last[same]) same++;
+  return Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
+})();
+const shortTime = (step) => time(step).slice(shared);
 
 function timeAxis(context, width, bottom) {
   context.fillStyle = colour("soft");
   context.textAlign = "center";
-  const longest = Math.max(time(state.from).length, time(state.to).length) * 7 + 24;
+  const longest = Math.max(shortTime(state.from).length, shortTime(state.to).length) * 7 + 24;
   const count = Math.max(2, Math.floor((width - LEFT - RIGHT) / Math.max(longest, 60)));
   let ticks = Array.from({ length: Math.min(span(), count) }, (_, k) => state.from + k);
   if (span() > count) {
@@ -110,8 +129,8 @@ function timeAxis(context, width, bottom) {
     if (x - last < longest * 0.8) continue;
     last = x;
     context.fillRect(x, bottom, 1, 4);
-    const half = context.measureText(time(step)).width / 2;
-    context.fillText(time(step), Math.min(Math.max(x, half), width - half), bottom + 13);
+    const half = context.measureText(shortTime(step)).width / 2;
+    context.fillText(shortTime(step), Math.min(Math.max(x, half), width - half), bottom + 13);
   }
 }
 
@@ -138,9 +157,11 @@ function chosenStep(context, width, top, bottom) {
 
 function clipped(context, text, width) {
   if (context.measureText(text).width <= width) return isolate(text);
-  let size = text.length;
-  while (size > 1 && context.measureText(`${text.slice(0, size)}…`).width > width) size--;
-  return isolate(`${text.slice(0, size)}…`);
+  // The end of an id tells more than its middle.
+  const short = (size) => `${text.slice(0, Math.floor(size / 3))}…${text.slice(text.length - Math.ceil(size * 2 / 3))}`;
+  let size = Math.min(text.length, 40);
+  while (size > 1 && context.measureText(short(size)).width > width) size--;
+  return isolate(short(size));
 }
 
 const tip = document.getElementById("tip");

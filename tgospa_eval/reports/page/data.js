@@ -109,4 +109,4 @@ const number = (value) => {
 };
 const withUnit = (value) => number(value) + (doc.unit ? ` ${doc.unit}` : "");
 const time = (step) => String(doc.times[step]);
-const plural = (count, word) => `${number(count)} ${word}${count === 1 ? "" : "s"}`;
+const plural = (count, word, many = `${word}s`) => `${number(count)} ${count === 1 ? word : many}`;

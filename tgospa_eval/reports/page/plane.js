@@ -66,6 +66,7 @@ const plane = {
   draw() {
     if (!doc.columns.length) return;
     const [context, width, height] = prepare(this.canvas, 460);
+    if (!width) return;
     if (!this.view) this.fit(false);
     if (!this.view) return;
     this.still(context, width, height);
@@ -120,22 +121,24 @@ const plane = {
     context.strokeRect(56.5, 4.5, width - 61, height - 31);
     const halfX = (width - 60) / 2 / scale[0], halfY = (height - 30) / 2 / scale[1];
     context.textAlign = "center";
-    for (const value of niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110)) {
+    const across = niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110);
+    for (const value of across) {
       const [x] = this.place(value, centre[1], width, height);
       if (x < 58 || x > width - 14) continue;
       context.fillStyle = colour("grid");
       context.fillRect(x, 5, 1, height - 32);
       context.fillStyle = colour("soft");
-      context.fillText(number(+value.toPrecision(9)), x, height - 16);
+      context.fillText(tick(value, across), x, height - 16);
     }
     context.textAlign = "right";
-    for (const value of niceSteps(centre[1] - halfY, centre[1] + halfY, height / 80)) {
+    const upwards = niceSteps(centre[1] - halfY, centre[1] + halfY, height / 80);
+    for (const value of upwards) {
       const [, y] = this.place(centre[0], value, width, height);
       if (y < 22 || y > height - 40) continue;
       context.fillStyle = colour("grid");
       context.fillRect(57, y, width - 62, 1);
       context.fillStyle = colour("soft");
-      context.fillText(number(+value.toPrecision(9)), 52, y);
+      context.fillText(tick(value, upwards), 52, y);
     }
     context.fillStyle = colour("ink");
     context.fillText(isolate(doc.columns[this.axisX.value] + unit), width - 8, height - 5);

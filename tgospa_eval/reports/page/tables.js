@@ -150,7 +150,7 @@ function drawDetail() {
   if (state.track !== null) {
     const side = sides[state.side], { table, run } = side, k = state.track, truth = state.side === "truth", kind = truth ? "missed" : "false";
     parts.push(make("h3", [truth ? "Truth " : "Estimate ", make("bdi", side.label[k])]),
-      make("p", `${plural(table.steps[k], "step")}, ${number(table.unassigned_count[k])} ${kind}, ${number(table.switch_count[k])} switches; ` +
+      make("p", `${plural(table.steps[k], "step")}, ${number(table.unassigned_count[k])} ${kind}, ${plural(table.switch_count[k], "switch", "switches")}; ` +
         `cost ${number(table.total[k])}: localisation ${number(table.localisation[k])}, ${kind} ${number(table.unassigned[k])}, switch ${number(table.switch[k])}.`));
     if (state.step !== null) {
       const r = rowFrom(side, k, state.step), at = runAt(side, k, state.step);
