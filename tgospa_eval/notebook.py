@@ -59,7 +59,8 @@ def card(
         '<div style="max-width:600px;line-height:1.5">'
         f'<div style="font-size:1.35em;font-weight:600"><bdi>{escape(title)}</bdi></div>'
         f"<div><bdi>{escape(proof)}</bdi></div>{lines}"
-        f'<table style="margin:.5em 0"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+        '<table style="margin:.5em 0;color:inherit;font-size:inherit;border-spacing:.8em 0">'
+        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
         f"{_chart(costs, ends)}</div>"
     )
 

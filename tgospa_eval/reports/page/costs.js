@@ -13,7 +13,9 @@ const costs = {
     for (let first = state.from; first <= state.to; first += together) {
       let step = first;
       for (let k = first; k < Math.min(first + together, state.to + 1); k++) if (total[k] > total[step]) step = k;
-      const x = left(first, width), wide = left(first + together, width) - x;
+      const begin = left(first, width), end = left(first + together, width), fine = end - begin < 4;
+      // Thin bars begin and end at pixels, else they show a pattern that is not in the data.
+      const x = fine ? Math.floor(begin) : begin, wide = fine ? Math.max(Math.floor(end) - x, 1) : end - begin;
       let y = bottom;
       for (const name of PARTS) {
         const tall = doc.costs[name][step] / high * (bottom - top);

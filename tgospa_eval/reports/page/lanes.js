@@ -61,8 +61,10 @@ const lanes = {
     context.fillStyle = colour("line");
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
-    document.getElementById("lanes-note").textContent = printing && shown < whole
-      ? `${Math.floor(bottom / this.tall)} of ${this.rows.length} rows are printed, in the order that was chosen` : "";
+    const crowded = span() > 1.5 * (width - LEFT - RIGHT), notes = [];
+    if (crowded) notes.push("There are more steps than pixels: what hangs from the top of a lane is the share of steps that are missed or false.");
+    if (printing && shown < whole) notes.push(`${Math.floor(bottom / this.tall)} of ${this.rows.length} rows are printed, in the order that was chosen.`);
+    document.getElementById("lanes-note").textContent = notes.join(" ");
   },
 
   drawLane(context, { side, track }, y, width) {
@@ -97,7 +99,9 @@ const lanes = {
     }
     if (truth) this.drawErrors(context, side, track, y, width);
     // What is wrong comes last and is never thinner than a pixel and a half.
-    for (const r of inside) {
+    const crowded = span() > 1.5 * (width - LEFT - RIGHT);
+    if (crowded) this.drawShares(context, run, inside, truth ? "missed" : "false", y, width);
+    for (const r of crowded ? [] : inside) {
       if (run.other[r] !== NONE) continue;
       const x = left(run.begin[r], width), wide = Math.max(left(run.end[r] + 1, width) - x, 1.5);
       const name = truth ? "missed" : "false";
@@ -133,25 +137,40 @@ const lanes = {
     const { row } = side, tall = this.tall - 4;
     const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
     context.fillStyle = "rgb(0 0 0 / 0.3)";
-    const wide = Math.max(left(1, width) - left(0, width), 1) * doc.stride;
+    const wide = (left(1, width) - left(0, width)) * doc.stride;
     let last = -1, most = 0;
     for (let k = from; k < to; k++) {
       if (row.other[k] === NONE) continue;
       const x = left(row.step[k], width), high = row.error[k] / doc.errors * tall;
-      if (wide > 1) context.fillRect(x, y + 2 + tall - high, wide, high);
+      if (wide >= 1) context.fillRect(x, y + 2 + tall - high, wide, high);
       else if (Math.floor(x) !== last) {
         if (last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
         last = Math.floor(x);
         most = high;
       } else most = Math.max(most, high);
     }
-    if (wide <= 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
+    if (wide < 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
+  },
+
+  // Where there are more steps than pixels: how many of those of a pixel are wrong, as a height.
+  drawShares(context, run, inside, name, y, width) {
+    const tall = this.tall - 6, each = span() / (width - LEFT - RIGHT), wrong = new Float32Array(Math.ceil(width) + 1);
+    for (const r of inside) {
+      if (run.other[r] !== NONE) continue;
+      for (let step = Math.max(run.begin[r], state.from); step <= Math.min(run.end[r], state.to); step++) wrong[Math.floor(left(step, width))]++;
+    }
+    context.fillStyle = colour(name);
+    wrong.forEach((count, x) => {
+      const high = count && Math.max(tall * Math.min(count / each, 1), 3);
+      if (high) context.fillRect(x, y + 3, 1, high);
+    });
   },
 
   drawSwitch(context, k, y, width) {
     const step = doc.switches.step[k];
     if (step < state.from || step > state.to) return;
-    const x = left(step, width), size = doc.switches.mass[k] >= 0.99 ? 5 : 3.5;
+    const x = left(step, width), small = span() > 300 ? 0.7 : 1;
+    const size = (doc.switches.mass[k] >= 0.99 ? 5 : 3.5) * small;
     context.beginPath();
     context.moveTo(x - size, y + 0.5);
     context.lineTo(x + size, y + 0.5);
@@ -159,7 +178,7 @@ const lanes = {
     context.closePath();
     context.fillStyle = colour("switch");
     context.strokeStyle = colour("paper");
-    context.lineWidth = 1;
+    context.lineWidth = small < 1 ? 0.5 : 1;
     context.fill();
     context.stroke();
   },

@@ -78,7 +78,7 @@ const plane = {
     context.restore();
     document.getElementById("plane-note").textContent =
       (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
-      (doc.stride > 1 ? `Every ${doc.stride}th position of a track, all misses, false targets and changes. ` : "") +
+      (doc.stride > 1 ? `One in ${doc.stride} positions, and all misses, false targets and changes. ` : "") +
       (doc.boxes ? "Lines join the corners (left, top); boxes are drawn at the selected step." : "");
   },
 
