@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import pytest
 
+os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
+
 QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
 
 

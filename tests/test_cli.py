@@ -462,6 +462,7 @@ FILES = [
     "per_estimate.csv",
     "per_step.csv",
     "per_truth.csv",
+    "report.html",
     "result.json",
     "switches.csv",
     "timings.csv",

@@ -396,7 +396,9 @@ def test_latex(sample: Result) -> None:
 def test_html_of_a_notebook(sample: Result) -> None:
     html = sample._repr_html_()
     assert html.count("<table") == html.count("</table>") == 1
-    for name, number in (("tgospa", "41.788"), ("missed", "1050"), ("false", "400")):
+    assert "http" not in html
+    assert "<script" not in html
+    for name, number in (("TGOSPA", "41.788"), ("missed", "1050"), ("false", "400")):
         assert re.search(rf"{name}\D*{re.escape(number)}\D", html)
 
 

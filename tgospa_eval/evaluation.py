@@ -1,5 +1,6 @@
 """The result that a user holds: names of the JSON, tables, text. Knows no solver and no file."""
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.notebook import card
 from tgospa_eval.problem import Floats, Ints, Parameters, sum_by
 from tgospa_eval.result import Bounds, Breakdown
 from tgospa_eval.states import States
@@ -75,6 +77,23 @@ class Proof(Costs):
 
     states: States
     weights: Ints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """Where the objects were, for pictures alone: no number depends on it.
+
+    Parameters
+    ----------
+    columns : tuple of str
+        Names of the d state columns.
+    truth, estimate : (R, d) float arrays
+        States in the order of the rows of the problem, by step and track.
+    """
+
+    columns: tuple[str, ...]
+    truth: Floats
+    estimate: Floats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -328,20 +347,52 @@ class Summary(ABC):
 
         return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
 
+    def quantity(self, value: float) -> str:
+        """A value in words, with the unit of the states."""
+        return f"{value:.6g}" + (f" {self.labels.unit}" if self.labels.unit else "")
+
+    def share(self, part: float) -> str:
+        """A cost in percent of the total, in words."""
+        return f"{100 * part / self.total:.1f} %" if self.total > 0 else "-"
+
+    @property
+    def proven(self) -> str:
+        """How the value is known, in words."""
+        if self.certified:
+            # No more than 12 digits: the last ones are rounding and differ between machines.
+            digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
+            agree = f"to {digits} digits" if digits >= 1 else "within rounding"
+            return f"exact: proven lower and upper bound agree {agree}"
+        return f"proven (the totals differ by {100 * self.relative_gap:.2g}%)"
+
+    @property
+    def claim(self) -> str:
+        """The value, or the bracket, in words."""
+        value = self.quantity(self.tgospa)
+        if self.certified:
+            return f"TGOSPA = {value}"
+        return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
+
     def _repr_html_(self) -> str:
-        parts = (
-            "tgospa",
-            "lower_bound",
-            "upper_bound",
-            "localisation",
-            "missed",
-            "false",
-            "switch",
+        names, per_step = ("localisation", "missed", "false", "switch"), self.per_step_table()
+        sizes, parameters = self.sizes, self.proof.parameters
+        cost = {name: getattr(self, name) for name in names} | {"total": self.total}
+        times = per_step["t"] or [""]
+        return card(
+            title=self.claim,
+            proof=self.proven,
+            notes=(
+                f"{sizes['truth']} truths, {sizes['estimates']} estimates, {sizes['steps']} steps",
+                f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
+                f"gamma = {self.quantity(parameters.switch_penalty)}",
+            ),
+            parts=[
+                (name, f"{value:.6g}", self.share(value), _count(self.counts.get(name)))
+                for name, value in cost.items()
+            ],
+            costs={name: per_step[name] for name in names},
+            ends=(str(times[0]), str(times[-1])),
         )
-        rows = "".join(
-            f"<tr><th>{name}</th><td>{getattr(self, name):.6g}</td></tr>" for name in parts
-        )
-        return f"<table>{rows}</table>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -354,9 +405,12 @@ class Result(Summary):
         Bounds and assignment.
     labels, gap, settings, solver, timings, input, version
         Times and ids, the gap that counts as exact, options, and how it was made.
+    scene : Scene, optional
+        The states, for pictures; not part of the JSON.
     """
 
     proof: Proof
+    scene: Scene | None = None
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -410,18 +464,27 @@ class Result(Summary):
         opens = np.ones(len(order), bool)
         opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
         price = states.problem.crossing_price
-        table: Table = {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
-        for group in np.split(order, np.flatnonzero(opens)[1:]) if len(order) else ():
-            names = [self.labels.estimates[j] for j in states.pair_estimate[pair[group]]]
-            up = rises[group]
-            variation = float(amount[group].sum())
-            table["t"].append(self.labels.times[step[group[0]]])
-            table["truth"].append(self.labels.truths[truth[group[0]]])
-            table["from"].append(next((n for n, r in zip(names, up, strict=True) if not r), None))
-            table["to"].append(next((n for n, r in zip(names, up, strict=True) if r), None))
-            table["mass"].append(0.5 * variation)
-            table["cost"].append(self.scale * float(price[step[group[0]]]) * variation)
-        return table
+        first = np.flatnonzero(opens)
+        if not len(first):
+            return {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
+        variation = np.add.reduceat(amount[order], first)
+        named = [*self.labels.estimates, None]
+
+        def largest(chosen: NDArray[np.bool_]) -> list[str | None]:
+            """Of each group the estimate of its first change that is chosen."""
+            place = np.where(chosen[order], np.arange(len(order)), len(order))
+            track = np.append(states.pair_estimate[pair[order]], len(named) - 1)
+            return [named[j] for j in track[np.minimum.reduceat(place, first)].tolist()]
+
+        moments, tracks = step[order[first]], truth[order[first]]
+        return {
+            "t": [self.labels.times[k] for k in moments.tolist()],
+            "truth": [self.labels.truths[i] for i in tracks.tolist()],
+            "from": largest(~rises),
+            "to": largest(rises),
+            "mass": (0.5 * variation).tolist(),
+            "cost": (self.scale * price[moments] * variation).tolist(),
+        }
 
     def per_truth_table(self) -> Table:
         """Steps, costs and counts of each truth."""
@@ -474,6 +537,10 @@ def sizes_of(states: States) -> dict[str, int]:
         "pair_steps": len(states.problem.cost),
         "components": len(states.block_begin),
     }
+
+
+def _count(number: float | None) -> str:
+    return "" if number is None else f"{number:.6g}"
 
 
 def records(table: Table) -> list[dict[str, Any]]:

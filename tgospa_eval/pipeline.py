@@ -12,7 +12,7 @@ from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation import Labels, Proof, Result, sizes_of
+from tgospa_eval.evaluation import Labels, Proof, Result, Scene, sizes_of
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.result import Solution, certify
@@ -283,8 +283,9 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
         weights=weights,
         breakdown=breakdown,
     )
+    truth, estimate = prepared.sides
     with stopwatch.span("report"):
-        split = _split(*prepared.sides, prepared.distance, proof)
+        split = _split(truth, estimate, prepared.distance, proof)
     gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
     return Result(
         proof=proof,
@@ -296,6 +297,7 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
         timings=_nested(stopwatch),
         input=prepared.input,
         version=__version__,
+        scene=Scene(columns=truth.columns, truth=truth.state, estimate=estimate.state),
     )
 
 

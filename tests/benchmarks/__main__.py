@@ -13,6 +13,7 @@ import gaussian
 import grid
 import kernel
 import memory
+import page
 import report
 import scale
 import startup
@@ -33,6 +34,7 @@ class Plan:
     settings: tuple[Scene, ...]
     seeds: int
     memory: tuple[memory.Case, ...]
+    page: tuple[Scene, ...]
     scale: tuple[Scene, ...]
     gaussian: tuple[str, ...]
     deadline: float
@@ -77,6 +79,13 @@ def run_memory(plan: Plan, store: Store) -> list[Table]:
     return report.of_memory(plan.memory, store)
 
 
+def run_page(plan: Plan, store: Store) -> list[Table]:
+    """Time to make the HTML report."""
+    for scene in plan.page:
+        missing(store, lambda scene=scene: page.measure(scene), page.PART, str(scene))
+    return report.of_page(plan.page, store)
+
+
 def run_scale(plan: Plan, store: Store) -> list[Table]:
     """The command on large files."""
     for scene in plan.scale:
@@ -95,6 +104,7 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "kernel": run_kernel,
     "gaussian": run_gaussian,
     "memory": run_memory,
+    "page": run_page,
     "scale": run_scale,
     "startup": run_startup,
 }
@@ -139,6 +149,7 @@ def main(
         settings=tuple(map(Scene.parse, settings)) or (SMALL_SETTINGS if small else grid.SETTINGS),
         seeds=seeds or (SMALL_SEEDS if small else SEEDS),
         memory=memory.SMALL if small else memory.CASES,
+        page=page.SMALL if small else page.SCENES,
         scale=scale.SMALL if small else scale.SCENES,
         gaussian=tuple(gaussian.CASES)[: 1 if small else None],
         deadline=time.monotonic() + budget,

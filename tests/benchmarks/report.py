@@ -9,6 +9,7 @@ import gaussian
 import grid
 import kernel
 import memory
+import page
 import scale
 import startup
 from grid import stored
@@ -238,6 +239,38 @@ def _memory_row(name: str, found: Values) -> list[str]:
         f"{found['peak_bytes'] / MEGA:,.0f}",
         f"{beyond / found['states']:.0f}",
         str(Number(found["seconds"])),
+    ]
+
+
+def of_page(scenes: Sequence[Scene], store: Store) -> list[Table]:
+    """Seconds and size of the HTML report."""
+    found = [(scene, store.get(page.PART, str(scene))) for scene in scenes]
+    header = ("m,T,area,noise", "page s", "evaluation s", "ratio", "plotly s", "allowed s", "MB")
+    return [
+        Table(
+            "HTML report",
+            header,
+            [_page_row(scene, values) for scene, values in found if values is not None],
+            (
+                f"Allowed: {page.SHARE:g} of the evaluation or {page.IMPORTS:g} imports of "
+                "plotly.graph_objects in a new process, if it is installed, whichever is more; "
+                f"{page.BYTES / MEGA:g} MB. Best of {page.ROUNDS} runs in turn.",
+            ),
+        )
+    ]
+
+
+def _page_row(scene: Scene, found: Values) -> list[str]:
+    plotly = found["plotly"]
+    allowed = max(page.SHARE * found["evaluation"], page.IMPORTS * (plotly or 0.0))
+    return [
+        str(scene),
+        str(Number(found["page"])),
+        str(Number(found["evaluation"])),
+        f"{found['page'] / found['evaluation']:.2f}",
+        str(Number(plotly)) if plotly else ABSENT,
+        str(Number(allowed)),
+        f"{found['bytes'] / MEGA:.2f}",
     ]
 
 

@@ -31,5 +31,5 @@ def command(ctx: click.Context, /, truth: str, estimate: str, **options: Any) ->
         for name in ("cutoff", "switch_penalty")
     }
     result, finished = evaluate_files(truth, estimate, options, given)
-    show(result, options)
+    show(result, options, (truth, estimate))
     ctx.exit(0 if finished else ACCURACY_MISSED)

@@ -229,11 +229,26 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
         )
 
 
-def show(result: Summary, options: dict[str, Any]) -> None:
+def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
-        write_folder(result, options["output"], force=options["force"])
-    emit(REPORTS[options["format_"]](result))
+        missing = write_folder(result, options["output"], force=options["force"], names=names)
+        for extra in () if options["quiet"] else missing:
+            say(f"report.html is not written: it needs pip install 'tgospa-eval[{extra}]'")
+    name = options["format_"]
+    if name == "table" and _on_terminal():
+        from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
+
+        emit(report(result, sys.stdout.encoding or "ascii"))
+    else:
+        emit(REPORTS[name](result))
+
+
+def _on_terminal() -> bool:
+    """Whether someone looks at stdout; `FORCE_COLOR` says so too, as in the logs of CI."""
+    if sys.stdout is None or os.environ.get("TERM") == "dumb":
+        return False
+    return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
 
 
 def emit(text: str) -> None:

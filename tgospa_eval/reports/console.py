@@ -1,6 +1,5 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-import math
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -14,37 +13,28 @@ PARTS = ("localisation", "missed", "false", "switch")
 
 def table(result: Summary) -> str:
     """The result in words, for someone who sees it for the first time."""
-    blocks = (
-        _headline(result),
-        _meaning(result),
-        _parts(result),
-        _classes(result),
-        _scale(result),
-        _worst(result),
-        _switches(result),
-        _footer(result),
-    )
-    return "\n\n".join("\n".join(block) for block in map(list, blocks) if block) + "\n"
+    shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
+    return "\n\n".join(shown) + "\n"
+
+
+def blocks(result: Summary) -> dict[str, list[str]]:
+    """The lines of each block by name, none where it does not apply."""
+    makers = {
+        "headline": _headline,
+        "meaning": _meaning,
+        "parts": _parts,
+        "classes": _classes,
+        "scale": _scale,
+        "worst": _worst,
+        "switches": _switches,
+        "footer": _footer,
+    }
+    return {name: list(make(result)) for name, make in makers.items()}
 
 
 def headline(result: Summary) -> str:
     """The value and what is known about it, in one sentence."""
-    value = quantity(result, result.tgospa)
-    if result.certified:
-        # No more than 12 digits, for the last ones are rounding and differ from machine to machine.
-        digits = math.floor(-math.log10(max(result.relative_gap, 1e-12)) + 1e-9)
-        agree = f"to {digits} digits" if digits >= 1 else "within rounding"
-        return f"TGOSPA = {value}, exact: proven lower and upper bound agree {agree}"
-    low = quantity(result, result.lower_bound)
-    return (
-        f"TGOSPA is between {low} and {value}, proven "
-        f"(the totals differ by {100 * result.relative_gap:.2g}%)"
-    )
-
-
-def quantity(result: Summary, value: float) -> str:
-    """A value with the unit of the states."""
-    return f"{value:.6g}" + (f" {result.labels.unit}" if result.labels.unit else "")
+    return f"{result.claim}, {result.proven}"
 
 
 def _headline(result: Summary) -> Iterator[str]:
@@ -56,24 +46,35 @@ def _headline(result: Summary) -> Iterator[str]:
     )
 
 
-def _meaning(result: Summary) -> Iterator[str]:
+def meaning(result: Summary) -> list[tuple[str, str]]:
+    """The parameters by name, each in words."""
     parameters = result.proof.parameters
     p = parameters.order
     miss, price = result.scale / 2, _power(parameters.switch_penalty, p)
-    cutoff = quantity(result, parameters.cutoff)
-    gamma = quantity(result, parameters.switch_penalty)
-    yield from _wrap(
-        f"  c     = {cutoff}, cutoff: no error counts more; a missed or a false target "
-        f"costs c^p/2 = {miss:.6g}"
-    )
-    yield from _wrap(
-        f"  p     = {p:g}, order: costs are errors to the power p, TGOSPA is the p-th root "
-        "of their total"
-    )
-    yield from _wrap(
-        f"  gamma = {gamma}, switch penalty: changing to another track costs "
-        f"gamma^p = {price}, to or from none half of it"
-    )
+    cutoff = result.quantity(parameters.cutoff)
+    gamma = result.quantity(parameters.switch_penalty)
+    return [
+        (
+            "c",
+            f"{cutoff}, cutoff: no error counts more; a missed or a false target "
+            f"costs c^p/2 = {miss:.6g}",
+        ),
+        (
+            "p",
+            f"{p:g}, order: costs are errors to the power p, TGOSPA is the p-th root "
+            "of their total",
+        ),
+        (
+            "gamma",
+            f"{gamma}, switch penalty: changing to another track costs "
+            f"gamma^p = {price}, to or from none half of it",
+        ),
+    ]
+
+
+def _meaning(result: Summary) -> Iterator[str]:
+    for name, words in meaning(result):
+        yield from _wrap(f"  {name:<5} = {words}")
 
 
 def _power(value: float, order: float) -> str:
@@ -99,12 +100,12 @@ def _parts(result: Summary) -> Iterator[str]:
     for name in PARTS:
         cost = getattr(result, name)
         count = f"{result.counts[name]:.6g}" if name in result.counts else ""
-        share = _share(cost, total)
+        share = result.share(cost)
         yield f"  {name:<14}{cost:>12.6g}{share:>9}{count:>10}  {notes[name]}".rstrip()
         if name == "localisation" and result.split is not None:
             for part, half in zip(("means", "covariances"), result.split, strict=True):
-                yield f"    {part:<12}{half:>12.6g}{_share(half, total):>9}"
-    yield f"  {'total':<14}{total:>12.6g}{_share(total, total):>9}{'':>10}  = TGOSPA^p".rstrip()
+                yield f"    {part:<12}{half:>12.6g}{result.share(half):>9}"
+    yield f"  {'total':<14}{total:>12.6g}{result.share(total):>9}{'':>10}  = TGOSPA^p".rstrip()
 
 
 def _classes(result: Summary) -> Iterator[str]:
@@ -124,9 +125,9 @@ def _scale(result: Summary) -> Iterator[str]:
         return
     order = result.proof.parameters.order
     typical = (result.total / objects) ** (1 / order)
-    per_step = quantity(result, result.normalised["tgospa"])
+    per_step = result.quantity(result.normalised["tgospa"])
     yield f"  per step             {per_step}  (total / steps)^(1/p)"
-    yield f"  per object and step  {quantity(result, typical)}  a typical error, misses included"
+    yield f"  per object and step  {result.quantity(typical)}  a typical error, misses included"
 
 
 def _worst(result: Summary) -> Iterator[str]:
@@ -173,10 +174,6 @@ def clip(line: str, width: int = WIDTH) -> str:
 
 def _name(value: Any) -> str:
     return "none" if value is None else str(value)
-
-
-def _share(part: float, total: float) -> str:
-    return f"{100 * part / total:.1f} %" if total > 0 else "-"
 
 
 def _count(number: int, word: str) -> str:

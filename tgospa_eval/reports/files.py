@@ -1,6 +1,7 @@
-"""The result as files: JSON and CSV tables, whole or absent."""
+"""The result as files: JSON, CSV tables, the report; whole or absent."""
 
 import csv
+import importlib.util
 import io
 import os
 from collections.abc import Mapping
@@ -49,8 +50,30 @@ def check_folder(folder: str, *, force: bool, option: str = "--output") -> None:
         raise ConfigError(f"{option} {folder}: {error.strerror}") from None
 
 
-def write_folder(result: Summary, folder: str, *, force: bool) -> None:
+def write_folder(
+    result: Summary,
+    folder: str,
+    *,
+    force: bool,
+    names: tuple[str, str] = ("truth", "estimate"),
+) -> tuple[str, ...]:
     """Write the result folder.
+
+    Parameters
+    ----------
+    result : Summary
+        What to write.
+    folder : str
+        Where.
+    force : bool
+        Whether it may hold files already.
+    names : pair of str
+        What truth and estimate are called in the report.
+
+    Returns
+    -------
+    tuple of str
+        Extras that are not installed, without which a part is not written.
 
     Raises
     ------
@@ -69,7 +92,15 @@ def write_folder(result: Summary, folder: str, *, force: bool) -> None:
     }
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
+    missing: tuple[str, ...] = ()
+    if importlib.util.find_spec("jinja2") is None:
+        missing = ("report",)
+    else:
+        from tgospa_eval.reports.html import page
+
+        texts["report.html"] = page(result, names)
     write_texts(texts, folder, force=force)
+    return missing
 
 
 def write_texts(

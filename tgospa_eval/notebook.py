@@ -1,0 +1,110 @@
+"""What a notebook shows of a result: HTML of plain values, with styles inside. Knows no result.
+
+Colours are legible on light and on dark paper, for a notebook does not say which it has.
+"""
+
+from collections.abc import Sequence
+from html import escape
+
+COLOURS = {
+    "localisation": "#5b8fc7",
+    "missed": "#d9622b",
+    "false": "#9a6bd6",
+    "switch": "currentColor",
+}
+WIDTH, HEIGHT = 560, 56
+BARS = 140
+
+
+def card(
+    *,
+    title: str,
+    proof: str,
+    notes: Sequence[str],
+    parts: Sequence[tuple[str, str, str, str]],
+    costs: dict[str, list[float]],
+    ends: tuple[str, str],
+) -> str:
+    """A headline, the four parts, and the cost of each step.
+
+    Parameters
+    ----------
+    title, proof : str
+        The value, and how it is known.
+    notes : sequence of str
+        Lines below: sizes, parameters.
+    parts : sequence of (name, cost, share, count)
+        Rows of the table.
+    costs : dict
+        Of each part its cost at each step.
+    ends : pair of str
+        First and last time.
+    """
+    rows = "".join(
+        f'<tr><th scope="row" style="text-align:left;font-weight:500">{_swatch(name)}'
+        f"{escape(name)}</th>"
+        + "".join(f'<td style="text-align:right">{escape(cell)}</td>' for cell in cells)
+        + "</tr>"
+        for name, *cells in parts
+    )
+    lines = "".join(
+        f'<div style="opacity:.75;font-size:.92em"><bdi>{escape(note)}</bdi></div>'
+        for note in notes
+    )
+    head = "".join(
+        f'<th scope="col" style="text-align:right;opacity:.75">{name}</th>'
+        for name in ("", "cost", "share", "count")
+    )
+    return (
+        '<div style="max-width:600px;line-height:1.5">'
+        f'<div style="font-size:1.35em;font-weight:600"><bdi>{escape(title)}</bdi></div>'
+        f"<div><bdi>{escape(proof)}</bdi></div>{lines}"
+        '<table style="margin:.5em 0;color:inherit;font-size:inherit;border-spacing:.8em 0">'
+        f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        f"{_chart(costs, ends)}</div>"
+    )
+
+
+def _swatch(name: str) -> str:
+    colour = COLOURS.get(name)
+    return (
+        f'<span style="display:inline-block;width:.8em;height:.8em;margin-right:.45em;'
+        f'background:{colour}"></span>'
+        if colour
+        else ""
+    )
+
+
+def _chart(costs: dict[str, list[float]], ends: tuple[str, str]) -> str:
+    """Stacked bars; where there are many steps the dearest of several stands for them."""
+    totals = [sum(values) for values in zip(*costs.values(), strict=True)]
+    high = max(totals, default=0.0)
+    if not high > 0:
+        return ""
+    together = -(-len(totals) // BARS)
+    chosen = [
+        max(range(first, min(first + together, len(totals))), key=totals.__getitem__)
+        for first in range(0, len(totals), together)
+    ]
+    wide = WIDTH / len(chosen)
+    below = [0.0] * len(chosen)
+    paths = ""
+    for name, values in costs.items():
+        path = ""
+        for bar, step in enumerate(chosen):
+            tall = values[step] / high * HEIGHT
+            if tall > 0:
+                below[bar] += tall
+                x, y = bar * wide, HEIGHT - below[bar]
+                path += f"M{x:.1f} {y:.1f}h{wide * 0.85:.1f}v{tall:.1f}h{-wide * 0.85:.1f}z"
+        if path:
+            paths += f'<path d="{path}" fill="{COLOURS[name]}"/>'
+    said = f"cost of each step from {ends[0]} to {ends[1]}, at most {high:.6g}"
+    if together > 1:
+        said += f"; each bar is the dearest of {together}"
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" style="width:100%;display:block" role="img" '
+        f'aria-label="{escape(said)}">{paths}<path d="M0 {HEIGHT}h{WIDTH}" '
+        f'stroke="currentColor" opacity=".4"/></svg>'
+        f'<div style="opacity:.75;font-size:.85em">{escape(said)}</div>'
+    )

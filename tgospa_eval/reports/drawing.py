@@ -1,0 +1,297 @@
+"""From a result to what the page draws: costs, lanes, positions, events. Plain data, no HTML.
+
+A lane is a trajectory; its runs are stretches of steps on which it exists and is assigned to one
+other, or to none. Rows are its states, thinned where there are very many, but never an event.
+"""
+
+import base64
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.by_class import ByClass
+from tgospa_eval.evaluation import Result, Summary, Table
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.weights import ONE
+
+VALUES = 800_000
+"""Coordinates that are drawn; beyond, tracks are thinned."""
+
+LEVELS = 1 << 16
+"""Steps into which the extent of a coordinate is divided."""
+
+ERRORS = 1000
+"""Steps into which the cutoff is divided."""
+
+NONE = -1
+PARTS = ("localisation", "missed", "false", "switch")
+BOX = ("left", "top", "width", "height")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Side:
+    """The trajectories of one side, by track and step.
+
+    Parameters
+    ----------
+    track, step, other : (R,) int arrays
+        Of each state: its track, its step, and the track of the other side to which the largest
+        part of it is assigned, or `NONE`.
+    error : (R,) float array
+        Distance to it as a fraction of the cutoff; 1 where it is unassigned.
+    state : (R, d) float array
+        d = 0 where the states are unknown.
+    shared : int
+        Number of states that are assigned to `other` in part only.
+    """
+
+    track: Ints
+    step: Ints
+    other: Ints
+    error: Floats
+    state: Floats
+    shared: int
+
+
+def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
+    """What the page draws: a JSON document, and whole numbers by name, as long as the data.
+
+    Numbers of tracks count those of all classes one after the other, as the tables do.
+    """
+    parts = list(result.results.values()) if isinstance(result, ByClass) else [result]
+    parts = [part for part in parts if isinstance(part, Result)]
+    scenes = [part.scene for part in parts]
+    columns = scenes[0].columns if scenes and scenes[0] is not None else ()
+    sides = {name: _joined(parts, name, len(columns)) for name in ("truth", "estimate")}
+    stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
+    low, quantum = _grid([side.state for side in sides.values()], len(columns))
+    arrays: dict[str, Ints] = {}
+    kept = {}
+    for name, side in sides.items():
+        opens, closes = _runs(side)
+        keep = _kept(side, opens, closes, stride) if columns else np.zeros(0, np.int64)
+        kept[name] = len(keep)
+        arrays |= {
+            f"{name}/run/track": side.track[opens],
+            f"{name}/run/begin": side.step[opens],
+            f"{name}/run/end": side.step[closes],
+            f"{name}/run/other": side.other[opens],
+            f"{name}/row/track": side.track[keep],
+            f"{name}/row/step": side.step[keep],
+        }
+        for axis in range(len(columns)):
+            # halves, for the difference of two large numbers may overflow
+            offset = side.state[keep, axis] / 2 - low[axis] / 2
+            value = np.rint(offset / (quantum[axis] / 2))
+            arrays[f"{name}/row/{axis}"] = value.astype(np.int64)
+        if name == "truth":
+            arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
+    per_step = result.per_step_table()
+    return {
+        "times": [_time(t) for t in per_step["t"]],
+        "costs": {name: _rounded(per_step[name]) for name in PARTS},
+        "counts": {
+            name: _rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
+            for name in PARTS[1:]
+        },
+        "curve": {name: _rounded(values) for name, values in curves(result).items()},
+        "tracks": {
+            "truth": _tracks(result.per_truth_table(), "missed"),
+            "estimate": _tracks(result.per_estimate_table(), "false"),
+        },
+        "switches": _switches(parts),
+        "columns": list(columns),
+        "boxes": columns[:4] == BOX,
+        "low": low,
+        "quantum": quantum,
+        "cutoff": result.proof.parameters.cutoff,
+        "order": result.proof.parameters.order,
+        "unit": result.labels.unit or "",
+        "errors": ERRORS,
+        "stride": stride,
+        "shared": sides["truth"].shared,
+        "rows": {name: [kept[name], len(side.track)] for name, side in sides.items()},
+        "arrays": [[name, len(array)] for name, array in arrays.items()],
+    }, arrays
+
+
+def curves(result: Summary) -> dict[str, list[float]]:
+    """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
+
+    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of those steps at which something
+    exists; the last value of ``total`` is `normalised`. Costs are those of the assignment of the
+    whole recording, so this bounds the metric of the steps 1..k from above.
+    """
+    split, occupied = result.proof.breakdown, np.maximum(np.cumsum(result.occupied), 1)
+    parts = {name: getattr(split, name) for name in PARTS}
+    parts["total"] = sum(parts.values(), np.zeros(len(occupied)))
+    parameters = result.proof.parameters
+    return {
+        name: (parameters.cutoff * (np.cumsum(cost) / occupied) ** (1 / parameters.order)).tolist()
+        for name, cost in parts.items()
+    }
+
+
+def packed(arrays: dict[str, Ints]) -> str:
+    """The arrays one after the other as base64 text.
+
+    Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
+    what is regular becomes zeros, which deflate away.
+    """
+    planes = []
+    for array in (values.astype(np.int64) for values in arrays.values()):
+        change = np.empty(len(array), np.int64)
+        change[:1], change[1:] = array[:1], array[1:] - array[:-1]
+        code = ((change << 1) ^ (change >> 63)).astype(np.uint32)
+        planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
+    # Only runs are looked for: a third of the time for the same size, as the rest is noise.
+    packer = zlib.compressobj(strategy=zlib.Z_RLE)
+    data = packer.compress(b"".join(planes)) + packer.flush()
+    return base64.b64encode(data).decode("ascii")
+
+
+def _joined(parts: list[Result], name: str, size: int) -> Side:
+    """One side of all parts, tracks numbered through."""
+    sides, first = [], {"truth": 0, "estimate": 0}
+    other = "estimate" if name == "truth" else "truth"
+    for part in parts:
+        side = _side(part, name, size)
+        sides.append(
+            Side(
+                track=side.track + first[name],
+                step=side.step,
+                other=np.where(side.other == NONE, NONE, side.other + first[other]),
+                error=side.error,
+                state=side.state,
+                shared=side.shared,
+            )
+        )
+        first["truth"] += len(part.labels.truths)
+        first["estimate"] += len(part.labels.estimates)
+    return Side(
+        track=np.concatenate([side.track for side in sides]),
+        step=np.concatenate([side.step for side in sides]),
+        other=np.concatenate([side.other for side in sides]),
+        error=np.concatenate([side.error for side in sides]),
+        state=np.concatenate([side.state for side in sides]),
+        shared=sum(side.shared for side in sides),
+    )
+
+
+def _side(result: Result, name: str, size: int) -> Side:
+    states, problem = result.proof.states, result.proof.states.problem
+    other = "estimate" if name == "truth" else "truth"
+    own_row: Ints = getattr(problem, f"{name}_row")
+    other_row: Ints = getattr(problem, f"{other}_row")
+    other_track: Ints = getattr(problem, f"{other}_track")
+    step = getattr(problem, f"{name}_step").astype(np.int64)
+    track = getattr(problem, f"{name}_track").astype(np.int64)
+
+    used = np.flatnonzero((states.entry >= 0) & (result.proof.weights > 0))
+    entry, weight = states.entry[used].astype(np.int64), result.proof.weights[used]
+    order = np.argsort(weight, kind="stable")  # the largest of a row comes last and stays
+    entry, weight = entry[order], weight[order]
+    partner = np.full(len(step), NONE, np.int64)
+    error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
+    row = own_row[entry]
+    partner[row] = other_track[other_row[entry]]
+    error[row] = problem.cost[entry] ** (1 / result.proof.parameters.order)
+    best[row] = weight
+    np.subtract.at(free, row, weight)
+    partner[free > best] = NONE
+    error[partner == NONE] = 1.0
+
+    scene = result.scene
+    state = np.zeros((len(step), 0)) if scene is None or not size else getattr(scene, name)
+    by_track = np.argsort(track, kind="stable")
+    return Side(
+        track=track[by_track],
+        step=step[by_track],
+        other=partner[by_track],
+        error=error[by_track],
+        state=state[by_track],
+        shared=int(np.count_nonzero((partner != NONE) & (best < ONE))),
+    )
+
+
+def _runs(side: Side) -> tuple[Ints, Ints]:
+    """First and last row of each run."""
+    if not len(side.track):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    opens = np.ones(len(side.track), bool)
+    opens[1:] = (np.diff(side.track) != 0) | (np.diff(side.step) != 1) | (np.diff(side.other) != 0)
+    first = np.flatnonzero(opens)
+    return first, np.append(first[1:], len(side.track)) - 1
+
+
+def _kept(side: Side, opens: Ints, closes: Ints, stride: int) -> Ints:
+    """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
+    keep = (side.step % stride == 0) | (side.other == NONE)
+    keep[opens] = True
+    keep[closes] = True
+    return np.flatnonzero(keep)
+
+
+def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
+    """Origin and step of the grid on which each coordinate is told."""
+    known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
+    if not size or not len(known):
+        return [0.0] * size, [1.0] * size
+    low, high = known.min(axis=0), known.max(axis=0)
+    quantum = 2 * (high / 2 - low / 2) / LEVELS
+    return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
+
+
+def _tracks(table: Table, kind: str) -> dict[str, list[Any]]:
+    """The columns of a table of tracks by the same names for both sides, with the total."""
+    total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
+    names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
+    return (
+        {"id": list(map(str, table["id"])), "steps": table["steps"]}
+        | ({"class": table["class"]} if "class" in table else {})
+        | {name: _rounded(table[column]) for name, column in names.items()}
+        | {
+            "total": _rounded(total.tolist()),
+            "unassigned_count": _rounded(table[f"{kind}_count"]),
+            "switch_count": _rounded(table["switch_count"]),
+        }
+    )
+
+
+def _switches(parts: list[Result]) -> Table:
+    """The table of switches with numbers of steps and tracks."""
+    names = ("step", "truth", "from", "to", "mass", "cost")
+    found: Table = {name: [] for name in names}
+    truths = estimates = 0
+    for part in parts:
+        labels, table = part.labels, part.switches_table()
+        step = {t: k for k, t in enumerate(labels.times)}
+        truth = {name: truths + k for k, name in enumerate(labels.truths)}
+        estimate: dict[Any, int] = {name: estimates + k for k, name in enumerate(labels.estimates)}
+        estimate[None] = NONE
+        found["step"] += [step[t] for t in table["t"]]
+        found["truth"] += [truth[name] for name in table["truth"]]
+        found["from"] += [estimate[name] for name in table["from"]]
+        found["to"] += [estimate[name] for name in table["to"]]
+        found["mass"] += _rounded(table["mass"])
+        found["cost"] += _rounded(table["cost"])
+        truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
+    return found
+
+
+def _time(t: float | str) -> float | str:
+    """A time as it was read; what is beyond the whole numbers of a browser is a text to it."""
+    return t if isinstance(t, int | float) and abs(t) < 1 << 53 else str(t)
+
+
+def _rounded(values: list[float]) -> list[float]:
+    """Seven digits, which is more than is shown."""
+    exact = np.array(values, float)
+    size = np.where(exact == 0, 1.0, np.abs(exact))
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
+        factor = 10.0 ** (6 - np.floor(np.log10(size)))
+        rounded = np.rint(exact * factor) / factor
+    told: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
+    return told

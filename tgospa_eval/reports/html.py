@@ -1,0 +1,113 @@
+"""The report as one page: words from a template, pictures by its script from packed data.
+
+The page loads nothing: style, script and data are inside. Everything that comes from the user
+passes through the autoescape of the template, or through `tojson` as data that the script shows as
+text.
+"""
+
+from typing import Any
+
+import jinja2
+
+from tgospa_eval.evaluation import Summary, Table
+from tgospa_eval.reports.console import PARTS, meaning
+from tgospa_eval.reports.drawing import document, packed
+
+SCRIPTS = ("data", "canvas", "costs", "lanes", "plane", "tables", "page")
+"""Files of the script, in order; they share one scope."""
+
+WORST = 10
+
+NOTES = {
+    "localisation": "distance of assigned pairs",
+    "missed": "object-steps without estimate",
+    "false": "estimate-steps without object",
+    "switch": "track switches",
+}
+
+
+def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    result : Summary
+        What to show.
+    names : pair of str
+        What truth and estimate are called, as the paths of their files.
+    """
+    loader = jinja2.PackageLoader("tgospa_eval.reports", "page")
+    environment = jinja2.Environment(
+        loader=loader,
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    data, arrays = document(result)
+
+    def inlined(name: str) -> str:
+        return loader.get_source(environment, name)[0]
+
+    return environment.get_template("page.html.j2").render(
+        # a path may hold bytes that are no text
+        names=[name.encode("utf-8", "backslashreplace").decode() for name in names],
+        claim=result.claim,
+        proven=result.proven,
+        value=result.quantity(result.tgospa),
+        bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
+        certified=result.certified,
+        meaning=meaning(result),
+        sizes=result.sizes,
+        parts=_parts(result),
+        total=f"{result.total:.6g}",
+        per_step=result.quantity(result.normalised["tgospa"]),
+        classes=_classes(result),
+        switches=len(data["switches"]["step"]),
+        timings=_flat(result.timings),
+        parameters=_flat(result.parameters),
+        inputs={name: _flat(told) for name, told in result.input.items()},
+        solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
+        version=result.version,
+        worst=WORST,
+        data=data,
+        arrays=packed(arrays),
+        style=inlined("page.css"),
+        script="".join(inlined(f"{name}.js") for name in SCRIPTS),
+    )
+
+
+def _parts(result: Summary) -> list[dict[str, str]]:
+    return [
+        {
+            "name": name,
+            "cost": f"{getattr(result, name):.6g}",
+            "share": result.share(getattr(result, name)),
+            "count": f"{result.counts[name]:.6g}" if name in result.counts else "",
+            "note": NOTES[name],
+        }
+        for name in PARTS
+    ]
+
+
+def _classes(result: Summary) -> list[list[str]]:
+    table: Table = result.per_class_table()
+    return [
+        [str(name), *(f"{value:.6g}" for value in values)]
+        for name, *values in zip(*table.values(), strict=True)
+    ]
+
+
+def _flat(record: dict[str, Any], before: str = "") -> dict[str, str]:
+    """A record as lines of text, nested names joined by a slash."""
+    lines: dict[str, str] = {}
+    for name, value in record.items():
+        if isinstance(value, dict):
+            lines |= _flat(value, f"{before}{name}/")
+        elif isinstance(value, float):
+            lines[before + name] = f"{value:.6g}"
+        elif isinstance(value, list | tuple):
+            lines[before + name] = ", ".join(map(str, value))
+        elif value is not None:
+            lines[before + name] = str(value)
+    return lines

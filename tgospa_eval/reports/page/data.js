@@ -1,0 +1,112 @@
+// The data: a JSON document, and whole numbers in one compressed block (reports/drawing.py).
+const doc = JSON.parse(document.getElementById("data").textContent);
+const NONE = -1;
+const PARTS = ["localisation", "missed", "false", "switch"];
+const steps = doc.times.length;
+const total = doc.times.map((_, k) => PARTS.reduce((sum, name) => sum + doc.costs[name][k], 0));
+const stepOf = new Map(doc.times.map((t, k) => [String(t), k]));
+const sides = { truth: null, estimate: null };
+
+async function readArrays() {
+  const text = atob(document.getElementById("arrays").textContent.trim());
+  const bytes = new Uint8Array(text.length);
+  for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const flat = new Uint8Array(await new Response(stream).arrayBuffer());
+  const arrays = {};
+  let at = 0;
+  for (const [name, n] of doc.arrays) {
+    const values = new Int32Array(n);
+    let value = 0;
+    for (let k = at; k < at + n; k++) {
+      const code = flat[k] | flat[k + n] << 8 | flat[k + 2 * n] << 16 | flat[k + 3 * n] << 24;
+      value = (value + ((code >>> 1) ^ -(code & 1))) | 0;
+      values[k - at] = value;
+    }
+    arrays[name] = values;
+    at += 4 * n;
+  }
+  return arrays;
+}
+
+// Where each track begins in an array that is sorted by track.
+function firsts(track, count) {
+  const first = new Int32Array(count + 1);
+  for (const value of track) first[value + 1]++;
+  for (let k = 0; k < count; k++) first[k + 1] += first[k];
+  return first;
+}
+
+function makeSide(name, arrays) {
+  const table = doc.tracks[name], count = table.id.length;
+  const run = {}, row = {};
+  for (const field of ["track", "begin", "end", "other"]) run[field] = arrays[`${name}/run/${field}`];
+  for (const field of ["track", "step", "error"]) row[field] = arrays[`${name}/row/${field}`];
+  row.axes = doc.columns.map((_, axis) => {
+    const levels = arrays[`${name}/row/${axis}`], values = new Float64Array(levels.length);
+    for (let k = 0; k < levels.length; k++) values[k] = doc.low[axis] + levels[k] * doc.quantum[axis];
+    return values;
+  });
+  run.first = firsts(run.track, count);
+  row.first = firsts(row.track, count);
+  // Whom each row is assigned to: rows and runs are in the same order.
+  row.other = new Int32Array(row.track.length);
+  for (let k = 0, r = 0; k < row.track.length; k++) {
+    while (run.track[r] < row.track[k] || run.end[r] < row.step[k]) r++;
+    row.other[k] = run.other[r];
+  }
+  const label = table.id.map((id, k) => table.class ? `${table.class[k]}: ${id}` : id);
+  return { name, table, count, run, row, label, other: name === "truth" ? "estimate" : "truth" };
+}
+
+// The run of a track at a step, or -1.
+function runAt(side, track, step) {
+  const { first, begin, end } = side.run;
+  let low = first[track], high = first[track + 1];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (end[middle] < step) low = middle + 1; else high = middle;
+  }
+  return low < first[track + 1] && begin[low] <= step ? low : -1;
+}
+
+// The first row of a track at a step or later.
+function rowFrom(side, track, step) {
+  let low = side.row.first[track], high = side.row.first[track + 1];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (side.row.step[middle] < step) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
+// Coordinates of a track at a step at which it exists; between rows that are told on a line.
+function placeAt(side, track, step) {
+  if (!doc.columns.length || runAt(side, track, step) < 0) return null;
+  const { row } = side, k = rowFrom(side, track, step);
+  if (k >= row.first[track + 1]) return null;
+  if (row.step[k] === step || k === row.first[track]) return row.axes.map((axis) => axis[k]);
+  const share = (step - row.step[k - 1]) / (row.step[k] - row.step[k - 1]);
+  return row.axes.map((axis) => axis[k - 1] + share * (axis[k] - axis[k - 1]));
+}
+
+const switchesOf = { step: new Map(), truth: new Map() };
+doc.switches.step.forEach((step, k) => {
+  for (const [map, key] of [[switchesOf.step, step], [switchesOf.truth, doc.switches.truth[k]]]) {
+    if (!map.has(key)) map.set(key, []);
+    map.get(key).push(k);
+  }
+});
+const switchSteps = [...switchesOf.step.keys()].sort((a, b) => a - b);
+
+// Ids of the user stand apart from the words around them, whatever their direction.
+const isolate = (text) => `\u2068${text}\u2069`;
+const labelOf = (name, track) => track === NONE ? "none" : isolate(sides[name].label[track]);
+const number = (value) => {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  return size >= 1e6 || size < 1e-4 ? value.toExponential(3) : String(+value.toPrecision(size >= 1000 ? 6 : 4));
+};
+const withUnit = (value) => number(value) + (doc.unit ? ` ${doc.unit}` : "");
+const time = (step) => String(doc.times[step]);
+const plural = (count, word, many = `${word}s`) => `${number(count)} ${count === 1 ? word : many}`;

@@ -1,0 +1,239 @@
+// A lane for each truth, below them one for each estimate with false steps; what is scrolled to is drawn.
+const lanes = {
+  box: document.getElementById("lanes"),
+  canvas: document.getElementById("lanes-canvas"),
+  rows: [],
+  tall: 18,
+
+  arrange() {
+    const by = document.getElementById("order").value, rows = [];
+    for (const name of ["truth", "estimate"]) {
+      const side = sides[name];
+      let tracks = [...Array(side.count).keys()];
+      if (name === "estimate") tracks = tracks.filter((k) => side.table.unassigned_count[k] > 0);
+      const begin = (k) => side.run.begin[side.run.first[k]] ?? steps;
+      if (by === "cost") tracks.sort((a, b) => side.table.total[b] - side.table.total[a]);
+      if (by === "begin") tracks.sort((a, b) => begin(a) - begin(b));
+      rows.push({ title: name === "truth" ? plural(tracks.length, "truth") : `${plural(tracks.length, "estimate")} with false steps` });
+      for (const track of tracks) rows.push({ side, track });
+    }
+    this.rows = rows;
+    this.tall = rows.length > 80 ? 15 : 20;
+  },
+  indexOf(name, track) {
+    return this.rows.findIndex((row) => row.track === track && row.side?.name === name);
+  },
+  reveal() {
+    const index = state.track === null ? -1 : this.indexOf(state.side, state.track);
+    if (index < 0) return;
+    const y = index * this.tall, { scrollTop, clientHeight } = this.box;
+    if (y < scrollTop) this.box.scrollTop = y - this.tall;
+    else if (y + this.tall > scrollTop + clientHeight - 24) this.box.scrollTop = y - clientHeight + 3 * this.tall + 24;
+  },
+
+  draw() {
+    const whole = this.rows.length * this.tall + 24;
+    // In print there is no scrolling: as many lanes as fit a page.
+    const shown = Math.min(whole, printing ? 720 : 480);
+    this.box.style.height = printing ? "auto" : `${shown + 2}px`;
+    document.getElementById("lanes-space").style.height = `${printing ? 0 : whole - shown}px`;
+    const [context, width] = prepare(this.canvas, shown), bottom = shown - 24;
+    const scroll = printing ? 0 : this.box.scrollTop;
+    context.save();
+    context.beginPath();
+    context.rect(0, 0, width, bottom);
+    context.clip();
+    const first = Math.floor(scroll / this.tall), last = Math.ceil((scroll + shown) / this.tall);
+    for (let k = Math.max(first, 0); k < Math.min(last, this.rows.length); k++) {
+      const y = k * this.tall - scroll, row = this.rows[k];
+      if (row.title) {
+        context.fillStyle = colour("soft");
+        context.font = "600 12px system-ui, sans-serif";
+        context.textAlign = "left";
+        context.fillText(row.title, 2, y + this.tall / 2 + 1);
+        context.font = "12px system-ui, sans-serif";
+        context.fillStyle = colour("line");
+        context.fillRect(0, y + this.tall - 1, width, 1);
+      } else this.drawLane(context, row, y, width);
+    }
+    chosenStep(context, width, 0, bottom);
+    context.restore();
+    context.fillStyle = colour("line");
+    context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
+    timeAxis(context, width, bottom);
+    const crowded = span() > 1.5 * (width - LEFT - RIGHT), notes = [];
+    if (crowded) notes.push("There are more steps than pixels: what hangs from the top of a lane is the share of steps that are missed or false.");
+    if (printing && shown < whole) notes.push(`${Math.floor(bottom / this.tall)} of ${this.rows.length} rows are printed, in the order that was chosen.`);
+    document.getElementById("lanes-note").textContent = notes.join(" ");
+  },
+
+  drawLane(context, { side, track }, y, width) {
+    const { run } = side, truth = side.name === "truth", tall = this.tall, middle = y + tall / 2;
+    const chosen = state.side === side.name && state.track === track;
+    if (chosen) {
+      context.fillStyle = colour("chosen");
+      context.fillRect(0, y, width, tall);
+      context.fillStyle = colour("accent");
+      context.fillRect(0, y, 3, tall);
+    }
+    context.fillStyle = colour("ink");
+    context.textAlign = "right";
+    context.font = `${chosen ? "700 " : ""}12px system-ui, sans-serif`;
+    context.fillText(clipped(context, side.label[track], LEFT - 14), LEFT - 8, middle + 0.5);
+    context.font = "11px system-ui, sans-serif";
+    context.textAlign = "left";
+    context.save();
+    context.beginPath();
+    context.rect(LEFT, y, width - LEFT - RIGHT, tall);
+    context.clip();
+    const inside = [];
+    for (let r = run.first[track]; r < run.first[track + 1]; r++) {
+      if (run.end[r] >= state.from && run.begin[r] <= state.to) inside.push(r);
+    }
+    for (const r of inside) {
+      if (run.other[r] === NONE) continue;
+      const x = left(run.begin[r], width), wide = Math.max(left(run.end[r] + 1, width) - x, 0.7);
+      const high = truth ? tall - 4 : 5;
+      context.fillStyle = truth ? colourOf(run.other[r]) : colourOf(track);
+      context.fillRect(x, truth ? y + 2 : middle - 2.5, wide, high);
+    }
+    if (truth) this.drawErrors(context, side, track, y, width);
+    // What is wrong comes last and is never thinner than a pixel and a half.
+    const crowded = span() > 1.5 * (width - LEFT - RIGHT);
+    if (crowded) this.drawShares(context, run, inside, truth ? "missed" : "false", y, width);
+    for (const r of crowded ? [] : inside) {
+      if (run.other[r] !== NONE) continue;
+      const x = left(run.begin[r], width), wide = Math.max(left(run.end[r] + 1, width) - x, 1.5);
+      const name = truth ? "missed" : "false";
+      context.fillStyle = wide < 4 ? colour(name) : pattern(context, name);
+      context.fillRect(x, y + 3, wide, tall - 6);
+      if (wide >= 4) {
+        context.strokeStyle = colour(name);
+        context.lineWidth = 1;
+        context.strokeRect(x + 0.5, y + 3.5, wide - 1, tall - 7);
+      }
+    }
+    for (const r of inside) {
+      if (run.other[r] === NONE) continue;
+      const x = Math.max(left(run.begin[r], width), LEFT), room = left(run.end[r] + 1, width) - x - 8;
+      const name = sides[side.other].label[run.other[r]];
+      if (room < 14 || context.measureText(name).width > room) continue;
+      context.fillStyle = truth ? colour("label") : colour("ink");
+      if (truth) context.fillText(isolate(name), x + 5, middle + 0.5);
+      else {
+        const size = context.measureText(name).width;
+        context.fillStyle = colour("paper");
+        context.fillRect(x + 3, y + 1, size + 5, tall - 2);
+        context.fillStyle = colour("ink");
+        context.fillText(isolate(name), x + 5, middle + 0.5);
+      }
+    }
+    context.restore();
+    if (truth) for (const k of switchesOf.truth.get(track) || []) this.drawSwitch(context, k, y, width);
+  },
+
+  // Error as a share of the cutoff: a darker part at the foot of the bar.
+  drawErrors(context, side, track, y, width) {
+    const { row } = side, tall = this.tall - 4;
+    const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
+    context.fillStyle = "rgb(0 0 0 / 0.3)";
+    const wide = (left(1, width) - left(0, width)) * doc.stride;
+    let last = -1, most = 0;
+    for (let k = from; k < to; k++) {
+      if (row.other[k] === NONE) continue;
+      const x = left(row.step[k], width), high = row.error[k] / doc.errors * tall;
+      if (wide >= 1) context.fillRect(x, y + 2 + tall - high, wide, high);
+      else if (Math.floor(x) !== last) {
+        if (last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
+        last = Math.floor(x);
+        most = high;
+      } else most = Math.max(most, high);
+    }
+    if (wide < 1 && last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
+  },
+
+  // Where there are more steps than pixels: how many of those of a pixel are wrong, as a height.
+  drawShares(context, run, inside, name, y, width) {
+    const tall = this.tall - 6, each = span() / (width - LEFT - RIGHT), wrong = new Float32Array(Math.ceil(width) + 1);
+    for (const r of inside) {
+      if (run.other[r] !== NONE) continue;
+      for (let step = Math.max(run.begin[r], state.from); step <= Math.min(run.end[r], state.to); step++) wrong[Math.floor(left(step, width))]++;
+    }
+    context.fillStyle = colour(name);
+    wrong.forEach((count, x) => {
+      const high = count && Math.max(tall * Math.min(count / each, 1), 3);
+      if (high) context.fillRect(x, y + 3, 1, high);
+    });
+  },
+
+  drawSwitch(context, k, y, width) {
+    const step = doc.switches.step[k];
+    if (step < state.from || step > state.to) return;
+    const x = left(step, width), small = span() > 300 ? 0.7 : 1;
+    const size = (doc.switches.mass[k] >= 0.99 ? 5 : 3.5) * small;
+    context.beginPath();
+    context.moveTo(x - size, y + 0.5);
+    context.lineTo(x + size, y + 0.5);
+    context.lineTo(x, y + 0.5 + size * 1.5);
+    context.closePath();
+    context.fillStyle = colour("switch");
+    context.strokeStyle = colour("paper");
+    context.lineWidth = small < 1 ? 0.5 : 1;
+    context.fill();
+    context.stroke();
+  },
+
+  at(event) {
+    const y = event.offsetY + (printing ? 0 : this.box.scrollTop);
+    const row = this.rows[Math.floor(y / this.tall)];
+    return row && !row.title && event.offsetY < this.canvas.clientHeight - 24 ? row : null;
+  },
+};
+
+function laneWords({ side, track }, step) {
+  const { run } = side, r = runAt(side, track, step), name = `${side.name} ${isolate(side.label[track])}`;
+  if (r < 0) return `${name} does not exist at ${time(step)}`;
+  const stretch = run.begin[r] === run.end[r] ? `at ${time(run.begin[r])}` : `from ${time(run.begin[r])} to ${time(run.end[r])}`;
+  const words = run.other[r] === NONE
+    ? side.name === "truth" ? "missed" : "false"
+    : `${side.name === "truth" ? "followed by" : "follows"} ${labelOf(side.other, run.other[r])}`;
+  const changes = side.name === "truth" ? (switchesOf.truth.get(track) || []).filter((k) => doc.switches.step[k] === step).map(switchWords) : [];
+  return [`${name}: ${words} ${stretch}`, ...changes].join("\n");
+}
+function switchWords(k) {
+  const { from, to, mass, cost } = doc.switches;
+  const half = mass[k] === 1 ? "" : `, ${number(mass[k])} of a switch`;
+  return `switch ${labelOf("estimate", from[k])} \u2192 ${labelOf("estimate", to[k])}${half}, cost ${number(cost[k])}`;
+}
+
+timePointer(lanes.canvas, (event) => {
+  const row = lanes.at(event);
+  return row ? laneWords(row, stepAt(event.offsetX, lanes.canvas.clientWidth)) : "";
+}, (event, step) => {
+  const row = lanes.at(event);
+  if (!row) return;
+  if (event.offsetX < LEFT) choose({ side: row.side.name, track: row.track });
+  else choose({ side: row.side.name, track: row.track, step });
+});
+lanes.box.addEventListener("scroll", () => { if (!pending) pending = requestAnimationFrame(() => { pending = 0; lanes.draw(); }); });
+lanes.canvas.addEventListener("keydown", (event) => {
+  const way = { ArrowUp: -1, ArrowDown: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
+  if (way !== undefined) {
+    const lots = lanes.rows.filter((row) => !row.title);
+    const now = lots.findIndex((row) => row.side.name === state.side && row.track === state.track);
+    const row = lots[Math.min(Math.max(now + way, 0), lots.length - 1)];
+    if (row) choose({ side: row.side.name, track: row.track });
+  } else if (event.key === "ArrowLeft") act("back");
+  else if (event.key === "ArrowRight") act("forth");
+  else if (event.key === "+") act("in");
+  else if (event.key === "-") act("out");
+  else if (event.key === "0") act("all");
+  else return;
+  event.preventDefault();
+});
+document.getElementById("order").addEventListener("change", () => {
+  lanes.arrange();
+  lanes.box.scrollTop = 0;
+  lanes.reveal();
+  redraw();
+});

@@ -1,0 +1,388 @@
+// Trajectories in any two of the state columns, in the range of steps that is shown.
+const plane = {
+  canvas: document.getElementById("plane"),
+  axisX: document.getElementById("axis-x"),
+  axisY: document.getElementById("axis-y"),
+  downward: document.getElementById("downward"),
+  equal: document.getElementById("equal"),
+  view: null, // centre and pixels per unit of either axis
+  mark: 1, // size of marks
+  crowded: false,
+  kept: document.createElement("canvas"),
+  drawn: null,
+
+  arrange() {
+    doc.columns.forEach((name, axis) => {
+      for (const select of [this.axisX, this.axisY]) select.add(new Option(name, axis));
+    });
+    this.axisX.value = 0;
+    this.axisY.value = Math.min(1, doc.columns.length - 1);
+    this.downward.checked = doc.boxes;
+    this.equal.checked = !doc.columns.includes("lat");
+    if (doc.columns.includes("lat") && doc.columns.includes("lon")) {
+      this.axisX.value = doc.columns.indexOf("lon");
+      this.axisY.value = doc.columns.indexOf("lat");
+    }
+    document.getElementById("plane-section").hidden = !doc.columns.length;
+  },
+
+  // All tracks of a side, or those that the selection is about.
+  chosenTracks(name) {
+    if (state.track === null) return null;
+    const side = sides[state.side], { run } = side;
+    if (state.side === name) return new Set([state.track]);
+    const found = new Set();
+    for (let r = run.first[state.track]; r < run.first[state.track + 1]; r++) if (run.other[r] !== NONE) found.add(run.other[r]);
+    return found;
+  },
+  coordinates(side) {
+    return [side.row.axes[this.axisX.value], side.row.axes[this.axisY.value]];
+  },
+
+  fit(chosen) {
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    for (const side of [sides.truth, sides.estimate]) {
+      const only = chosen ? this.chosenTracks(side.name) : null, axes = this.coordinates(side), { row } = side;
+      for (let k = 0; k < row.track.length; k++) {
+        if (row.step[k] < state.from || row.step[k] > state.to || (only && !only.has(row.track[k]))) continue;
+        if (chosen && !only && state.step !== null && Math.abs(row.step[k] - state.step) > 5) continue;
+        for (const axis of [0, 1]) {
+          low[axis] = Math.min(low[axis], axes[axis][k]);
+          high[axis] = Math.max(high[axis], axes[axis][k]);
+        }
+      }
+    }
+    if (low[0] > high[0]) return;
+    const size = [this.canvas.clientWidth - 70, this.canvas.clientHeight - 50];
+    const scale = [0, 1].map((axis) => Math.max(size[axis], 40) / (high[axis] - low[axis] || 1) * 0.94);
+    if (this.equal.checked) scale[0] = scale[1] = Math.min(...scale);
+    this.view = { centre: [0, 1].map((axis) => (low[axis] + high[axis]) / 2), scale, chosen };
+  },
+  place(x, y, width, height) {
+    const { centre, scale } = this.view, up = this.downward.checked ? 1 : -1;
+    return [(width + 44) / 2 + (x - centre[0]) * scale[0], (height - 22) / 2 + up * (y - centre[1]) * scale[1]];
+  },
+
+  draw() {
+    if (!doc.columns.length) return;
+    const [context, width, height] = prepare(this.canvas, 460);
+    if (!width) return;
+    if (!this.view) this.fit(false);
+    if (!this.view) return;
+    this.still(context, width, height);
+    context.save();
+    context.beginPath();
+    context.rect(56, 4, width - 60, height - 30);
+    context.clip();
+    if (state.step !== null) this.moment(context, width, height);
+    context.restore();
+    document.getElementById("plane-note").textContent =
+      (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
+      (doc.stride > 1 ? `One in ${doc.stride} positions, and all misses, false targets and changes. ` : "") +
+      (doc.boxes ? "Lines join the corners (left, top); boxes are drawn at the selected step." : "");
+  },
+
+  // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
+  still(context, width, height) {
+    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, printing];
+    const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, this.canvas.width, ways]);
+    if (drawn !== this.drawn) {
+      this.kept.width = this.canvas.width;
+      this.kept.height = this.canvas.height;
+      const pen = this.kept.getContext("2d");
+      pen.setTransform(context.getTransform());
+      for (const name of ["font", "textBaseline", "direction"]) pen[name] = context[name];
+      this.paint(pen, width, height);
+      this.drawn = drawn;
+    }
+    context.drawImage(this.kept, 0, 0, width, height);
+  },
+  paint(context, width, height) {
+    this.axes(context, width, height);
+    context.save();
+    context.beginPath();
+    context.rect(56, 4, width - 60, height - 30);
+    context.clip();
+    // Smaller and thinner marks where they would hide one another.
+    let count = 0;
+    for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + doc.counts.switch[k];
+    this.crowded = count >= 400;
+    this.mark = !this.crowded || state.track !== null ? 1 : Math.max(0.45, 1 - Math.log10(count / 400) * 0.4);
+    const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
+    for (const name of ["truth", "estimate"]) this.lines(context, sides[name], only[name], width, height);
+    for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
+    this.switches(context, only.truth, width, height);
+    context.restore();
+  },
+
+  axes(context, width, height) {
+    const { centre, scale } = this.view, unit = doc.unit ? ` / ${doc.unit}` : "";
+    context.strokeStyle = colour("line");
+    context.strokeRect(56.5, 4.5, width - 61, height - 31);
+    const halfX = (width - 60) / 2 / scale[0], halfY = (height - 30) / 2 / scale[1];
+    context.textAlign = "center";
+    const across = niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110);
+    for (const value of across) {
+      const [x] = this.place(value, centre[1], width, height);
+      if (x < 58 || x > width - 14) continue;
+      context.fillStyle = colour("grid");
+      context.fillRect(x, 5, 1, height - 32);
+      context.fillStyle = colour("soft");
+      context.fillText(tick(value, across), x, height - 16);
+    }
+    context.textAlign = "right";
+    const upwards = niceSteps(centre[1] - halfY, centre[1] + halfY, height / 80);
+    for (const value of upwards) {
+      const [, y] = this.place(centre[0], value, width, height);
+      if (y < 22 || y > height - 40) continue;
+      context.fillStyle = colour("grid");
+      context.fillRect(57, y, width - 62, 1);
+      context.fillStyle = colour("soft");
+      context.fillText(tick(value, upwards), 52, y);
+    }
+    context.fillStyle = colour("ink");
+    context.fillText(isolate(doc.columns[this.axisX.value] + unit), width - 8, height - 5);
+    context.fillText(isolate(doc.columns[this.axisY.value] + unit), 52, 11);
+  },
+
+  // A line for each stretch of steps; points nearer than a pixel to the last are left out.
+  lines(context, side, only, width, height) {
+    const { row } = side, [xs, ys] = this.coordinates(side), truth = side.name === "truth";
+    context.lineJoin = "round";
+    for (let track = 0; track < side.count; track++) {
+      const dim = only && !only.has(track);
+      context.globalAlpha = dim ? 0.13 : 1;
+      context.strokeStyle = truth ? colour("truth") : colourOf(track);
+      context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
+      context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
+      context.beginPath();
+      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, drawnX = 0, drawnY = 0;
+      const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
+      for (let k = from; k < to; k++) {
+        const [x, y] = this.place(xs[k], ys[k], width, height);
+        // Rows between which the track exists throughout are joined, however many are left out.
+        const joined = row.step[k] - lastStep <= 1 || (row.step[k] - lastStep <= doc.stride && lastStep >= 0);
+        if (!joined) {
+          if (lastTold !== lastStep && lastStep >= 0) context.lineTo(lastX, lastY);
+          context.moveTo(x, y);
+          lastTold = row.step[k];
+          [drawnX, drawnY] = [x, y];
+        } else if (Math.abs(x - drawnX) + Math.abs(y - drawnY) > 1 || k === to - 1) {
+          context.lineTo(x, y);
+          lastTold = row.step[k];
+          [drawnX, drawnY] = [x, y];
+        }
+        [lastStep, lastX, lastY] = [row.step[k], x, y];
+      }
+      context.stroke();
+    }
+    context.setLineDash([]);
+    context.globalAlpha = 1;
+  },
+
+  events(context, side, only, width, height) {
+    const { row } = side, [xs, ys] = this.coordinates(side), missed = side.name === "truth";
+    context.strokeStyle = colour(missed ? "missed" : "false");
+    context.lineWidth = 1.6 * this.mark;
+    const path = [new Path2D(), new Path2D()], arm = (missed ? 3.5 : 4.2) * this.mark;
+    for (let k = 0; k < row.track.length; k++) {
+      if (row.other[k] !== NONE || row.step[k] < state.from || row.step[k] > state.to) continue;
+      const [x, y] = this.place(xs[k], ys[k], width, height), dim = only && !only.has(row.track[k]) ? 1 : 0;
+      if (dim && this.crowded) continue;
+      if (x < 40 || x > width + 10 || y < -10 || y > height) continue;
+      if (missed) {
+        path[dim].moveTo(x - arm, y - arm); path[dim].lineTo(x + arm, y + arm);
+        path[dim].moveTo(x + arm, y - arm); path[dim].lineTo(x - arm, y + arm);
+      } else {
+        path[dim].moveTo(x, y - arm); path[dim].lineTo(x + arm, y + arm * 0.8); path[dim].lineTo(x - arm, y + arm * 0.8); path[dim].closePath();
+      }
+    }
+    context.stroke(path[0]);
+    context.globalAlpha = 0.15;
+    context.stroke(path[1]);
+    context.globalAlpha = 1;
+  },
+
+  switches(context, only, width, height) {
+    const { step, truth, mass } = doc.switches;
+    for (let k = 0; k < step.length; k++) {
+      if (step[k] < state.from || step[k] > state.to) continue;
+      if (this.crowded && only && !only.has(truth[k])) continue;
+      const at = placeAt(sides.truth, truth[k], step[k]) || placeAt(sides.truth, truth[k], step[k] - 1);
+      if (!at) continue;
+      const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height), size = (mass[k] >= 0.99 ? 6 : 4) * this.mark;
+      context.globalAlpha = only && !only.has(truth[k]) ? 0.15 : 1;
+      context.beginPath();
+      context.moveTo(x, y - size); context.lineTo(x + size, y); context.lineTo(x, y + size); context.lineTo(x - size, y);
+      context.closePath();
+      context.fillStyle = colour("switch");
+      context.strokeStyle = colour("paper");
+      context.lineWidth = 1.2;
+      context.fill();
+      context.stroke();
+    }
+    context.globalAlpha = 1;
+  },
+
+  // The selected step: where everything is, and what is assigned to what.
+  moment(context, width, height) {
+    const places = { truth: new Map(), estimate: new Map() };
+    const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
+    const fade = (name, track) => { context.globalAlpha = only[name] && !only[name].has(track) ? 0.3 : 1; };
+    for (const side of [sides.truth, sides.estimate]) {
+      for (let track = 0; track < side.count; track++) {
+        const at = placeAt(side, track, state.step);
+        if (!at) continue;
+        const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height);
+        places[side.name].set(track, [x, y]);
+        fade(side.name, track);
+        this.outline(context, side, track, at, width, height);
+        context.lineWidth = 2;
+        context.beginPath();
+        context.arc(x, y, side.name === "truth" ? 6 : 3.5, 0, 7);
+        if (side.name === "truth") {
+          context.strokeStyle = colour("ink");
+          context.stroke();
+        } else {
+          context.fillStyle = colourOf(track);
+          context.fill();
+          context.strokeStyle = colour("ink");
+          context.lineWidth = 1;
+          context.stroke();
+        }
+      }
+    }
+    context.strokeStyle = colour("ink");
+    context.lineWidth = 1.5;
+    for (const [track, [x, y]] of places.truth) {
+      const r = runAt(sides.truth, track, state.step), other = places.estimate.get(sides.truth.run.other[r]);
+      if (!other) continue;
+      fade("truth", track);
+      context.beginPath();
+      context.moveTo(x, y);
+      context.lineTo(...other);
+      context.stroke();
+    }
+    context.globalAlpha = 1;
+    // Names of all where there is room, else of what is selected and whom it is assigned to.
+    const few = places.truth.size + places.estimate.size <= 60, named = { truth: new Set(), estimate: new Set() };
+    if (!few && state.track !== null) {
+      const side = sides[state.side], r = runAt(side, state.track, state.step);
+      named[side.name].add(state.track);
+      if (r >= 0) named[side.other].add(side.run.other[r]);
+    }
+    context.lineWidth = 3;
+    for (const side of [sides.truth, sides.estimate]) {
+      const truth = side.name === "truth";
+      context.textAlign = truth ? "right" : "left";
+      for (const [track, [x, y]] of places[side.name]) {
+        if (!few && !named[side.name].has(track)) continue;
+        context.strokeStyle = colour("paper");
+        context.fillStyle = truth ? colour("ink") : colour("accent");
+        context.strokeText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
+        context.fillText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
+      }
+    }
+  },
+  // The shape of a state, where it has one and the two columns show it.
+  outline(context, side, track, at, width, height) {
+    if (!doc.boxes || this.axisX.value !== "0" || this.axisY.value !== "1") return;
+    const [x0, y0] = this.place(at[0], at[1], width, height), [x1, y1] = this.place(at[0] + at[2], at[1] + at[3], width, height);
+    context.strokeStyle = side.name === "truth" ? colour("ink") : colourOf(track);
+    context.lineWidth = 2;
+    context.setLineDash(side.name === "truth" ? [5, 3] : []);
+    context.strokeRect(Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0));
+    context.setLineDash([]);
+  },
+
+  nearest(event) {
+    if (!this.view) return null;
+    let best = 14 ** 2, found = null;
+    const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+    for (const side of [sides.truth, sides.estimate]) {
+      const { row } = side, [xs, ys] = this.coordinates(side), only = this.chosenTracks(side.name);
+      for (let k = 0; k < row.track.length; k++) {
+        if (row.step[k] < state.from || row.step[k] > state.to) continue;
+        const [x, y] = this.place(xs[k], ys[k], width, height);
+        let far = (x - event.offsetX) ** 2 + (y - event.offsetY) ** 2;
+        // What is wrong, and what is selected, is found first.
+        if (row.other[k] === NONE) far *= 0.6;
+        if (only && !only.has(row.track[k])) far = far * 3 + 20;
+        if (far < best) [best, found] = [far, { side, track: row.track[k], step: row.step[k] }];
+      }
+    }
+    return found;
+  },
+  zoom(factor, x = null, y = null) {
+    const { view } = this, { clientWidth: width, clientHeight: height } = this.canvas, up = this.downward.checked ? 1 : -1;
+    if (!view) return;
+    const away = x === null ? [0, 0] : [x - (width + 44) / 2, up * (y - (height - 22) / 2)];
+    for (const axis of [0, 1]) {
+      view.centre[axis] += away[axis] / view.scale[axis] * (1 - 1 / factor);
+      view.scale[axis] *= factor;
+    }
+    redraw();
+  },
+  move(dx, dy) {
+    if (!this.view) return;
+    const up = this.downward.checked ? 1 : -1;
+    this.view.centre[0] -= dx / this.view.scale[0];
+    this.view.centre[1] -= up * dy / this.view.scale[1];
+    redraw();
+  },
+};
+
+{
+  let grip = null, moved = false;
+  const { canvas } = plane;
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.pointerType === "touch" || event.button) return;
+    grip = [event.offsetX, event.offsetY];
+    moved = false;
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!grip) {
+      const found = plane.nearest(event);
+      showTip(event, found ? laneWords(found, found.step).replace(/^/, `t = ${time(found.step)}\n`) : "");
+      return;
+    }
+    if (!moved && Math.hypot(event.offsetX - grip[0], event.offsetY - grip[1]) < 5) return;
+    moved = true;
+    tip.hidden = true;
+    plane.move(event.offsetX - grip[0], event.offsetY - grip[1]);
+    grip = [event.offsetX, event.offsetY];
+  });
+  canvas.addEventListener("pointerup", () => { grip = null; });
+  canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
+  canvas.addEventListener("click", (event) => {
+    if (moved) { moved = false; return; }
+    const found = plane.nearest(event);
+    if (found) choose({ side: found.side.name, track: found.track, step: found.step });
+  });
+  canvas.addEventListener("wheel", (event) => {
+    if (document.activeElement !== canvas && !event.ctrlKey) return;
+    event.preventDefault();
+    plane.zoom(event.deltaY < 0 ? 1.25 : 0.8, event.offsetX, event.offsetY);
+  }, { passive: false });
+  canvas.addEventListener("keydown", (event) => {
+    const way = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[event.key];
+    if (way) plane.move(...way);
+    else if (event.key === "+") plane.zoom(1.4);
+    else if (event.key === "-") plane.zoom(1 / 1.4);
+    else if (event.key === "0") planeAct("all");
+    else return;
+    event.preventDefault();
+  });
+}
+function planeAct(name) {
+  if (name === "in") plane.zoom(1.5);
+  else if (name === "out") plane.zoom(1 / 1.5);
+  else {
+    plane.fit(name === "selected");
+    redraw();
+  }
+}
+for (const button of document.querySelectorAll("[data-plane]")) button.addEventListener("click", () => planeAct(button.dataset.plane));
+for (const control of [plane.axisX, plane.axisY, plane.equal]) control.addEventListener("change", () => planeAct("all"));
+plane.downward.addEventListener("change", redraw);

@@ -1,0 +1,138 @@
+"""The table with colours, cost over time and worst steps, for a terminal of 80 columns (rich).
+
+The user's words are never read as markup. Where the terminal cannot show the blocks of a sparkline
+ASCII signs stand in.
+"""
+
+import io
+from collections.abc import Iterable, Iterator
+
+from rich.console import Console
+from rich.text import Text
+
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip
+
+BLOCKS = " ▁▂▃▄▅▆▇█"
+SIGNS = " .:-=+*#@"
+GRAPH = 62
+STYLES = {"localisation": "blue", "missed": "red", "false": "magenta", "switch": "yellow"}
+
+
+def report(result: Summary, encoding: str) -> str:
+    """The text, with what colours the terminal has; `encoding` is that of stdout.
+
+    `NO_COLOR` and `TERM` are respected.
+    """
+    console = Console(file=io.StringIO(), force_terminal=True, width=WIDTH, highlight=False)
+    named = blocks(result)
+    named["worst"] = list(_worst_steps(result)) + [
+        line for line in named["worst"] if not line.startswith("  worst steps")
+    ]
+    shown = {
+        "headline": _headline(named["headline"], certified=result.certified),
+        "meaning": _dim(named["meaning"]),
+        "parts": _parts(result, named["parts"]),
+        "classes": _plain(named["classes"]),
+        "graph": _graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS),
+        "scale": _plain(named["scale"]),
+        "worst": _plain(named["worst"]),
+        "switches": _plain(named["switches"]),
+        "footer": _dim(named["footer"]),
+    }
+    with console.capture() as captured:
+        first = True
+        for lines in map(list, shown.values()):
+            if not lines:
+                continue
+            if not first:
+                console.print()
+            first = False
+            for line in lines:
+                console.print(line, no_wrap=True, overflow="crop")
+    return captured.get()
+
+
+def sparkline(values: list[float], high: float, ramp: str = BLOCKS, width: int = GRAPH) -> str:
+    """The values as heights from 0 to `high`; what is not 0 is never shown as nothing.
+
+    Where there are more values than `width` each sign stands for the largest of several.
+    """
+    together = max(1, -(-len(values) // width))
+    tops = [max(values[k : k + together]) for k in range(0, len(values), together)]
+    most = len(ramp) - 1
+    levels = (0 if top <= 0 else max(1, round(top / high * most)) for top in tops)
+    return "".join(ramp[level] for level in levels)
+
+
+def _graph(result: Summary, ramp: str) -> Iterator[Text]:
+    """A row for the whole cost and each part, all to one scale, over the times."""
+    table = result.per_step_table()
+    high = max(table["total"], default=0.0)
+    if not high > 0:
+        return
+    steps = len(table["t"])
+    together = max(1, -(-steps // GRAPH))
+    each = f", each sign the largest of {together}" if together > 1 else ""
+    yield Text(f"  cost of each step, to {high:.6g}{each}")
+    for name in ("total", *PARTS):
+        if any(table[name]):
+            line = Text(f"  {name:<14}  ")
+            line.append(sparkline(table[name], high, ramp), style=STYLES.get(name, "bold"))
+            yield line
+    first, last = str(table["t"][0]), str(table["t"][-1])
+    wide = -(-steps // together)
+    gap = max(1, wide - len(first) - len(last))
+    yield Text(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), style="dim")
+
+
+def _worst_steps(result: Summary) -> Iterator[str]:
+    table, counts = result.per_step_table(), result.proof.breakdown
+    dear = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
+    dear = [k for k in dear if table["total"][k] > 0]
+    if not dear:
+        return
+    yield f"  {'worst steps':<17}{'t':>12}{'cost':>11}{'missed':>9}{'false':>8}{'switches':>10}"
+    for k in dear:
+        found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
+        missed, false, switch = (f"{count:.4g}" for count in found)
+        yield clip(
+            f"  {'':<17}{table['t'][k]!s:>12}{table['total'][k]:>11.5g}"
+            f"{missed:>9}{false:>8}{switch:>10}"
+        )
+    yield ""
+
+
+def _headline(lines: list[str], *, certified: bool) -> Iterator[Text]:
+    for k, line in enumerate(lines):
+        style = ("bold green" if certified else "bold yellow") if k < len(lines) - 1 else ""
+        yield Text(line, style=style)
+
+
+def _parts(result: Summary, lines: list[str]) -> Iterator[Text]:
+    for line in lines:
+        text = Text(line)
+        name = line.split()[0]
+        if name in STYLES:
+            text.stylize(STYLES[name], 2, 2 + len(name))
+            if getattr(result, name) == 0:
+                text.stylize("dim")
+        elif name == "total":
+            text.stylize("bold")
+        yield text
+
+
+def _plain(lines: Iterable[str]) -> Iterator[Text]:
+    return map(Text, lines)
+
+
+def _dim(lines: Iterable[str]) -> Iterator[Text]:
+    return (Text(line, style="dim") for line in lines)
+
+
+def _can(text: str, encoding: str) -> bool:
+    try:
+        text.encode(encoding)
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True
