@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import Reading, ReadOptions, read, table
+from tgospa_eval.formats import Reading, ReadOptions, bulk, read
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -196,7 +196,7 @@ CLASSES = "id,t,x,class,v\na,1,0,car,1\na,2,1,car,2\nb,2,5,bus,3\nc,3,9,,\n"
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Small and large files are parsed in two ways, which must not show."""
     if request.param == "large":
-        monkeypatch.setattr(table, "SIZE", 0)
+        monkeypatch.setattr(bulk, "SIZE", 0)
 
 
 @pytest.mark.usefixtures("way")
@@ -221,6 +221,29 @@ def test_filters(
     assert reading.left_out == (left_out or {"time": 1, "class": 1, "region": 1})
     for option, count in reading.left_out.items():
         assert any(f"{count} row" in n and f"--{option}" in n for n in reading.notices)
+
+
+@pytest.mark.usefixtures("way")
+def test_names_of_classes_are_texts(write: Write) -> None:
+    names = ["01", "1", "1.0", "1e22", "1e+22", "car", '"07"', "nan", "True"]
+    rows = "".join(f"{k},{k},0,{name}\n" for k, name in enumerate(names))
+    path = write("a.csv", f"id,t,x,class\n{rows}")
+    reading = read(path, ReadOptions(by_class=True))
+    bare = [name.strip('"') for name in names]
+    assert sorted(reading.classes) == sorted(bare)
+    assert reading.klass is not None
+    assert [reading.classes[k] for k in reading.klass] == bare
+    assert read(path, ReadOptions(classes=("1",))).left_out == {"class": 8}
+
+
+@pytest.mark.usefixtures("way")
+def test_ids_without_header_are_exact_integers(write: Write) -> None:
+    ids = ["-9007199254740993", "-9007199254740992", "9007199254740993.0", "9007199254740992.0"]
+    ids += ["3.000e+00", "0.99999999999999999999999", "+5", "-1", "007", "1e400", "1_0"]
+    path = write("a.txt", "".join(f"1,{text},1,2,3,4,1\n" for text in ids))
+    kept = ["3", "0.99999999999999999999999", "5", "-1", "007", "1e400", "1_0"]
+    want = [*ids[:2], "9007199254740993", "9007199254740992", *kept]
+    assert sorted(read(path).trajectories.ids) == sorted(want)
 
 
 def test_ranges_of_time_are_exact_and_understand_iso(write: Write) -> None:

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
-from tgospa_eval.formats import FORMATS, ReadOptions, read, table
+from tgospa_eval.formats import FORMATS, ReadOptions, bulk, read
 
 FAST, SLOW = 60, 12_500
 """Cases of each of the eight tests; the slow ones are 10^5."""
@@ -106,9 +106,9 @@ def seed_of(name: str) -> bytes:
 def answers(path: Path, data: bytes, options: ReadOptions, role: str, format_: str | None) -> None:
     """Read it twice, the second time as a large file."""
     path.write_bytes(data)
-    for size in (table.SIZE, 0):
+    for size in (bulk.SIZE, 0):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(table, "SIZE", size)
+            patch.setattr(bulk, "SIZE", size)
             try:
                 reading = read(path, options, role, format_)
             except TgospaError:
