@@ -174,6 +174,94 @@ def test_parquet_is_read_like_csv(write: Write, tmp_path: Path, quickstart: Any)
         read(path)
 
 
+def parquet(path: Path, **columns: Any) -> Path:
+    """A Parquet file of two rows, with some columns in place of plain ones."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    plain = {"id": ["a", "b"], "t": [0, 1], "x": [1.0, 2.0], "class": ["car", "van"]}
+    pq.write_table(pa.table(plain | columns), path)
+    return path
+
+
+def test_integers_in_parquet_are_texts_without_a_point(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    large = 2**53 + 1
+    for column, names in (
+        (pa.array([large, None], pa.int64()), ("", str(large))),
+        (pa.array([7, 8], pa.int64()), ("7", "8")),
+        (pa.array([7.0, None]), ("", "7")),
+        (pa.array(["7", "01"]), ("01", "7")),
+        (pa.array([7, None]).dictionary_encode(), ("", "7")),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{"class": column})
+        assert read(path, ReadOptions(by_class=True)).classes == names
+        if not column.null_count:
+            assert tuple(read(parquet(path, id=column)).trajectories.ids) == names
+
+
+@pytest.mark.parametrize("header", ["id", "t", "x", "class"])
+def test_values_that_are_no_field_of_a_table(tmp_path: Path, header: str) -> None:
+    pa, pd = pytest.importorskip("pyarrow"), pytest.importorskip("pandas")
+    from tgospa_eval.formats.frames import from_frame
+
+    for values, type_ in (
+        ([[1, 2], [3]], pa.list_(pa.int64())),
+        ([[1, 2], [3, 4]], pa.list_(pa.int64(), 2)),
+        ([{"a": 1}, {"a": 2}], pa.struct([("a", pa.int64())])),
+        ([[("a", 1)], [("b,", 2)]], pa.map_(pa.string(), pa.int64())),
+        ([b"1", b"2"], pa.binary()),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{header: pa.array(values, type_)})
+        with pytest.raises(InputError) as caught:
+            read(path, ReadOptions(by_class=True))
+        message = str(caught.value)
+        assert f'{path}, column "{header}": {str(type_)[:4]}' in message
+        assert "--decimal" not in message
+        plain = {"id": ["a", "b"], "t": [0, 1], "x": [1.0, 2.0], "class": ["car", "van"]}
+        frame = pd.DataFrame(plain | {header: pd.Series(values, dtype=object)})
+        kind = type(values[0]).__name__
+        with pytest.raises(InputError, match=rf'table, row 0, column "{header}": .*type {kind}'):
+            from_frame(frame, ReadOptions(by_class=True))
+
+
+@pytest.mark.parametrize("header", ["t", "x"])
+def test_texts_are_numbers_by_one_rule(tmp_path: Path, write: Write, header: str) -> None:
+    for text, decimal, right in (
+        ("1_0", ".", False),
+        ("\u0661", ".", False),
+        ("0x1", ".", False),
+        ("1,5", ".", False),
+        (" 1.5e0", ".", True),
+        ("1,5", ",", True),
+        ("1.5", ",", False),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{header: [text, text]})
+        row = {"id": "a", "t": "0", "x": "1", header: text}
+        table = write("a.csv", ";".join(row) + "\n" + ";".join(row.values()) + "\n")
+        found = []
+        for name in (path, Path(table)):
+            try:
+                read(name, ReadOptions(decimal=decimal))
+                found.append("")
+            except InputError as error:
+                found.append(str(error).split('"')[2].split(" (and")[0])
+        assert found[0] == found[1], text
+        assert (not found[0]) == right, text
+
+
+def test_times_beyond_nanoseconds_and_damaged_texts(tmp_path: Path, write: Write) -> None:
+    pa = pytest.importorskip("pyarrow")
+    path = parquet(tmp_path / "a.parquet", t=pa.array([10**11, 2], pa.timestamp("s")))
+    with pytest.raises(InputError, match='row 0, column "t": a time beyond 64-bit nanoseconds'):
+        read(path)
+    with pytest.raises(InputError, match='line 2, column "t": a time beyond 64-bit nanoseconds'):
+        read(write("a.csv", "id,t,x\na,5138-11-16T09:46:40,1\n"))
+    raw = pa.array([b"\x8b", b"b"])
+    wrong = pa.StringArray.from_buffers(2, *raw.buffers()[1:])
+    with pytest.raises(InputError, match="no readable Parquet file: ") as caught:
+        read(parquet(path, id=wrong))
+    assert "codec" not in str(caught.value)
+
+
 def test_parquet_without_the_extra(write: Write, environment: dict[str, str]) -> None:
     code = (
         "import sys; sys.modules['pyarrow'] = None\n"
