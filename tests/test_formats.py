@@ -327,6 +327,13 @@ def test_names_of_classes_are_texts(write: Write, names: list[str]) -> None:
 
 
 @pytest.mark.usefixtures("way")
+def test_a_row_without_its_last_text(write: Write) -> None:
+    path = write("a.csv", "id,t,x,class\na,1,0,1\na,2,0\n")
+    with pytest.raises(InputError, match="line 3: 3 fields, the header has 4"):
+        read(path, ReadOptions(by_class=True))
+
+
+@pytest.mark.usefixtures("way")
 def test_ids_without_header_are_exact_integers(write: Write) -> None:
     ids = ["-9007199254740993", "-9007199254740992", "9007199254740993.0", "9007199254740992.0"]
     ids += ["3.000e+00", "0.99999999999999999999999", "+5", "-1", "007", "1e400", "1_0"]

@@ -114,16 +114,18 @@ def read_bulk(
         frame = _parse(layout, kinds | {roles.id: object}, roles, decimal)
     if frame is None or len(frame) != rows:
         return None
+    coded = {column: _coded(frame.pop(column)) for column in kept}
     # With all columns in use a row that is too long makes the parser fail, and one that is too
-    # short has no last field: NaN in a number, refused below elsewhere. Else the delimiters tell.
+    # short has no last field: NaN in a number, "" in a text, refused below elsewhere. Else the
+    # delimiters tell.
     in_doubt = (
         not layout.header
         or len(used) < layout.width
         or any(frame[column].isna().any() for column in roles.numbers)
+        or any(column is None or "" in column.distinct for column in coded.values())
     )
     if in_doubt and not is_regular(data, start, layout.delimiter, layout.width):
         return None
-    coded = {column: _coded(frame.pop(column)) for column in kept}
     times = _times(frame.pop(roles.time), decimal, as_texts)
     identity = _coded(frame.pop(roles.id))
     numbers = np.empty((rows, len(roles.numbers)), order="F")
@@ -134,7 +136,7 @@ def read_bulk(
     ids = numbered(identity, name_id)
     if len(blanks(ids)):
         return None
-    found = {column: texts for column, texts in coded.items() if texts is not None}
+    found = {column: item for column, item in coded.items() if item is not None}
     answer = Rows(
         name=layout.path,
         roles=roles,
