@@ -424,6 +424,15 @@ def test_by_class_adds_up(invoke: Run, write: Write, tmp_path: Path) -> None:
         assert invoke(*arguments, "--format", format_).status == 0
 
 
+@pytest.mark.usefixtures("way")
+def test_rows_without_a_class_are_said(write: Write) -> None:
+    path = write("a.csv", "id,t,x,class\na,1,0,car\nb,1,1,\nb,2,2, \nc,3,,\n")
+    reading = read(path, ReadOptions(by_class=True))
+    assert reading.classes == ("", "car")
+    assert '2 rows have no class: evaluated as a class named ""' in reading.notices
+    assert not any("no class" in notice for notice in read(path).notices)
+
+
 def test_by_class_of_nothing(invoke: Run, write: Write) -> None:
     path = write("t.csv", "id,t,x,class\n")
     assert json.loads(invoke(path, path, "--by", "class", "--format", "json").out)["total"] == 0
