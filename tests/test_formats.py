@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import Reading, ReadOptions, read, table
+from tgospa_eval.formats import Reading, ReadOptions, bulk, read
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -174,6 +174,94 @@ def test_parquet_is_read_like_csv(write: Write, tmp_path: Path, quickstart: Any)
         read(path)
 
 
+def parquet(path: Path, **columns: Any) -> Path:
+    """A Parquet file of two rows, with some columns in place of plain ones."""
+    pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    plain = {"id": ["a", "b"], "t": [0, 1], "x": [1.0, 2.0], "class": ["car", "van"]}
+    pq.write_table(pa.table(plain | columns), path)
+    return path
+
+
+def test_integers_in_parquet_are_texts_without_a_point(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    large = 2**53 + 1
+    for column, names in (
+        (pa.array([large, None], pa.int64()), ("", str(large))),
+        (pa.array([7, 8], pa.int64()), ("7", "8")),
+        (pa.array([7.0, None]), ("", "7")),
+        (pa.array(["7", "01"]), ("01", "7")),
+        (pa.array([7, None]).dictionary_encode(), ("", "7")),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{"class": column})
+        assert read(path, ReadOptions(by_class=True)).classes == names
+        if not column.null_count:
+            assert tuple(read(parquet(path, id=column)).trajectories.ids) == names
+
+
+@pytest.mark.parametrize("header", ["id", "t", "x", "class"])
+def test_values_that_are_no_field_of_a_table(tmp_path: Path, header: str) -> None:
+    pa, pd = pytest.importorskip("pyarrow"), pytest.importorskip("pandas")
+    from tgospa_eval.formats.frames import from_frame
+
+    for values, type_ in (
+        ([[1, 2], [3]], pa.list_(pa.int64())),
+        ([[1, 2], [3, 4]], pa.list_(pa.int64(), 2)),
+        ([{"a": 1}, {"a": 2}], pa.struct([("a", pa.int64())])),
+        ([[("a", 1)], [("b,", 2)]], pa.map_(pa.string(), pa.int64())),
+        ([b"1", b"2"], pa.binary()),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{header: pa.array(values, type_)})
+        with pytest.raises(InputError) as caught:
+            read(path, ReadOptions(by_class=True))
+        message = str(caught.value)
+        assert f'{path}, column "{header}": {str(type_)[:4]}' in message
+        assert "--decimal" not in message
+        plain = {"id": ["a", "b"], "t": [0, 1], "x": [1.0, 2.0], "class": ["car", "van"]}
+        frame = pd.DataFrame(plain | {header: pd.Series(values, dtype=object)})
+        kind = type(values[0]).__name__
+        with pytest.raises(InputError, match=rf'table, row 0, column "{header}": .*type {kind}'):
+            from_frame(frame, ReadOptions(by_class=True))
+
+
+@pytest.mark.parametrize("header", ["t", "x"])
+def test_texts_are_numbers_by_one_rule(tmp_path: Path, write: Write, header: str) -> None:
+    for text, decimal, right in (
+        ("1_0", ".", False),
+        ("\u0661", ".", False),
+        ("0x1", ".", False),
+        ("1,5", ".", False),
+        (" 1.5e0", ".", True),
+        ("1,5", ",", True),
+        ("1.5", ",", False),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{header: [text, text]})
+        row = {"id": "a", "t": "0", "x": "1", header: text}
+        table = write("a.csv", ";".join(row) + "\n" + ";".join(row.values()) + "\n")
+        found = []
+        for name in (path, Path(table)):
+            try:
+                read(name, ReadOptions(decimal=decimal))
+                found.append("")
+            except InputError as error:
+                found.append(str(error).split('"')[2].split(" (and")[0])
+        assert found[0] == found[1], text
+        assert (not found[0]) == right, text
+
+
+def test_times_beyond_nanoseconds_and_damaged_texts(tmp_path: Path, write: Write) -> None:
+    pa = pytest.importorskip("pyarrow")
+    path = parquet(tmp_path / "a.parquet", t=pa.array([10**11, 2], pa.timestamp("s")))
+    with pytest.raises(InputError, match='row 0, column "t": a time beyond 64-bit nanoseconds'):
+        read(path)
+    with pytest.raises(InputError, match='line 2, column "t": a time beyond 64-bit nanoseconds'):
+        read(write("a.csv", "id,t,x\na,5138-11-16T09:46:40,1\n"))
+    raw = pa.array([b"\x8b", b"b"])
+    wrong = pa.StringArray.from_buffers(2, *raw.buffers()[1:])
+    with pytest.raises(InputError, match="no readable Parquet file: ") as caught:
+        read(parquet(path, id=wrong))
+    assert "codec" not in str(caught.value)
+
+
 def test_parquet_without_the_extra(write: Write, environment: dict[str, str]) -> None:
     code = (
         "import sys; sys.modules['pyarrow'] = None\n"
@@ -196,7 +284,7 @@ CLASSES = "id,t,x,class,v\na,1,0,car,1\na,2,1,car,2\nb,2,5,bus,3\nc,3,9,,\n"
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Small and large files are parsed in two ways, which must not show."""
     if request.param == "large":
-        monkeypatch.setattr(table, "SIZE", 0)
+        monkeypatch.setattr(bulk, "SIZE", 0)
 
 
 @pytest.mark.usefixtures("way")
@@ -221,6 +309,38 @@ def test_filters(
     assert reading.left_out == (left_out or {"time": 1, "class": 1, "region": 1})
     for option, count in reading.left_out.items():
         assert any(f"{count} row" in n and f"--{option}" in n for n in reading.notices)
+
+
+@pytest.mark.usefixtures("way")
+@pytest.mark.parametrize(
+    "names", [["01", "1", "1.0", "1e22", "1e+22"], ['"07"', "7", "car"], ["1", "nan", "True"]]
+)
+def test_names_of_classes_are_texts(write: Write, names: list[str]) -> None:
+    rows = "".join(f"{k},{k},0,{name}\n" for k, name in enumerate(names))
+    path = write("a.csv", f"id,t,x,class\n{rows}")
+    reading = read(path, ReadOptions(by_class=True))
+    bare = [name.strip('"') for name in names]
+    assert sorted(reading.classes) == sorted(bare)
+    assert reading.klass is not None
+    assert [reading.classes[k] for k in reading.klass] == bare
+    assert read(path, ReadOptions(classes=(bare[1],))).left_out == {"class": len(names) - 1}
+
+
+@pytest.mark.usefixtures("way")
+def test_a_row_without_its_last_text(write: Write) -> None:
+    path = write("a.csv", "id,t,x,class\na,1,0,1\na,2,0\n")
+    with pytest.raises(InputError, match="line 3: 3 fields, the header has 4"):
+        read(path, ReadOptions(by_class=True))
+
+
+@pytest.mark.usefixtures("way")
+def test_ids_without_header_are_exact_integers(write: Write) -> None:
+    ids = ["-9007199254740993", "-9007199254740992", "9007199254740993.0", "9007199254740992.0"]
+    ids += ["3.000e+00", "0.99999999999999999999999", "+5", "-1", "007", "1e400", "1_0"]
+    path = write("a.txt", "".join(f"1,{text},1,2,3,4,1\n" for text in ids))
+    kept = ["3", "0.99999999999999999999999", "5", "-1", "007", "1e400", "1_0"]
+    want = [*ids[:2], "9007199254740993", "9007199254740992", *kept]
+    assert sorted(read(path).trajectories.ids) == sorted(want)
 
 
 def test_ranges_of_time_are_exact_and_understand_iso(write: Write) -> None:
@@ -302,6 +422,15 @@ def test_by_class_adds_up(invoke: Run, write: Write, tmp_path: Path) -> None:
     assert per_class.startswith("class,tgospa,total,")
     for format_ in ("csv", "markdown", "latex"):
         assert invoke(*arguments, "--format", format_).status == 0
+
+
+@pytest.mark.usefixtures("way")
+def test_rows_without_a_class_are_said(write: Write) -> None:
+    path = write("a.csv", "id,t,x,class\na,1,0,car\nb,1,1,\nb,2,2, \nc,3,,\n")
+    reading = read(path, ReadOptions(by_class=True))
+    assert reading.classes == ("", "car")
+    assert '2 rows have no class: evaluated as a class named ""' in reading.notices
+    assert not any("no class" in notice for notice in read(path).notices)
 
 
 def test_by_class_of_nothing(invoke: Run, write: Write) -> None:

@@ -692,7 +692,7 @@ def test_all_ways_of_reading_agree(write: Write, tmp_path: Path) -> None:
 
 
 def test_large_files(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tgospa_eval.formats import table as module
+    from tgospa_eval.formats import bulk as module
 
     careful = read_trajectories(ROOT[1])
     monkeypatch.setattr(module, "SIZE", 1)

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ReadOptions, read, read_trajectories, table
+from tgospa_eval.formats import ReadOptions, bulk, read, read_trajectories
 from tgospa_eval.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]
@@ -43,9 +43,9 @@ def route(request: pytest.FixtureRequest) -> Iterator[None]:
     """Everything twice: large files are parsed in another way, which must not show."""
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "large":
-            if not hasattr(table, "SIZE"):
+            if not hasattr(bulk, "SIZE"):
                 pytest.skip("there is one way only")
-            patch.setattr(table, "SIZE", 0)
+            patch.setattr(bulk, "SIZE", 0)
         yield
 
 
@@ -736,7 +736,7 @@ def test_the_quick_way_reads_what_the_careful_way_reads(
     read = []
     for size in (10**9, 0):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(table, "SIZE", size)
+            patch.setattr(bulk, "SIZE", size)
             try:
                 got = read_trajectories(path)
                 read.append(

@@ -149,6 +149,10 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         number = rows.classes[1][taken]
         present = np.flatnonzero(np.bincount(number, minlength=len(rows.classes[0])))
         classes, klass = tuple(rows.classes[0][present]), np.searchsorted(present, number)
+        if "" in classes:
+            count = int(np.count_nonzero(klass == classes.index("")))
+            what = "row has" if count == 1 else "rows have"
+            chosen.notices.append(f'{count} {what} no class: evaluated as a class named ""')
     if roles.centres:
         notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
     notices = [*roles.notices(), *notices]

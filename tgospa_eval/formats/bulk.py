@@ -1,164 +1,282 @@
-"""Large and regular CSV files through the C parser of pandas.
+"""Large and regular files of text through the C parser of pandas.
 
-A quick way only: whatever is not plainly right (quotes, blank lines, a row too short, a text that
-is no number) is left to `tgospa_eval.formats.table`, which says what is wrong and where.
+A quick way only: whatever is not plainly right (a quote inside a field, blank lines, a row too
+short, a text that is no number) is left to the reader of the format, which says what is wrong and
+where.
 """
 
 import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
+from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import Roles
-from tgospa_eval.formats.times import EXACT, Times
-from tgospa_eval.trajectories import Ints
+from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.text import blanks, coded_times, numbered
+from tgospa_eval.formats.times import EXACT, TimeError, Times
 
 SIZE = 4_000_000
 """Bytes from which importing pandas pays."""
 
+BLOCK = 1 << 24
+"""Bytes that are looked at together."""
 
-def read_bulk(
-    path: str, data: bytes, first: int, delimiter: str, width: int, roles: Roles, decimal: str
-) -> Rows | None:
-    """The rows of the file, or None if it is irregular.
+ODD_BLANKS = (b"\t", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\x1f")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How the rows of a file are laid out.
 
     Parameters
     ----------
     path : str
         The file: pandas reads it twice as fast from there as from memory.
-    data : bytes
-        Its content.
     first : int
         Line of the first row.
-    delimiter, decimal : str
-        As found.
+    delimiter : str
+        Between fields.
     width : int
-        Columns of the header.
+        Number of columns.
+    header : bool
+        Tables may quote their fields. Rows without a header have no quotes, and blanks around
+        fields mean nothing.
+    """
+
+    path: str
+    first: int
+    delimiter: str
+    width: int
+    header: bool = True
+
+
+def read_bulk(
+    data: bytes,
+    layout: Layout,
+    roles: Roles,
+    decimal: str,
+    *,
+    texts: Sequence[int] = (),
+    name_id: Callable[[str], str] = str.strip,
+) -> tuple[Rows, dict[int, Coded]] | None:
+    """The rows of the file, or None if it is irregular.
+
+    Parameters
+    ----------
+    data : bytes
+        Its content.
+    layout : Layout
+        How its rows are laid out.
     roles : Roles
         Which column is what.
+    decimal : str
+        Decimal mark.
+    texts : sequence of int
+        Columns to be returned as texts.
+    name_id : callable
+        Text of an id to its name.
     """
-    columns = _columns(roles)
+    kept = dict.fromkeys((*texts, *(() if roles.klass is None else (roles.klass,))))
+    columns = [roles.id, roles.time, *roles.numbers, *kept]
     used = set(columns)
-    if b'"' in data or len(used) < len(columns) or not Path(path).is_file():
-        return None
-    if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):
+    if len(used) < len(columns) or not Path(layout.path).is_file():
         return None
     start = 0
-    for _ in range(first - 1):
+    for _ in range(layout.first - 1):
         start = data.find(b"\n", start) + 1
-    if start in (0, len(data)):  # a header alone
+    if (layout.first > 1 and start == 0) or start == len(data):  # a header alone
         return None
-    ends = start + np.flatnonzero(np.frombuffer(data, np.uint8, offset=start) == ord("\n"))
-    if not data.endswith(b"\n"):
-        ends = np.append(ends, len(data))
-    rows = len(ends)
-    # pandas drops one empty field too many in the first row, and takes True for 1.
-    if data.count(delimiter.encode(), start, ends[0]) != width - 1:
+    if not _is_plain(data, start, layout):
         return None
-    # (One letter first: that search is ten times as fast.)
-    for letter, word in ((b"u", b"rue"), (b"U", b"RUE"), (b"l", b"alse"), (b"L", b"ALSE")):
-        if letter in data and word in data:
-            return None
+    stop = data.find(b"\n", start)
+    first_row = data[start : stop if stop >= 0 else len(data)]
+    # pandas drops one empty field too many in the first row.
+    if first_row.count(layout.delimiter.encode()) != layout.width - 1:
+        return None
+    rows = data.count(b"\n", start) + (not data.endswith(b"\n"))
+
+    kinds: dict[int, Any] = dict.fromkeys(kept, object) | dict.fromkeys(roles.numbers, "float64")
+    moment = first_row.decode("utf-8", "replace").split(layout.delimiter)[roles.time]
+    as_texts = not _is_time_number(moment, decimal)
+    if as_texts:
+        kinds[roles.time] = object
     frame = None
     if roles.id == 0:
-        frame = _parse(path, first, delimiter, width, roles, decimal, "int64")
-        begins = np.append(start, ends[:-1] + 1)
-        if frame is not None and not _plain_integers(data, begins, frame[0], delimiter):
+        frame = _parse(layout, kinds | {roles.id: "int64"}, roles, decimal)
+        if frame is not None and not _are_plain_integers(data, start, frame[0], layout.delimiter):
             frame = None
     if frame is None:
-        frame = _parse(path, first, delimiter, width, roles, decimal, object)
+        frame = _parse(layout, kinds | {roles.id: object}, roles, decimal)
     if frame is None or len(frame) != rows:
         return None
+    coded = {column: _coded(frame.pop(column)) for column in kept}
     # With all columns in use a row that is too long makes the parser fail, and one that is too
-    # short has no last field: NaN in a number, refused below elsewhere. Else the delimiters tell.
-    in_doubt = len(used) < width or any(frame[column].isna().any() for column in roles.numbers)
-    if in_doubt and not is_regular(data, start, delimiter, width):
+    # short has no last field: NaN in a number, "" in a text, refused below elsewhere. Else the
+    # delimiters tell.
+    in_doubt = (
+        not layout.header
+        or len(used) < layout.width
+        or any(frame[column].isna().any() for column in roles.numbers)
+        or any(column is None or "" in column.distinct for column in coded.values())
+    )
+    if in_doubt and not is_regular(data, start, layout.delimiter, layout.width):
         return None
-    time = frame.pop(roles.time).to_numpy()
-    ids = _numbered(frame.pop(roles.id))
-    classes = None if roles.klass is None else _numbered(frame.pop(roles.klass), blank=True)
+    times = _times(frame.pop(roles.time), decimal, as_texts)
+    identity = _coded(frame.pop(roles.id))
     numbers = np.empty((rows, len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
         numbers[:, k] = frame.pop(column).to_numpy()
-    if time.dtype not in (np.int64, np.float64) or np.isinf(numbers).any():
+    if times is None or identity is None or None in coded.values() or np.isinf(numbers).any():
         return None
-    if time.dtype == np.float64 and not (np.abs(time) < EXACT).all():
+    ids = numbered(identity, name_id)
+    if len(blanks(ids)):
         return None
-    if ids is None or (roles.klass is not None and classes is None):
-        return None
-    clean = time if time.dtype == np.int64 else time + 0.0  # -0.0 is the same step as 0.0
-    return Rows(
-        name=path,
+    found = {column: item for column, item in coded.items() if item is not None}
+    answer = Rows(
+        name=layout.path,
         roles=roles,
         ids=ids,
-        times=Times(value=clean, clock="number", text=None),
+        times=times,
         numbers=numbers,
-        where=lambda row: f"{path}, line {first + row}",
-        classes=classes,
+        where=lambda row: f"{layout.path}, line {layout.first + row}",
+        classes=None if roles.klass is None else numbered(found[roles.klass]),
     )
-
-
-def _columns(roles: Roles) -> list[int]:
-    """Columns to be read."""
-    return [roles.id, roles.time, *roles.numbers, *([] if roles.klass is None else [roles.klass])]
+    return answer, {column: found[column] for column in texts}
 
 
 def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
-    """Whether every line from byte `start` on has `width` fields; there must be no quotes."""
-    view = np.frombuffer(data, np.uint8, offset=start)
-    marks = view[(view == ord(delimiter)) | (view == ord("\n"))]
-    if len(view) and view[-1] != ord("\n"):
-        marks = np.append(marks, np.uint8(ord("\n")))
-    if len(marks) % width:
-        return False
-    ends = marks.reshape(-1, width) == ord("\n")
-    return bool(ends[:, -1].all() and not ends[:, :-1].any())
-
-
-def _plain_integers(data: bytes, begins: Ints, column: Any, delimiter: str) -> bool:
-    """Whether the integers read are the very texts of the first fields: not 007, not 1.0."""
-    value = column.to_numpy()
-    if len(value) != len(begins) or value.min() < 0:
-        return False
-    digits = np.searchsorted(10 ** np.arange(1, 19), value, side="right") + 1
-    view = np.frombuffer(data, np.uint8)
-    ends = begins + digits
-    if ends[-1] >= len(view) or not (view[ends] == ord(delimiter)).all():
-        return False
-    for place in range(digits.max()):
-        text = view[begins[digits > place] + place]
-        if not ((text >= ord("0")) & (text <= ord("9"))).all():
+    """Whether every line from byte `start` on has `width` fields; no quotes around delimiters."""
+    for view in _blocks(data, start):
+        marks = view[(view == ord(delimiter)) | (view == ord("\n"))]
+        if len(view) and view[-1] != ord("\n"):
+            marks = np.append(marks, np.uint8(ord("\n")))
+        if len(marks) % width:
+            return False
+        ends = marks.reshape(-1, width) == ord("\n")
+        if not ends[:, -1].all() or ends[:, :-1].any():
             return False
     return True
 
 
-def _parse(
-    path: str, first: int, delimiter: str, width: int, roles: Roles, decimal: str, id_type: Any
-) -> Any:
+def _blocks(data: bytes, start: int) -> Iterator[NDArray[np.uint8]]:
+    """The bytes from `start` on in whole lines."""
+    while start < len(data):
+        stop = data.find(b"\n", start + BLOCK) + 1 or len(data)
+        yield np.frombuffer(data, np.uint8, stop - start, start)
+        start = stop
+
+
+def _is_plain(data: bytes, start: int, layout: Layout) -> bool:
+    """Whether pandas and the careful way split lines and fields alike."""
+    if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):
+        return False
+    # pandas takes True for 1. (One letter first: that search is ten times as fast.)
+    for letter, word in ((b"u", b"rue"), (b"U", b"RUE"), (b"l", b"alse"), (b"L", b"ALSE")):
+        if letter in data and word in data:
+            return False
+    if layout.header:
+        if b'"' not in data:
+            return True
+        if any(line.count(b'"') % 2 for line in data[:start].split(b"\n")):
+            return False
+        return data.find(b'"', start) < 0 or _is_plainly_quoted(data, start, layout.delimiter)
+    return b'"' not in data and _is_plainly_separated(data, layout.delimiter)
+
+
+def _is_plainly_quoted(data: bytes, start: int, delimiter: str) -> bool:
+    """Whether quotes are around whole fields only, without delimiters, line ends or quotes inside.
+
+    Without them the file would be the same table.
+    """
+    for view in _blocks(data, start):
+        at = np.flatnonzero((view == ord('"')) | (view == ord(delimiter)) | (view == ord("\n")))
+        marks = view[at]
+        quotes = np.flatnonzero(marks == ord('"'))
+        if len(quotes) % 2:
+            return False
+        opening, closing = quotes[::2], quotes[1::2]
+        if (closing != opening + 1).any():
+            return False
+        ended = np.append(view, np.uint8(ord("\n")))
+        before, after = ended[at[opening] - 1], ended[at[closing] + 1]  # [-1] is a line end
+        if not ((before == ord(delimiter)) | (before == ord("\n"))).all():
+            return False
+        if not ((after == ord(delimiter)) | (after == ord("\n")) | (after == ord("\r"))).all():
+            return False
+    return True
+
+
+def _is_plainly_separated(data: bytes, delimiter: str) -> bool:
+    """Whether lines without a header are split by their delimiter alone, and end in no other."""
+    if not data.isascii() or any(blank in data for blank in ODD_BLANKS):
+        return False
+    if delimiter == " " and (
+        b"," in data or b"  " in data or b"\n " in data or data.startswith(b" ")
+    ):
+        return False
+    return not (
+        any(mark + end in data for mark in (b",", b" ") for end in (b"\n", b"\r"))
+        or data.endswith((b",", b" "))
+    )
+
+
+def _are_plain_integers(data: bytes, start: int, column: Any, delimiter: str) -> bool:
+    """Whether the integers read are the very texts of the first fields: not 007, not 1.0."""
+    values = column.to_numpy()
+    row = 0
+    for view in _blocks(data, start):
+        ends = np.flatnonzero(view == ord("\n"))
+        begins = np.append(0, ends + 1)
+        begins = begins[begins < len(view)]
+        value = values[row : row + len(begins)]
+        row += len(begins)
+        if len(value) != len(begins) or value.min() < 0:
+            return False
+        digits = np.searchsorted(10 ** np.arange(1, 19), value, side="right") + 1
+        ends = begins + digits
+        if ends[-1] >= len(view) or not (view[ends] == ord(delimiter)).all():
+            return False
+        for place in range(digits.max()):
+            text = view[begins[digits > place] + place]
+            if not ((text >= ord("0")) & (text <= ord("9"))).all():
+                return False
+    return row == len(values)
+
+
+def _is_time_number(text: str, decimal: str) -> bool:
+    """Whether the first time is a number; others are read as texts."""
+    try:
+        floats([text.strip().strip('"')], decimal)
+    except ValueError:
+        return False
+    return True
+
+
+def _parse(layout: Layout, kinds: dict[int, Any], roles: Roles, decimal: str) -> Any:
     """A DataFrame with numbered columns, or None."""
     import pandas as pd  # here: small files do without it
 
     options: dict[str, Any] = {}
     if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):  # newer ones always are exact
         options["float_precision"] = "round_trip"
-    used = _columns(roles)
-    if len(used) < width:
-        options["usecols"] = used  # only then: it costs as much as the parsing
-    kinds = {roles.id: id_type} | dict.fromkeys(roles.numbers, "float64")
-    if roles.klass is not None:
-        kinds[roles.klass] = "category"
+    used = {roles.time, *kinds}
+    if len(used) < layout.width:
+        options["usecols"] = sorted(used)  # only then: it costs as much as the parsing
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             frame: Any = pd.read_csv(  # type: ignore[call-overload]
-                path,
-                skiprows=first - 1,
-                sep=delimiter,
+                layout.path,
+                skiprows=layout.first - 1,
+                sep=layout.delimiter,
                 decimal=decimal,
                 header=None,
-                names=list(range(width)),
+                names=list(range(layout.width)),
                 index_col=False,
                 dtype=kinds,
                 keep_default_na=False,
@@ -177,16 +295,26 @@ def _parse(
         return None
 
 
-def _numbered(column: Any, *, blank: bool = False) -> Numbered | None:
-    """Distinct texts in natural order, and the number of each row's.
-
-    None where one is missing or, unless `blank` may be, empty.
-    """
+def _coded(column: Any) -> Coded | None:
+    """The column as texts, or None where one is missing."""
     import pandas as pd
 
     code, found = pd.factorize(column)
-    names = [str(name).strip() for name in found]
-    if len(set(names)) != len(names) or (not blank and "" in names) or (code < 0).any():
+    return None if (code < 0).any() else Coded([str(text) for text in found], code)
+
+
+def _times(column: Any, decimal: str, as_texts: bool) -> Times | None:
+    """Times of a column, or None where one is wrong."""
+    if as_texts:
+        coded = _coded(column)
+        try:
+            return None if coded is None else coded_times(coded, decimal)
+        except TimeError:
+            return None
+    value = column.to_numpy()
+    if value.dtype not in (np.int64, np.float64):
         return None
-    table, number = number_ids(names)
-    return table, number[code]
+    if value.dtype == np.float64 and not (np.abs(value) < EXACT).all():
+        return None
+    clean = value if value.dtype == np.int64 else value + 0.0  # -0.0 is the same step as 0.0
+    return Times(value=clean, clock="number", text=None)

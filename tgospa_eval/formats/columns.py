@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.spread import PREFIXES, Spread, find_spread, spelt
 from tgospa_eval.trajectories import Floats
 
@@ -119,7 +120,7 @@ def find_roles(
         The columns asked for cannot be understood.
     """
     names = [name.strip() for name in header]
-    if 2 * sum(map(_is_number, names)) > len(names):
+    if 2 * sum(map(is_number, names)) > len(names):
         raise InputError(
             f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
             "(--truth-format, --estimate-format)"
@@ -286,11 +287,3 @@ def _check_names(names: list[str], where: str) -> None:
             )
         if names.index(name) != k - 1:
             raise InputError(f'{where}: the header names "{name}" twice; rename one')
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

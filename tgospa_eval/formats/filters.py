@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.trajectories import CLOCKS
 
@@ -72,7 +72,7 @@ def parse_moments(text: str | None) -> Moments | None:
         halves = [text[:colon].strip(), text[colon + 1 :].strip()]
         given = [half for half in halves if half]
         try:
-            times = parse_times(given, _floats) if given else None
+            times = parse_times(given, floats) if given else None
         except TimeError:
             continue
         ends = iter(times.value.tolist() if times else ())
@@ -103,8 +103,8 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
         try:
             if not name or not equals or len(ends) != 2 or not any(ends) or name in ranges:
                 raise ValueError
-            low = _floats([ends[0]])[0] if ends[0] else -math.inf
-            high = _floats([ends[1]])[0] if ends[1] else math.inf
+            low = floats([ends[0]])[0] if ends[0] else -math.inf
+            high = floats([ends[1]])[0] if ends[1] else math.inf
             if not low <= high:
                 raise ValueError
         except ValueError:
@@ -114,9 +114,3 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
             ) from None
         ranges[name] = (float(low), float(high))
     return ranges
-
-
-def _floats(texts: Sequence[str]) -> NDArray[np.float64]:
-    if any("_" in text for text in texts):
-        raise ValueError
-    return np.array([float(text) for text in texts], dtype=np.float64)

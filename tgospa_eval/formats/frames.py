@@ -1,6 +1,9 @@
 """pandas DataFrames in the long form of the CSV files."""
 
-from collections.abc import Callable, Sequence
+import datetime
+from collections.abc import Callable
+from decimal import Decimal
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,11 +12,19 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading, ReadOptions
 from tgospa_eval.formats.assemble import Numbered, Rows, assemble, number_ids
 from tgospa_eval.formats.columns import Roles, find_roles
-from tgospa_eval.formats.times import TimeError, Times, more, parse_times, quoted
-from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.text import blanks, coded_times, numbers
+from tgospa_eval.formats.times import TimeError, Times, more
+from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
     import pandas as pd
+
+NAMES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
+"""Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""
+
+MOMENTS = (str, Real, Decimal, datetime.date)
+"""Values that are times, or no times by their text."""
 
 
 def from_frame(
@@ -28,11 +39,11 @@ def from_frame(
     """
     options = options or ReadOptions()
     roles = find_roles([str(column) for column in frame.columns], options, name)
-    return assemble(frame_rows(frame, roles, name), options, "frame")
+    return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 
-def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str) -> Rows:
-    """The rows of a DataFrame; `name` begins the messages.
+def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str, decimal: str) -> Rows:
+    """The rows of a DataFrame; `name` begins the messages, `decimal` is the mark in texts.
 
     Raises
     ------
@@ -43,17 +54,21 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str) -> Rows:
     def where(row: int) -> str:
         return f"{name}, row {row}"
 
-    numbers = np.empty((len(frame), len(roles.numbers)), order="F")
+    def named(column: int, wanted: str) -> Numbered:
+        header = f'column "{frame.columns[column]}"'
+        return _numbered(frame.iloc[:, column], header, where, wanted)
+
+    states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
-        numbers[:, k] = _numbers(
-            frame.iloc[:, column], f'column "{frame.columns[column]}"', where, name
-        )
+        header = f'column "{frame.columns[column]}"'
+        states[:, k] = _numbers(frame.iloc[:, column], header, where, name, decimal)
+    header = f'column "{frame.columns[roles.time]}"'
     try:
-        times = _times(frame.iloc[:, roles.time])
+        times = _times(frame.iloc[:, roles.time], header, name, decimal)
     except TimeError as error:
-        header = frame.columns[roles.time]
-        raise InputError(f'{where(error.row)}, column "{header}": {error}') from None
-    ids, blank = _numbered(frame.iloc[:, roles.id])
+        raise InputError(f"{where(error.row)}, {header}: {error}") from None
+    ids = named(roles.id, "an id")
+    blank = blanks(ids)
     if len(blank):
         header = frame.columns[roles.id]
         raise InputError(
@@ -65,28 +80,32 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str) -> Rows:
         roles=roles,
         ids=ids,
         times=times,
-        numbers=numbers,
+        numbers=states,
         where=where,
-        classes=None if roles.klass is None else _numbered(frame.iloc[:, roles.klass])[0],
+        classes=None if roles.klass is None else named(roles.klass, "a class"),
     )
 
 
 def _numbers(
-    column: "pd.Series[Any]", header: str, where: Callable[[int], str], name: str
+    column: "pd.Series[Any]", header: str, where: Callable[[int], str], name: str, decimal: str
 ) -> Floats:
-    """Finite numbers, NaN where there is none."""
-    if column.dtype.kind not in "iufO":
+    """Finite numbers, NaN where there is none; texts by the rule of files of text."""
+    kind = column.dtype.kind
+    if kind not in "iufO":
         raise InputError(f"{name}, {header}: {column.dtype}, not numbers; write a numeric column")
-    try:
-        values: Floats = column.to_numpy(dtype=np.float64, na_value=np.nan)
-    except (TypeError, ValueError, OverflowError):
-        row, value = next(
-            ((k, item) for k, item in enumerate(column.tolist()) if not _is_number(item)),
-            (0, column.iloc[0]),
-        )
-        raise InputError(
-            f"{where(row)}, {header}: not a number: {quoted(str(value))}; write a numeric column"
-        ) from None
+    if kind == "O":
+        missing = column.isna().tolist()
+        texts = []
+        for row, value in enumerate(column.tolist()):
+            if not (missing[row] or isinstance(value, (str, Real, Decimal))):
+                raise InputError(f"{where(row)}, {header}: {_other(value, 'a number')}")
+            texts.append("" if missing[row] else _number_text(value, decimal))
+        values, wrong = numbers(texts, decimal)
+        if wrong:
+            row, message = wrong[0]
+            raise InputError(f"{where(row)}, {header}: {message}")
+        return values
+    values = column.to_numpy(dtype=np.float64, na_value=np.nan)
     infinite = np.flatnonzero(np.isinf(values))
     if len(infinite):
         raise InputError(
@@ -96,36 +115,50 @@ def _numbers(
     return values
 
 
-def _is_number(value: object) -> bool:
-    try:
-        float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return value is None
-    return True
+def _number_text(value: Any, decimal: str) -> str:
+    """A value of a column of mixed types as a file of text would have it."""
+    if isinstance(value, (str, bool, int, np.integer)):
+        return str(value)
+    return str(value).replace(".", decimal)
 
 
-def _numbered(column: "pd.Series[Any]") -> tuple[Numbered, Ints]:
-    """Distinct texts, the number of each row's, and rows that are blank."""
+def _other(value: object, wanted: str) -> str:
+    """What to say of a value of another type."""
+    return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
+
+
+def _numbered(
+    column: "pd.Series[Any]", header: str, where: Callable[[int], str], wanted: str
+) -> Numbered:
+    """Distinct texts and the number of each row's; blank where one is missing."""
     import pandas as pd
 
     # Factorizing objects wants what can be hashed, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
-        texts = ["" if value is None or value != value else str(value) for value in column.tolist()]
-        numbered = number_ids([text.strip() for text in texts])
-        return numbered, _blank(numbered)
-    code, found = pd.factorize(column)
-    names = [str(name).strip() for name in found] + [""] * bool((code < 0).any())
-    table, number = number_ids(names)
-    numbered = table, number[code]  # -1, missing, is the last: ""
-    return numbered, _blank(numbered)
+        values = column.tolist()
+        code, found = np.arange(len(values)), values
+    else:
+        code, uniques = pd.factorize(column)
+        found = uniques.tolist()
+    missing = pd.isna(pd.Series(found, dtype=object)).tolist()
+    names = []
+    for k, value in enumerate(found):
+        if not (missing[k] or isinstance(value, NAMES)):
+            row = int(np.flatnonzero(code == k)[0])
+            raise InputError(f"{where(row)}, {header}: {_other(value, wanted)}")
+        names.append("" if missing[k] else _name(value))
+    table, number = number_ids([*names, ""] if (code < 0).any() else names)
+    return table, number[code]  # -1, missing, is the last: ""
 
 
-def _blank(numbered: Numbered) -> Ints:
-    table, number = numbered
-    return np.flatnonzero(number == table.tolist().index("")) if "" in table else number[:0]
+def _name(value: Any) -> str:
+    """Text of an id or a class; 7 where a column of integers was made one of floats."""
+    if isinstance(value, (float, np.floating, Decimal)) and value % 1 == 0:
+        return str(int(value))
+    return str(value).strip()
 
 
-def _times(column: "pd.Series[Any]") -> Times:
+def _times(column: "pd.Series[Any]", header: str, name: str, decimal: str) -> Times:
     """Numbers, timestamps or texts."""
     missing = np.flatnonzero(column.isna())
     if len(missing):
@@ -144,11 +177,22 @@ def _times(column: "pd.Series[Any]") -> Times:
             raise TimeError(int(odd[0]), "not a finite time; write a number")
         return Times(value=np.asarray(value + 0.0), clock="number", text=None)
     if kind == "M":
-        moments = column.drop_duplicates().tolist()
-        texts = {stamp: stamp.isoformat() for stamp in moments}
-        return parse_times([texts[stamp] for stamp in column.tolist()], _floats)
-    return parse_times([str(value) for value in column.tolist()], _floats)
+        import pandas as pd
 
-
-def _floats(texts: Sequence[str]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.array([float(text) for text in texts], dtype=np.float64)
+        code, moments = pd.factorize(column)
+        return coded_times(Coded([stamp.isoformat() for stamp in moments], code), decimal)
+    if kind != "O":
+        raise InputError(
+            f"{name}, {header}: {column.dtype}, not times; write numbers, timestamps or ISO texts"
+        )
+    seen: dict[str, int] = {}
+    codes = []
+    for row, value in enumerate(column.tolist()):
+        if not isinstance(value, MOMENTS):
+            raise TimeError(row, _other(value, "a time"))
+        if isinstance(value, datetime.date):
+            text = value.isoformat()
+        else:
+            text = _number_text(value, decimal)
+        codes.append(seen.setdefault(text, len(seen)))
+    return coded_times(Coded(list(seen), np.array(codes, np.int64)), decimal)

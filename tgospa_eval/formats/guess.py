@@ -2,6 +2,8 @@
 
 import re
 
+from tgospa_eval.formats.fields import is_number
+
 NAMES = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet"}
 """What the end of a name says; only the magic bytes of Parquet know better."""
 
@@ -23,10 +25,10 @@ def guess(path: str, data: bytes) -> str:
     head = data[:HEAD].decode("utf-8-sig", "replace").lstrip()
     line = re.split(r"[\r\n]", head, maxsplit=1)[0]
     fields = split(line)
-    if 6 <= len(fields) <= 10 and all(map(_is_number, fields)):
+    if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
         return "motchallenge"
     words = line.split()
-    if len(words) in (17, 18) and not _is_number(words[2]):
+    if len(words) in (17, 18) and not is_number(words[2]):
         return "kitti"
     return "csv"
 
@@ -35,11 +37,3 @@ def split(line: str) -> list[str]:
     """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

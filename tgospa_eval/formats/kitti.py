@@ -36,9 +36,12 @@ def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     InputError
         See `tgospa_eval.formats.read`.
     """
-    rows, columns, _ = read_plain(path, data, options, _header, str.split, given=given, empty=17)
-    ignored = np.array([text == IGNORED for text in columns[TYPE]], bool)
-    rows.apart[IGNORED] = ignored, f"of type {IGNORED} left out"
+    rows, texts, _ = read_plain(
+        path, data, options, _header, commas=False, given=given, empty=17, texts=("class",)
+    )
+    kind = texts[TYPE]
+    ignored = np.array([text == IGNORED for text in kind.distinct], bool)
+    rows.apart[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
     leave_out_unknown(rows, NAMES, UNKNOWN)
     return rows
 

@@ -1,7 +1,8 @@
 """A matrix of numbers: CSV without a header."""
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.text import check_text, decode, floats, load
+from tgospa_eval.formats.fields import floats
+from tgospa_eval.formats.text import check_text, decode, load
 
 DELIMITERS = ";\t,"
 

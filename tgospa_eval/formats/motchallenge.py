@@ -6,14 +6,13 @@ follows depends on the number of fields: class and visibility (8 or 9), or a pla
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import BOX
-from tgospa_eval.formats.guess import split
+from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 from tgospa_eval.formats.text import Places, numbers
+from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -34,14 +33,17 @@ def read_motchallenge(
     InputError
         See `tgospa_eval.formats.read`.
     """
-    rows, columns, places = read_plain(path, data, options, _header, split, given=given, empty=7)
+    flagged = ("conf",) if role == "truth" else ()
+    rows, texts, places = read_plain(
+        path, data, options, _header, commas=True, given=given, empty=7, texts=flagged
+    )
     if list(rows.ids[0]) == ["-1"]:
         raise InputError(
             f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
         )
-    leave_out_unknown(rows, _header(["0"] * len(columns), path), UNKNOWN)
-    if role == "truth" and len(columns) > FLAG:
-        flags = _flags(columns[FLAG], places)
+    leave_out_unknown(rows, places.names, UNKNOWN)
+    if FLAG in texts:
+        flags = _flags(texts[FLAG], places)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"
     return rows
 
@@ -57,9 +59,11 @@ def _header(fields: list[str], where: str) -> list[str]:
     return ["frame", "id", *BOX, "conf", *rest][: len(fields)]
 
 
-def _flags(texts: list[str], places: Places) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    flags, wrong = numbers(texts, ".")
+def _flags(texts: Coded, places: Places) -> Floats:
+    """Column 7 as numbers."""
+    values, wrong = numbers([text.strip() for text in texts.distinct], ".")
     if wrong:
+        _, wrong = numbers([text.strip() for text in texts], ".")  # says the row, and how many
         row, message = wrong[0]
         raise InputError(f"{places.field(row, FLAG)}: {message}")
-    return flags
+    return values[texts.code]

@@ -1,11 +1,11 @@
 """Parquet tables with the columns of the CSV files; needs the extra ``parquet``."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
 
 if TYPE_CHECKING:
@@ -44,15 +44,56 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     if roles.klass is not None:
         used.add(roles.klass)
     subset = [names[column] for column in sorted(used)]
+    _check_types(file.schema_arrow, roles, path)
     try:
         table = file.read(columns=subset).select(subset)
+        table.validate(full=True)  # pandas looks at texts later, or never
+        table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
     del table
     found = replace(find_roles(subset, options, path), unused=roles.unused)
-    return frame_rows(frame, found, path)
+    return frame_rows(frame, found, path, options.decimal)
+
+
+def _check_types(schema: Any, roles: Roles, path: str) -> None:
+    """Whether the columns in use have plain values.
+
+    Raises
+    ------
+    InputError
+        One has lists, structs, maps or bytes.
+    """
+    import pyarrow.types as kinds
+
+    wanted = {roles.id: "ids", roles.time: "times"} | dict.fromkeys(roles.numbers, "numbers")
+    if roles.klass is not None:
+        wanted[roles.klass] = "classes"
+    for column, what in wanted.items():
+        kind = schema.field(column).type
+        inner = kind.value_type if kinds.is_dictionary(kind) else kind
+        if kinds.is_nested(inner) or "binary" in str(inner):
+            remedy = {"numbers": what, "times": "numbers, timestamps or ISO texts"}.get(
+                what, "texts or integers"
+            )
+            raise InputError(
+                f'{path}, column "{schema.names[column]}": {kind}, not {what}; write {remedy}'
+            )
+
+
+def _exact(table: Any, *names: str | None) -> Any:
+    """The table with integers among which some are missing as texts: pandas makes them floats."""
+    import pyarrow as pa
+
+    for name in names:
+        if name is not None and table[name].null_count and pa.types.is_integer(table[name].type):
+            column = table.column_names.index(name)
+            table = table.set_column(column, name, table[name].cast(pa.string()))
+    return table
 
 
 def _first_line(error: Exception) -> str:
+    if isinstance(error, UnicodeDecodeError):
+        return "a text that is not UTF-8; the file is damaged"
     return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,15 +1,20 @@
 """Formats of text without a header: the names of the columns follow from their number."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from decimal import Decimal
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import find_roles, parse_columns
-from tgospa_eval.formats.text import Places, check_text, convert, decode
+from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.guess import split as split_line
+from tgospa_eval.formats.text import Block, Places, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
 
 if TYPE_CHECKING:
@@ -21,12 +26,13 @@ def read_plain(
     data: bytes,
     options: "ReadOptions",
     header: Callable[[list[str], str], list[str]],
-    split: Callable[[str], list[str]],
     *,
+    commas: bool,
     given: bool,
     empty: int,
-) -> tuple[Rows, list[list[str]], Places]:
-    """The rows, all columns as texts, and where they are.
+    texts: Sequence[str],
+) -> tuple[Rows, dict[int, Coded], Places]:
+    """The rows, some columns as texts by position, and where they are.
 
     Parameters
     ----------
@@ -36,44 +42,103 @@ def read_plain(
         Decimal marks are points whatever they say.
     header : callable
         Names of the columns, from the fields of the first row and where that is.
-    split : callable
-        Fields of a line.
+    commas : bool
+        Whether fields may be separated by commas instead of blanks.
     given : bool
         Whether the user named the format: then a file without content is an empty set. There is
         no other way to write one without a header.
     empty : int
         Fields of the rows that an empty file does not have.
+    texts : sequence of str
+        Names of the columns to be returned as texts, as far as they are there.
 
     Raises
     ------
     InputError
         The text is wrong.
     """
-    if not data.strip() and given:
-        fields: list[list[str]] = []
-        lines: list[int] = []
+    quick = _first_of_many(data)
+    if quick is None:
+        blank = given and not data.strip()
+        if not blank:
+            check_text(data, path)
+        text = "" if blank else decode(data, path)
+        first, line = _first_line(text)
     else:
         check_text(data, path)
-        lines, fields = _fields(decode(data, path), split)
-    if not fields and not given:
+        first, line = 1, quick
+    if not line and not given:
         raise InputError(f"{path}: blank lines only; name the format if the set is empty")
-    place = f"{path}, line {lines[0] if lines else 1}"
-    names = header(fields[0] if fields else ["0"] * empty, place)
-    width = len(names)
-    wrong = [k for k, row in enumerate(fields) if len(row) != width]
-    if wrong:
-        found = len(fields[wrong[0]])
-        raise InputError(
-            f"{path}, line {lines[wrong[0]]}: {found} {'field' if found == 1 else 'fields'}, "
-            f"line {lines[0]} has {width}{more(len(wrong))}; give every row as many"
-        )
-    columns = [list(column) for column in zip(*fields, strict=True)] or [[] for _ in names]
-    del fields
+    split = split_line if commas else str.split
+    place = f"{path}, line {first}"
+    names = header(split(line) if line else ["0"] * empty, place)
     asked = replace(options, columns=_known(options.columns, names))
     roles = replace(find_roles(names, asked, place, fixed=True), unused=())
-    places = Places(path=path, lines=lines, names=names)
-    columns[roles.id] = list(map(_plain_id, columns[roles.id]))
-    return convert(columns, roles, ".", places), columns, places
+    kept = [names.index(name) for name in texts if name in names]
+    if quick is not None:
+        layout = bulk.Layout(
+            path=path,
+            first=1,
+            delimiter="," if commas and "," in line else " ",
+            width=len(names),
+            header=False,
+        )
+        found = bulk.read_bulk(data, layout, roles, ".", texts=kept, name_id=_plain_id)
+        if found is not None:
+            rows, coded = found
+            lines = range(1, len(rows.numbers) + 1)
+            return rows, coded, Places(path=path, lines=lines, names=names)
+        text = decode(data, path)
+    del data
+    blocks = _blocks(text, split, len(names), path, first)
+    return convert(blocks, roles, ".", path, names, texts=kept, name_id=_plain_id)
+
+
+def _first_of_many(data: bytes) -> str | None:
+    """First line of a large file, which needs no decoding unless it takes the careful way."""
+    if len(data) < bulk.SIZE or not data.isascii():
+        return None
+    line = data[: data.find(b"\n") + 1]
+    return line.decode() if line.strip() and b"\r" not in line.strip() else None
+
+
+def _first_line(text: str) -> tuple[int, str]:
+    """The first line that is not blank, and its number."""
+    number = 1
+    for chunk in chunks(text):
+        for line in chunk.split("\n"):
+            if line.strip():
+                return number, line
+            number += 1
+    return 1, ""
+
+
+def _blocks(
+    text: str, split: Callable[[str], list[str]], width: int, path: str, first: int
+) -> Iterator[Block]:
+    """The lines that are not blank; all must have as many fields as the first."""
+    number = 0
+    wrong: list[tuple[int, int]] = []
+    for chunk in chunks(text):
+        lines: list[int] = []
+        rows: list[list[str]] = []
+        for line in chunk.split("\n"):
+            number += 1
+            if line.strip():
+                fields = split(line)
+                if len(fields) == width:
+                    lines.append(number)
+                    rows.append(fields)
+                else:
+                    wrong.append((number, len(fields)))
+        if rows:
+            yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
+    if wrong:
+        line_number, found = wrong[0]
+        raise InputError(
+            f"{path}, line {line_number}: {found} {'field' if found == 1 else 'fields'}, "
+            f"line {first} has {width}{more(len(wrong))}; give every row as many"
+        )
 
 
 def leave_out_unknown(rows: Rows, names: Sequence[str], unknown: float) -> None:
@@ -101,16 +166,6 @@ def leave_out_unknown(rows: Rows, names: Sequence[str], unknown: float) -> None:
     rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
 
 
-def _fields(text: str, split: Callable[[str], list[str]]) -> tuple[list[int], list[list[str]]]:
-    """Lines that are not blank, and their fields."""
-    lines, fields = [], []
-    for number, line in enumerate(text.split("\n"), start=1):
-        if line.strip():
-            lines.append(number)
-            fields.append(split(line))
-    return lines, fields
-
-
 def _known(columns: Sequence[str] | None, names: Sequence[str]) -> tuple[str, ...] | None:
     """Without maps to headers of the other file: these names are fixed."""
     mapped, wanted = parse_columns(columns)
@@ -121,10 +176,13 @@ def _known(columns: Sequence[str] | None, names: Sequence[str]) -> tuple[str, ..
 
 def _plain_id(text: str) -> str:
     """Ids of these formats are integers, which some programs write as 3.0 or 3.000e+00."""
-    if text.isdigit() or "_" in text:
+    text = text.strip()
+    if text.isdigit() or "_" in text or not text.isascii():
         return text
     try:
-        value = float(text)
-    except ValueError:
+        if not math.isfinite(float(text)):
+            return text
+        value = Decimal(text)  # float() makes one id of 9007199254740993.0 and ...992.0
+        return str(int(value)) if value == value.to_integral_value() else text
+    except (ValueError, ArithmeticError):
         return text
-    return str(int(value)) if value.is_integer() else text

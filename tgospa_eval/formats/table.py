@@ -2,21 +2,21 @@
 
 Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
 start without importing pandas; only large regular files take the quick way of
-`tgospa_eval.formats.bulk`. Files without quotes, the common case, are split in one call after the
-delimiters of every line were counted; others go through the csv module.
+`tgospa_eval.formats.bulk`. Text without quotes, the common case, is split in one call a piece after
+the delimiters of every line were counted; other text goes through the csv module.
 """
 
 import csv
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.bulk import SIZE, is_regular, read_bulk
 from tgospa_eval.formats.columns import find_roles
-from tgospa_eval.formats.text import Places, check_text, convert, decode
+from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ DELIMITERS = ",;\t"
 
 HEAD = 1 << 16
 """Bytes in which the header of a large file is looked for."""
+
+ROWS = 1 << 13
+"""Rows of a block from the csv module."""
 
 
 def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -38,20 +41,21 @@ def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     """
     check_text(data, path)
     # A large ASCII file needs no decoding unless it takes the careful way.
-    large = len(data) >= SIZE
+    large = len(data) >= bulk.SIZE
     whole = not (large and data.isascii() and b"\n" in data[:HEAD])
     header, first, _ = _header(decode(data if whole else data[:HEAD], path), path)
     delimiter = _delimiter(header, options.decimal)
     names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
     roles = find_roles(names, options, f"{path}, line {first - 1}")
     if large:
-        rows = read_bulk(path, data, first, delimiter, len(names), roles, options.decimal)
-        if rows is not None:
-            return rows
+        layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
+        found = bulk.read_bulk(data, layout, roles, options.decimal)
+        if found is not None:
+            return found[0]
     text = decode(data, path)
-    body = text[_header(text, path)[2] :]
-    columns, lines = tokenise(body, delimiter, len(names), path, first)
-    return convert(columns, roles, options.decimal, Places(path=path, lines=lines, names=names))
+    del data
+    blocks = tokenise(text, _header(text, path)[2], delimiter, len(names), path, first)
+    return convert(blocks, roles, options.decimal, path, names)[0]
 
 
 def _header(text: str, path: str) -> tuple[str, int, int]:
@@ -76,30 +80,41 @@ def _delimiter(header: str, decimal: str) -> str:
 
 
 def tokenise(
-    body: str, delimiter: str, width: int, path: str, first_line: int
-) -> tuple[list[list[str]], Sequence[int]]:
-    """The columns of the table, and the line of every row."""
-    body = body.rstrip("\n")
-    if not body:
-        return [[] for _ in range(width)], []
-    blank = width == 1 and "\n\n" in body
-    if '"' not in body and not blank and is_regular(body.encode(), 0, delimiter, width):
-        fields = body.replace("\n", delimiter).split(delimiter)
-        return [fields[k::width] for k in range(width)], range(
-            first_line, first_line + len(fields) // width
-        )
-    return _tokenise_slowly(body, delimiter, width, path, first_line)
+    text: str, start: int, delimiter: str, width: int, path: str, first_line: int
+) -> Iterator[Block]:
+    """The rows of the table from letter `start` on."""
+    if text.find('"', start) >= 0:
+        yield from _tokenise_slowly(chunks(text, start), delimiter, width, path, first_line)
+        return
+    line = first_line
+    wrong: list[tuple[int, int]] = []
+    for chunk in chunks(text, start):
+        if width > 1 and bulk.is_regular(chunk.encode(), 0, delimiter, width):
+            fields = chunk.replace("\n", delimiter).split(delimiter)
+            yield Block(
+                lines=range(line, line + len(fields) // width),
+                columns=[fields[k::width] for k in range(width)],
+            )
+        else:
+            yield from _tokenise_slowly([chunk], delimiter, width, path, line, wrong)
+        line += chunk.count("\n") + 1
+    _refuse(wrong, width, path)
 
 
 def _tokenise_slowly(
-    body: str, delimiter: str, width: int, path: str, first_line: int
-) -> tuple[list[list[str]], list[int]]:
+    parts: Iterable[str],
+    delimiter: str,
+    width: int,
+    path: str,
+    first_line: int,
+    before: list[tuple[int, int]] | None = None,
+) -> Iterator[Block]:
     """Quotes, blank lines and rows of the wrong length, through the csv module."""
-    rows: list[list[str]] = []
     lines: list[int] = []
-    wrong: list[tuple[int, int]] = []
+    rows: list[list[str]] = []
+    wrong = [] if before is None else before
     begin = first_line
-    reader = csv.reader(io.StringIO(body, newline=""), delimiter=delimiter, strict=True)
+    reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True)
     try:
         for row in reader:
             if row and (len(row) > 1 or row[0].strip()):
@@ -109,14 +124,30 @@ def _tokenise_slowly(
                 else:
                     wrong.append((begin, len(row)))
             begin = first_line + reader.line_num
+            if len(rows) == ROWS:
+                yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
+                lines, rows = [], []
     except csv.Error as error:
         raise InputError(
             f"{path}, line {begin}: {error}; close quotes, and double those inside a field"
         ) from None
+    if before is None:
+        _refuse(wrong, width, path)
+    if rows:
+        yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
+
+
+def _refuse(wrong: list[tuple[int, int]], width: int, path: str) -> None:
+    """An error if there are rows of the wrong length: their lines and lengths."""
     if wrong:
         line, found = wrong[0]
         raise InputError(
             f"{path}, line {line}: {found} {'field' if found == 1 else 'fields'}, "
             f"the header has {width}{more(len(wrong))}; give every row one field per column"
         )
-    return [[row[k] for row in rows] for k in range(width)], lines
+
+
+def _lines(parts: Iterable[str]) -> Iterator[str]:
+    """The lines of the parts, with their ends; no others than line feeds are left."""
+    for part in parts:
+        yield from io.StringIO(part + "\n", newline="\n")

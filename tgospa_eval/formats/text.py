@@ -2,17 +2,22 @@
 
 import os
 import stat
-from collections.abc import Sequence
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.assemble import Rows, number_ids
+from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
 from tgospa_eval.formats.columns import Roles
-from tgospa_eval.formats.times import TimeError, more, parse_times, quoted, remedy_for
-from tgospa_eval.trajectories import Floats
+from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.times import TimeError, Times, more, parse_times, quoted, remedy_for
+from tgospa_eval.trajectories import Floats, Ints
+
+CHUNK = 1 << 17
+"""Letters of text that are turned into fields at a time."""
 
 PACKED = {
     b"\x1f\x8b": "gzip",
@@ -102,41 +107,156 @@ def check_text(data: bytes, path: str) -> None:
         )
 
 
-def convert(columns: list[list[str]], roles: Roles, decimal: str, places: Places) -> Rows:
-    """The rows of columns of texts; all mistakes in one error.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """Some rows of a file, all fields as texts.
+
+    Parameters
+    ----------
+    lines : sequence of int
+        Line of each row.
+    columns : sequence of sequences of str
+        The fields, column by column.
+    """
+
+    lines: Sequence[int]
+    columns: Sequence[Sequence[str]]
+
+
+def chunks(text: str, start: int = 0) -> Iterator[str]:
+    """The text from `start` on in whole lines, some 10^5 letters at a time."""
+    stop = len(text.rstrip("\n"))
+    while start < stop:
+        end = text.find("\n", start + CHUNK, stop)
+        end = stop if end < 0 else end
+        yield text[start:end]
+        start = end + 1
+
+
+def convert(
+    blocks: Iterable[Block],
+    roles: Roles,
+    decimal: str,
+    path: str,
+    names: Sequence[str],
+    *,
+    texts: Sequence[int] = (),
+    name_id: Callable[[str], str] = str.strip,
+) -> tuple[Rows, dict[int, Coded], Places]:
+    """The rows of blocks of texts; all mistakes in one error.
+
+    A block is turned into numbers before the next one is asked for: texts of numbers are not kept,
+    of others each distinct one.
+
+    Parameters
+    ----------
+    blocks : iterable of Block
+        The rows, in order.
+    roles : Roles
+        Which column is what.
+    decimal : str
+        Decimal mark.
+    path, names
+        The file and its columns, for messages.
+    texts : sequence of int
+        Columns to be returned as texts.
+    name_id : callable
+        Text of an id to its name.
 
     Raises
     ------
     InputError
         An id is blank, a text is no number or no time, or infinite.
     """
+    wanted = {roles.id, roles.time, *texts, *(() if roles.klass is None else (roles.klass,))}
+    coders = {column: _Coder() for column in wanted}
+    readers = {column: Numbers(decimal) for column in roles.numbers}
+    lines = array("q")
+    for block in blocks:
+        lines.extend(block.lines)
+        for column, coder in coders.items():
+            coder.add(block.columns[column])
+        for column, reader in readers.items():
+            reader.add(block.columns[column])
+    coded = {column: coder.coded() for column, coder in coders.items()}
+    del coders
+    places = Places(path=path, lines=lines, names=names)
     problems: list[str] = []
-    ids = [text.strip() for text in columns[roles.id]]
-    if "" in ids:
-        place = places.field(ids.index(""), roles.id)
-        problems.append(f"{place}: blank id{more(ids.count(''))}; name the object")
-    values = np.empty((len(ids), len(roles.numbers)), order="F")
+    ids = numbered(coded[roles.id], name_id)
+    blank = blanks(ids)
+    if len(blank):
+        place = places.field(int(blank[0]), roles.id)
+        problems.append(f"{place}: blank id{more(len(blank))}; name the object")
+    values = np.empty((len(lines), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
-        values[:, k], wrong = numbers(columns[column], decimal)
-        problems += [f"{places.field(row, column)}: {message}" for row, message in wrong]
+        reader = readers.pop(column)
+        values[:, k] = reader.values()
+        problems += [f"{places.field(row, column)}: {message}" for row, message in reader.mistakes]
     try:
-        times = parse_times(columns[roles.time], lambda texts: floats(texts, decimal))
+        times = coded_times(coded[roles.time], decimal)
     except TimeError as error:
         problems.append(f"{places.field(error.row, roles.time)}: {error}")
     if problems:
         raise InputError("\n".join(problems))
-    classes = None
-    if roles.klass is not None:
-        classes = number_ids([text.strip() for text in columns[roles.klass]])
-    return Rows(
-        name=places.path,
+    rows = Rows(
+        name=path,
         roles=roles,
-        ids=number_ids(ids),
+        ids=ids,
         times=times,
         numbers=values,
         where=places.row,
-        classes=classes,
+        classes=None if roles.klass is None else numbered(coded[roles.klass]),
     )
+    return rows, {column: coded[column] for column in texts}, places
+
+
+class _Coder:
+    """A column of texts, block by block."""
+
+    def __init__(self) -> None:
+        self.seen: dict[str, int] = {}
+        self.blocks: list[Ints] = [np.zeros(0, np.int64)]
+
+    def add(self, texts: Sequence[str]) -> None:
+        seen = self.seen
+        codes = (seen.setdefault(text, len(seen)) for text in texts)
+        self.blocks.append(np.fromiter(codes, np.int64, len(texts)))
+
+    def coded(self) -> Coded:
+        code, self.blocks = np.concatenate(self.blocks), []
+        return Coded(list(self.seen), code)
+
+
+def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
+    """Distinct names in natural order, and the number of each row's."""
+    table, number = number_ids([name(text) for text in column.distinct])
+    return table, number[column.code]
+
+
+def blanks(column: Numbered) -> Ints:
+    """Rows without a name."""
+    table, number = column
+    return np.flatnonzero(number == table.tolist().index("")) if "" in table else number[:0]
+
+
+def coded_times(column: Coded, decimal: str) -> Times:
+    """Times of a column, each distinct text parsed once.
+
+    Raises
+    ------
+    TimeError
+        As `tgospa_eval.formats.times.parse_times`, of the first row that is wrong.
+    """
+
+    def to_floats(texts: Sequence[str]) -> Floats:
+        return floats(texts, decimal)
+
+    try:
+        times = parse_times(column.distinct, to_floats)
+    except TimeError:
+        return parse_times(list(column), to_floats)  # which says the row, and how many there are
+    text = None if times.text is None else column
+    return Times(value=times.value[column.code], clock=times.clock, text=text)
 
 
 def decode(data: bytes, path: str) -> str:
@@ -153,38 +273,52 @@ def decode(data: bytes, path: str) -> str:
     return text
 
 
-def floats(texts: Sequence[str], decimal: str) -> Floats:
-    """The exact doubles of a whole column; ValueError unless every text is a number."""
-    joined = "".join(texts)
-    if "_" in joined or not joined.isascii():  # float() takes 1_000 and digits of any script
-        raise ValueError
-    if decimal == ",":
-        if "." in joined:
-            raise ValueError
-        texts = [text.replace(",", ".") for text in texts]
-    return np.array(list(map(float, texts)), dtype=np.float64)
+class Numbers:
+    """A column of numbers, NaN where blank, block by block; and the mistakes in it."""
+
+    def __init__(self, decimal: str) -> None:
+        self.decimal = decimal
+        self.blocks: list[Floats] = [np.zeros(0)]
+        self.rows = 0
+        self.wrong: dict[str, tuple[int, str, int]] = {}
+
+    def add(self, texts: Sequence[str]) -> None:
+        """The next rows."""
+        try:
+            values = floats(texts, self.decimal)
+        except ValueError:
+            values = np.full(len(texts), np.nan)
+            for row, text in enumerate(texts):
+                try:
+                    values[row] = floats([text], self.decimal)[0]
+                except ValueError:
+                    if text.strip():
+                        self._count("not a number", row, text)
+        for row in np.flatnonzero(np.isinf(values)).tolist():
+            self._count("infinite", row, texts[row])
+        self.blocks.append(values)
+        self.rows += len(values)
+
+    def _count(self, what: str, row: int, text: str) -> None:
+        first, text, count = self.wrong.get(what, (self.rows + row, text, 0))
+        self.wrong[what] = first, text, count + 1
+
+    def values(self) -> Floats:
+        """All rows."""
+        return np.concatenate(self.blocks)
+
+    @property
+    def mistakes(self) -> Iterator[tuple[int, str]]:
+        """The first row of each kind of mistake, and what to say of it."""
+        for what in ("not a number", "infinite"):
+            if what in self.wrong:
+                row, text, count = self.wrong[what]
+                remedy = remedy_for(text if what == "not a number" else "")
+                yield row, f"{what}: {quoted(text)}{more(count)}; {remedy}"
 
 
 def numbers(texts: Sequence[str], decimal: str) -> tuple[Floats, list[tuple[int, str]]]:
     """A column of numbers, NaN where blank; and the first row of each kind of mistake."""
-    wrong: list[int] = []
-    try:
-        values = floats(texts, decimal)
-    except ValueError:
-        values = np.full(len(texts), np.nan)
-        for row, text in enumerate(texts):
-            try:
-                values[row] = floats([text], decimal)[0]
-            except ValueError:
-                if text.strip():
-                    wrong.append(row)
-    infinite = np.flatnonzero(np.isinf(values)).tolist()
-    mistakes = []
-    for rows, what, remedy in (
-        (wrong, "not a number", remedy_for),
-        (infinite, "infinite", lambda _: "leave it blank where the object is absent"),
-    ):
-        if rows:
-            text = texts[rows[0]]
-            mistakes.append((rows[0], f"{what}: {quoted(text)}{more(len(rows))}; {remedy(text)}"))
-    return values, mistakes
+    column = Numbers(decimal)
+    column.add(texts)
+    return column.values(), list(column.mistakes)

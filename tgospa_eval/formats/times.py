@@ -95,6 +95,13 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.f
         if "," in text:
             remedy += f"; {remedy_for(text)}"
         raise TimeError(wrong[0], f"{what}{more(len(wrong))}; {remedy}")
+    far = [row for row, text in enumerate(texts) if known[text][1] == "far"]
+    if far:
+        raise TimeError(
+            far[0],
+            f"a time beyond 64-bit nanoseconds: {quoted(texts[far[0]])}{more(len(far))}; "
+            "write times from 1677-09-22 to 2262-04-11, or numbers",
+        )
     clock = known[texts[0]][1]
     for row, text in enumerate(texts):
         if known[text][1] != clock:
@@ -128,7 +135,7 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], NDArray[np.float64]])
     nanoseconds = seconds * 1_000_000_000 + since.microseconds * 1000
     nanoseconds += int(fraction[:9].ljust(9, "0"))
     if not -(2**63) <= nanoseconds < 2**63:
-        return 0, "none"
+        return 0, "far"
     return nanoseconds, clock
 
 

@@ -1,0 +1,61 @@
+"""Fields of text: the one rule of what is a number, and columns that hold each text once."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import overload
+
+import numpy as np
+
+from tgospa_eval.trajectories import Floats, Ints
+
+
+def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
+    """The exact doubles of a whole column; ValueError unless every text is a number."""
+    joined = "".join(texts)
+    if "_" in joined or not joined.isascii():  # float() takes 1_000 and digits of any script
+        raise ValueError
+    if decimal == ",":
+        if "." in joined:
+            raise ValueError
+        texts = [text.replace(",", ".") for text in texts]
+    return np.array(list(map(float, texts)), dtype=np.float64)
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is a number, with a point if any."""
+    try:
+        floats([text])
+    except ValueError:
+        return False
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class Coded(Sequence[str]):
+    """A column of texts that holds each distinct text once.
+
+    Parameters
+    ----------
+    distinct : list of str
+        Distinct texts in the order in which they first appear.
+    code : (R,) int array
+        Which of them each row has.
+    """
+
+    distinct: list[str]
+    code: Ints
+
+    def __len__(self) -> int:
+        return len(self.code)
+
+    @overload
+    def __getitem__(self, row: int) -> str: ...
+    @overload
+    def __getitem__(self, row: slice) -> list[str]: ...
+    def __getitem__(self, row: int | slice) -> str | list[str]:
+        if isinstance(row, slice):
+            return [self.distinct[code] for code in self.code[row].tolist()]
+        return self.distinct[int(self.code[row])]
+
+    def __iter__(self) -> Iterator[str]:
+        return map(self.distinct.__getitem__, self.code.tolist())
