@@ -72,7 +72,7 @@ def test_places_that_are_not_known_are_absent(invoke: Run, write: Write, format_
         ("commas.txt", KITTI.format(1, 2, 3).replace(" ", ","), [], ["numbers where", "format"]),
         ("t.csv.gz", gzip.compress(TABLE.encode()), [], ["gzip", "unpack"]),
         ("t.csv", TABLE.encode("utf-32"), [], ["UTF-32", "UTF-8"]),
-        ("/dev/zero", None, [], ["device"]),
+        ("/dev/zero", None, [], ["/dev/zero: is a device"]),
         ("mot.txt", MOT.replace("30,40", "-30,40"), [], ["line 1", '"width"', "-30", ">= 0"]),
         ("t.csv", "ID,Id,t,x\n1,1,0,0\n", [], ['"ID" and "Id"', "--columns id=ID"]),
         ("t.csv", "id,t,x,y\n", ["--columns", "z"], ["no column z", "map it"]),

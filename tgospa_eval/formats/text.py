@@ -55,9 +55,8 @@ def load(path: str) -> bytes:
         It cannot be read.
     """
     try:
-        if _is_endless(path):
-            raise InputError(f"{path}: is a device, not a file")
-        return Path(path).read_bytes()
+        if not _is_endless(path):
+            return Path(path).read_bytes()
     except MemoryError:
         raise InputError(f"{path}: larger than the memory of this machine") from None
     except FileNotFoundError:
@@ -66,6 +65,7 @@ def load(path: str) -> bytes:
         if os.path.isdir(path):  # Windows says "permission denied"
             raise InputError(f"{path}: is a folder, not a file") from None
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    raise InputError(f"{path}: is a device, not a file")
 
 
 def _is_endless(path: str) -> bool:
