@@ -7,7 +7,10 @@ from tgospa_eval.distances.base import Distance
 from tgospa_eval.distances.boxes import IoU
 from tgospa_eval.distances.gating import Pairs, near_pairs
 from tgospa_eval.distances.mahalanobis import Mahalanobis
+from tgospa_eval.distances.reduction import Reduction, reduce_cloud
+from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
 from tgospa_eval.distances.sphere import Haversine
+from tgospa_eval.distances.transport import cloud_wasserstein, cross_covariance, transport_plan
 from tgospa_eval.distances.vector import Norm
 
 DISTANCES: dict[str, Distance] = {
@@ -28,5 +31,12 @@ __all__ = [
     "Mahalanobis",
     "Norm",
     "Pairs",
+    "Reduction",
+    "cloud_wasserstein",
+    "cross_covariance",
     "near_pairs",
+    "reduce_cloud",
+    "resample_cloud",
+    "restrict_cloud",
+    "transport_plan",
 ]
