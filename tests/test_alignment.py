@@ -14,8 +14,8 @@ from tgospa_eval import evaluate
 from tgospa_eval.alignment import GRIDS, Stamps, align, nearest
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.inspection import find_shift, remarks
 from tgospa_eval.problem import Parameters
+from tgospa_eval.remarks import find_shift, remarks
 from tgospa_eval.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -153,7 +153,7 @@ def test_settling_by_assignment() -> None:
     late = np.roll(estimate, 1, axis=0)
     parameters = Parameters(cutoff=2, order=1, switch_penalty=0)
     aligned = align(Trajectories.from_array(truth), Trajectories.from_array(late))
-    from tgospa_eval.inspection import _Costs
+    from tgospa_eval.remarks import _Costs
 
     costs = _Costs(aligned.truth, aligned.estimate, parameters, EUCLIDEAN)
     before = costs.lower.copy(), costs.upper.copy()

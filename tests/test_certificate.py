@@ -8,11 +8,16 @@ import pytest
 from strategies import scene
 
 import tgospa_eval.result
-import tgospa_eval.states
+import tgospa_eval.slots
+import tgospa_eval.weights
 from tgospa_eval import evaluate
-from tgospa_eval.result import ONE, Solution, best_values, certify
+from tgospa_eval.merging import merge_runs
+from tgospa_eval.paths import best_values
+from tgospa_eval.result import Solution, certify
+from tgospa_eval.slots import Slots
 from tgospa_eval.solvers.kernels import best_paths, paths
-from tgospa_eval.states import Slots, States, merge_runs
+from tgospa_eval.states import States
+from tgospa_eval.weights import ONE
 
 
 def instance(seed: int) -> States:
@@ -148,8 +153,8 @@ def test_parts_change_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
     for solution in solutions(states, seed):
         whole, weights, split = certify(states, solution)
         with monkeypatch.context() as patch:
-            patch.setattr(tgospa_eval.states, "PART", 16)
-            patch.setattr(tgospa_eval.result, "PART", 16)
+            for module in (tgospa_eval.slots, tgospa_eval.weights, tgospa_eval.result):
+                patch.setattr(module, "PART", 16)
             bounds, again, steps = certify(states, solution)
         assert np.array_equal(weights, again)
         assert bounds.upper == pytest.approx(whole.upper, rel=1e-14)

@@ -47,9 +47,22 @@ def test_table(run: Run, write: Write) -> None:
         done = run("inspect", *arguments)
         assert done.status == 0
         assert max(map(len, done.out.splitlines())) <= 80
-        assert "1 without position, 1 repeated" in done.out
+        assert "  no position      1" in " ".join(done.out.splitlines()[4:5])
+        assert "  repeated         1" in " ".join(done.out.splitlines()[5:6])
     assert run("inspect", *files, "--on-duplicate", "error").status == 3
     assert "nearer than the cutoff c = 2: 25.0 %" in run("inspect", *files, "-c", "2").out
+
+
+def test_classes(invoke: Run, write: Write) -> None:
+    truth = write("t.csv", "id,t,x,class\n1,0,0,car\n1,1,0,car\n2,0,5,van\n")
+    estimate = write("e.csv", "id,t,x,class\n1,0,0,car\n")
+    arguments = ("inspect", truth, estimate, "--by", "class")
+    lines = [line.split(maxsplit=2) for line in invoke(*arguments).out.splitlines()]
+    assert ["class", "car", "2 rows, 1 trajectory          1 row, 1 trajectory"] in lines
+    assert ["class", "van", "1 row, 1 trajectory           none"] in lines
+    document = json.loads(invoke(*arguments, "--format", "json").out)
+    assert document["truth"]["classes"]["van"] == {"rows": 1, "trajectories": 1}
+    assert document["parameters"]["by"] == "class"
 
 
 def test_empty_files(invoke: Run, write: Write) -> None:

@@ -9,15 +9,18 @@ from strategies import scene
 
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.sinkhorn as sinkhorn_module
-from tgospa_eval import Certified, Result, Sinkhorn, evaluate
-from tgospa_eval import states as states_module
+from tgospa_eval import Certified, Result, Sinkhorn, evaluate, merging, slots, states
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import InputError, check_size
+from tgospa_eval.merging import merge_runs
+from tgospa_eval.paths import add_gains, best_values, row_steps
 from tgospa_eval.problem import Problem
-from tgospa_eval.result import ONE, add_gains, best_values, certify, row_steps
+from tgospa_eval.result import certify
+from tgospa_eval.slots import Slots
 from tgospa_eval.solvers import ascent
-from tgospa_eval.states import Slots, States, merge_runs
+from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+from tgospa_eval.weights import ONE
 
 MOST = 32
 """Flag of the kernels: more than half of the row."""
@@ -56,6 +59,12 @@ PROBLEMS = {
 }
 
 
+def without_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make merging use its NumPy twin."""
+    for module in (slots, states, merging):
+        monkeypatch.setattr(module, "kernels", None)
+
+
 @compiled_only
 @pytest.mark.parametrize("varying", [False, True])
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -68,8 +77,8 @@ def test_merging_compiled_equals_plain(
         problem = dataclasses.replace(problem, switch_price=price)
     fast = merge_runs(problem)
     sides = [(fast.rows, fast.columns)]
-    monkeypatch.setattr(states_module, "kernels", None)
-    monkeypatch.setattr(states_module, "CACHE", 32)  # parts of a few rows or blocks
+    without_kernels(monkeypatch)
+    monkeypatch.setattr(slots, "CACHE", 32)  # parts of a few rows or blocks
     plain = merge_runs(problem)
     sides.append((plain.rows, plain.columns))
     for one, other in zip(*sides, strict=True):
@@ -85,10 +94,10 @@ def test_more_states_than_indices_are_refused(plain: bool, monkeypatch: pytest.M
     problem = PROBLEMS["small"]()
     check_size("states", 2**31 - 2)
     if plain:
-        monkeypatch.setattr(states_module, "kernels", None)
+        without_kernels(monkeypatch)
     ends = np.zeros(2, np.int32), np.full(2, 2**30, np.int32)
     with pytest.raises(InputError, match="2147483650 states are too many"):
-        states_module._split(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
+        merging._split(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
     for field, what in (("steps", "steps"), ("truths", "trajectories")):
         large = dataclasses.replace(problem, **{field: 2**31 - 1})
         with pytest.raises(InputError, match=f"{what} are too many"):
@@ -247,7 +256,7 @@ def test_compiled_and_plain_solvers_agree(seed: int, monkeypatch: pytest.MonkeyP
     truth, estimate = scene(seed, 9, 10, 30, side=7.0, noise=1.5)
     fast = evaluate(truth, estimate, 5.0, 2, 2.0)
     soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")
-    for module in (states_module, certified_module, sinkhorn_module):
+    for module in (slots, states, merging, certified_module, sinkhorn_module):
         monkeypatch.setattr(module, "kernels", None)
     plain = evaluate(truth, estimate, 5.0, 2, 2.0)
     plain_soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")

@@ -8,11 +8,13 @@ from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
+from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Parameters, Problem, tgospa_problem
-from tgospa_eval.result import ONE, Solution, certify
+from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import SOLVERS, solver_class
-from tgospa_eval.states import States, merge_runs
+from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+from tgospa_eval.weights import ONE
 
 # relative error of the total that each solver promises, None for a bracket only
 PROMISE = {"certified": 1e-9, "exact": 1e-6, "sinkhorn": None}

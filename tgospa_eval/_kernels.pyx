@@ -23,7 +23,7 @@ cdef double NOTHING = -1e300
 cdef double NEVER = 1e300
 
 
-# --- merging of runs: the twin is tgospa_eval.states ---------------------------------------------
+# --- merging of runs: the twin is in tgospa_eval.merging and slots --------------------------------
 
 
 cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
@@ -318,7 +318,7 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     return gain_array, group_first_array, offset_array
 
 
-# --- best paths: the twin is tgospa_eval.result.best_values ---------------------------------------
+# --- best paths: the twin is tgospa_eval.paths.best_values ---------------------------------------
 
 
 cdef double row_forward(const i32* order, const i32* begin, const double* crossing,

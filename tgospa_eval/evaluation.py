@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem import Floats, Ints, Parameters, sum_by
-from tgospa_eval.result import ONE, Bounds, Breakdown, changes
+from tgospa_eval.result import Bounds, Breakdown
 from tgospa_eval.states import States
+from tgospa_eval.weights import ONE, changes
 
 if TYPE_CHECKING:
     import pandas as pd

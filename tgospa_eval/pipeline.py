@@ -11,10 +11,10 @@ from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result
+from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
-from tgospa_eval.states import merge_runs
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 

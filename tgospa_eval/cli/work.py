@@ -18,8 +18,9 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
-from tgospa_eval.inspection import inspect, remarks
+from tgospa_eval.inspection import inspect
 from tgospa_eval.pipeline import evaluate_trajectories
+from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver

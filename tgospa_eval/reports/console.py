@@ -162,10 +162,10 @@ def _footer(result: Summary) -> Iterator[str]:
     yield clip(f"  seconds          {parts}")
 
 
-def clip(line: str) -> str:
-    """The line, cut to the width of the table, with control characters escaped."""
+def clip(line: str, width: int = WIDTH) -> str:
+    """The line, cut to a width, with control characters escaped."""
     line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
-    return line if len(line) <= WIDTH else line[: WIDTH - 3] + "..."
+    return line if len(line) <= width else line[: width - 3] + "..."
 
 
 def _name(value: Any) -> str:

@@ -9,11 +9,20 @@ from tgospa_eval.reports.console import WIDTH, clip
 
 Document = dict[str, Any]
 
-NAME = 14
+NAME = 18
 """Width of the first column."""
 
-CELL = 32
+CELL = 30
 """Width of the columns of the files."""
+
+LEFT_OUT = {
+    "blank": "no position",
+    "duplicate": "repeated",
+    "time": "outside --time",
+    "class": "not in --class",
+    "region": "outside --region",
+}
+"""Why rows are left out, where the JSON's word for it is not enough."""
 
 
 def json_text(document: Document) -> str:
@@ -37,8 +46,11 @@ def _files(files: list[Document]) -> Iterator[str]:
     """A row for each property, a column for each file."""
     yield _row("", [f"{name}" for name in ("truth", "estimate")[: len(files)]])
     yield _row("file", [_tail(file["path"]) for file in files])
+    yield _row("format", [file["format"] for file in files])
     yield _row("rows", [str(file["rows"]) for file in files])
-    yield _row("  left out", [_left_out(file["left_out"]) for file in files])
+    for rule in dict.fromkeys(rule for file in files for rule in file["left_out"]):
+        counts = [str(file["left_out"].get(rule, 0)) for file in files]
+        yield _row(f"  {LEFT_OUT.get(rule, rule)}", counts)
     yield _row("trajectories", [str(file["trajectories"]) for file in files])
     yield _row("  length", [_range(file["length"], "rows") for file in files])
     yield _row("  with holes", [_holes(file["holes"]) for file in files])
@@ -50,11 +62,17 @@ def _files(files: list[Document]) -> Iterator[str]:
     yield _row("  t to next t", [_range(file["time"]["step"], second.strip()) for file in files])
     for column in files[0]["columns"]:
         yield _row(column, [_interval(file["extent"].get(column)) for file in files])
+    for name in dict.fromkeys(name for file in files for name in file["classes"]):
+        parts = [file["classes"].get(name) for file in files]
+        yield _row(f"class {name}", [_class(part) for part in parts])
 
 
-def _left_out(left_out: Document) -> str:
-    names = {"blank": "without position", "duplicate": "repeated"}
-    return ", ".join(f"{n} {names.get(rule, rule)}" for rule, n in left_out.items()) or "none"
+def _class(part: Document | None) -> str:
+    if part is None:
+        return "none"
+    rows = "row" if part["rows"] == 1 else "rows"
+    tracks = "trajectory" if part["trajectories"] == 1 else "trajectories"
+    return f"{part['rows']} {rows}, {part['trajectories']} {tracks}"
 
 
 def _holes(holes: Document) -> str:
@@ -101,7 +119,7 @@ def steps_of(count: int) -> str:
 
 
 def _row(name: str, cells: list[str]) -> str:
-    return (f"{name:<{NAME}}" + "".join(f"{cell:<{CELL}}" for cell in cells)).rstrip()
+    return (f"{clip(name, NAME):<{NAME}} " + "".join(f"{cell:<{CELL}}" for cell in cells)).rstrip()
 
 
 def _range(spread: Document | None, unit: str) -> str:

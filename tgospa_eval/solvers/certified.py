@@ -11,7 +11,7 @@ import numpy as np
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.result import ONE, Solution, repair
+from tgospa_eval.result import Solution
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
@@ -19,6 +19,7 @@ from tgospa_eval.solvers.limits import load
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+from tgospa_eval.weights import ONE, repair
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""

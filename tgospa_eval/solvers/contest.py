@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
+from tgospa_eval.paths import best_values
 from tgospa_eval.problem import Floats, sum_by
-from tgospa_eval.result import best_values
 from tgospa_eval.solvers.batches import LATE, Answer, Batch
 from tgospa_eval.solvers.kernels import best_paths, better, price_cap
 from tgospa_eval.solvers.residual import residual

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem import Floats, Ints, sum_by
-from tgospa_eval.states import Slots, parts
+from tgospa_eval.slots import Slots, parts
 
 SAME = 1e-12
 """Rooms that differ by less are one."""

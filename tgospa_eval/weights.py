@@ -1,0 +1,111 @@
+"""Weights of states as integers: what makes them feasible, and where they change."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.slots import PART, Slots, changed, divided, parts
+from tgospa_eval.states import States
+
+ONE = 1 << 50
+"""The integer that stands for the weight 1."""
+
+SNAP = ONE * 1e-9
+"""Weights this near to 0 or 1 are meant to be 0 or 1."""
+
+
+def repair(states: States, weights: Floats) -> Ints:
+    """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
+    return repaired(states, weights)[0]
+
+
+def repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
+    """What `repair` gives, and its sums over the column slots."""
+    whole = np.empty(len(weights), np.int64)
+    whole_weights(weights, whole)
+    return whole, make_feasible(states, whole)
+
+
+def whole_weights(weights: Floats, whole: Ints) -> None:
+    """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
+    for part in parts(len(weights)):
+        used = np.flatnonzero(weights[part] != 0)
+        fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0
+        fixed *= ONE
+        fixed[fixed < SNAP] = 0
+        fixed[fixed > ONE - SNAP] = ONE
+        whole[part] = 0
+        whole[part][used] = fixed
+
+
+def make_feasible(states: States, weights: Ints) -> Ints:
+    """Scale the weights where a slot is too full, in place; their sums over the column slots."""
+    for part, own in row_parts(states):
+        _fit(part.rows, weights[own])
+    return _fit(states.columns, weights)
+
+
+def _fit(slots: Slots, weights: Ints) -> Ints:
+    """Scale the states of every slot whose sum exceeds ONE by that sum, in place; the new sums."""
+    sums = slots.sums(weights)
+    if sums.max(initial=0) <= ONE:
+        return sums
+    full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
+    np.cumsum(sums > ONE, out=full[1:])
+    sums = np.append(sums, 0)
+    ends = slots.end
+    for part in parts(len(weights)):
+        own, begin, end = weights[part], slots.begin[part], ends[part]
+        over = np.flatnonzero((full[end] > full[begin]) & (own > 0))
+        over = over[np.argsort(begin[over], kind="stable")]
+        bounds = np.stack((begin[over], end[over]), axis=1).ravel()
+        fullest = np.maximum.reduceat(sums, bounds)[::2]
+        # Rounded down by more than the product can be rounded up.
+        factor = ONE / fullest * (1 - 2.0**-48)
+        own[over] = np.floor(own[over] * factor)
+    return slots.sums(weights)
+
+
+def row_parts(states: States) -> Iterator[tuple[States, slice]]:
+    """The states in parts of whole rows, about PART states each, and where they are.
+
+    Rows do not depend on each other once prices are given. Nodes and column slots keep their
+    numbers.
+    """
+    if 0 < len(states.begin) <= PART:
+        yield states, slice(None)
+        return
+    bounds = divided(states.pair_row, states.pair_first, PART)
+    for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
+        first = states.pair_first[pairs.start : pairs.stop + 1]
+        own = slice(int(first[0]), int(first[-1]))
+        row, column = states.pair_row[pairs], states.pair_column[pairs]
+        yield (
+            replace(
+                states,
+                pair_row=row,
+                pair_column=column,
+                pair_block=states.pair_block[pairs],
+                pair_first=first - first[0],
+                pair_truth=states.pair_truth[pairs],
+                pair_estimate=states.pair_estimate[pairs],
+                begin=states.begin[own],
+                entry=states.entry[own],
+                columns=replace(
+                    states.columns,
+                    begin=states.columns.begin[own],
+                    pair_first=first - first[0],
+                    pair_node=column,
+                ),
+            ),
+            own,
+        )
+
+
+def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
+    """States whose weight differs from that of the state before, and by how much, as a fraction."""
+    moved = np.flatnonzero(changed(states.pair_first, weights))
+    return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE
