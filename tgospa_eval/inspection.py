@@ -215,7 +215,7 @@ def nearest_estimates(
             for side in (aligned.truth, aligned.estimate)
         )
         a = a[:: -(-len(a) // SAMPLE)]
-        found.append(distance(a[:, None], b[None, :]).min(axis=1))
+        found.append(distance.rough(a[:, None], b[None, :]).min(axis=1))
     near = np.sort(np.concatenate(found))
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
     quantiles = np.interp(at, np.arange(len(near)), near).tolist()

@@ -8,7 +8,7 @@ import numpy as np
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
-from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
+from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result
 from tgospa_eval.merging import merge_runs
@@ -53,7 +53,8 @@ def evaluate(
         gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
     distance : str or Distance
         Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``, ``"haversine"``,
-        ``"iou"``, or a record of `tgospa_eval.distances` with settings: `Norm`, `Mahalanobis`.
+        ``"iou"``, ``"cloud-wasserstein"``, or a record of `tgospa_eval.distances` with settings:
+        `Norm`, `Mahalanobis`, `CloudWasserstein`.
         Arrays and DataFrames are taken to have the columns that it needs: ``lat, lon`` or
         ``left, top, width, height``.
     solver : str or solver record
@@ -84,8 +85,8 @@ def evaluate(
     measure = _distance(distance)
     with stopwatch.span("read"):
         sides = (
-            as_trajectories(truth, "truth", measure.columns),
-            as_trajectories(estimate, "estimate", measure.columns),
+            as_trajectories(truth, "truth", measure),
+            as_trajectories(estimate, "estimate", measure),
         )
     defaults = measure.defaults
     return evaluate_trajectories(
@@ -155,7 +156,9 @@ def evaluate_trajectories(
     with stopwatch.span("distances"):
         aligned = align(truth, estimate, stamps)
         truth, estimate = aligned.truth, aligned.estimate
-        pairs = near_pairs(truth, estimate, parameters.cutoff, measure)
+        measure = measure.fitted(truth, estimate)
+        effort = Effort(jobs=getattr(solver, "jobs", None), stopwatch=stopwatch)
+        pairs = near_pairs(truth, estimate, parameters.cutoff, measure, effort)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
         del pairs  # the distances are as long as the entries
@@ -250,13 +253,14 @@ def _solver_record(
 def as_trajectories(
     side: "Trajectories | pd.DataFrame | Floats",
     name: str,
-    columns: tuple[str, ...] | None = None,
+    distance: Distance | None = None,
 ) -> Trajectories:
     """Any accepted form of one side as Trajectories.
 
-    `name` begins the messages; `columns` are the state columns of tables and arrays, if the
-    distance prescribes them.
+    `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
+    and want their particles.
     """
+    columns = None if distance is None else distance.columns
     if isinstance(side, Trajectories):
         return side
     if isinstance(side, np.ndarray):
@@ -266,7 +270,8 @@ def as_trajectories(
         from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
 
-        return from_frame(side, ReadOptions(columns=columns), name=name).trajectories
+        options = ReadOptions(columns=columns, clouds=distance is not None and distance.particles)
+        return from_frame(side, options, name=name).trajectories
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
     )
@@ -321,11 +326,14 @@ def check_states(
 
 
 def digest(side: Trajectories) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows and states."""
+    """SHA-256 of what takes part: columns, ids, times, rows, states and particles."""
     sha = hashlib.sha256()
     for texts in (side.columns, side.ids.tolist()):
         sha.update(repr(list(texts)).encode())
-    for array in (side.times[side.step], side.track, side.state):
+    arrays = [side.times[side.step], side.track, side.state]
+    if side.clouds is not None:
+        arrays += [side.clouds.first, side.clouds.points, side.clouds.weights]
+    for array in arrays:
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())
         sha.update(np.ascontiguousarray(array, dtype=kind).data)

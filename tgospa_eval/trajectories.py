@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.clouds import Clouds
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]
@@ -43,6 +44,8 @@ class Trajectories:
         What the times are.
     labels : (T,) array of str, optional
         Times as they were read, where they are no numbers.
+    clouds : Clouds, optional
+        The particles of each row; the states are their weighted means.
 
     Raises
     ------
@@ -58,6 +61,7 @@ class Trajectories:
     columns: tuple[str, ...]
     clock: str = "number"
     labels: NDArray[np.object_] | None = None
+    clouds: Clouds | None = None
 
     def __post_init__(self) -> None:
         for name in ("step", "track"):
@@ -80,6 +84,8 @@ class Trajectories:
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
+        if self.clouds is not None:
+            self._check_clouds(self.clouds)
         if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
             raise InputError("times must increase strictly")
         if rows:
@@ -100,10 +106,21 @@ class Trajectories:
                 frozen.setflags(write=False)
                 object.__setattr__(self, name, frozen)
 
+    def _check_clouds(self, clouds: Clouds) -> None:
+        if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):
+            raise InputError(
+                f"{len(clouds)} clouds of {clouds.points.shape[1]} components do not fit state "
+                f"{self.state.shape}"
+            )
+        scale = np.abs(clouds.points).max(initial=0)
+        if not np.all(np.abs(self.state - clouds.means) <= 1e-9 * scale):
+            raise InputError("states of clouds must be the means of their particles, clouds.means")
+
     def __repr__(self) -> str:
+        particles = "" if self.clouds is None else f", {len(self.clouds.points)} particles"
         return (
-            f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows, "
-            f"columns {','.join(self.columns)})"
+            f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows"
+            f"{particles}, columns {','.join(self.columns)})"
         )
 
     def dense(self) -> Floats:
@@ -132,7 +149,12 @@ class Trajectories:
             ids=self.ids[has_rows],
             times=times,
             labels=None,
+            clouds=None if self.clouds is None else self.clouds.chosen(rows),
         )
+
+    def with_clouds(self, clouds: Clouds) -> "Trajectories":
+        """The same rows with other particles, and their means as states."""
+        return replace(self, state=clouds.means, clouds=clouds)
 
     @classmethod
     def from_array(cls, states: Floats, columns: tuple[str, ...] | None = None) -> "Trajectories":

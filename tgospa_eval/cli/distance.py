@@ -2,10 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tgospa_eval.distances import DISTANCES, Distance, Mahalanobis, Norm
+from tgospa_eval.cli.particles import cloud_distance, given_particles
+from tgospa_eval.distances import DISTANCES, CloudWasserstein, Distance, Mahalanobis, Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
 
@@ -37,10 +39,17 @@ class DistanceOptions:
         self.boxes = self.named.columns == BOX
         of_norms = isinstance(self.named, Norm)
         of_matrix = isinstance(self.named, Mahalanobis)
+        of_clouds = isinstance(self.named, CloudWasserstein)
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "euclidean, manhattan and chebyshev"),
-            ("scale", self.scale, of_norms or of_matrix, "the norms and mahalanobis"),
+            (
+                "scale",
+                self.scale,
+                of_norms or of_matrix or of_clouds,
+                "the norms, mahalanobis and cloud-wasserstein",
+            ),
             ("covariance", self.path, of_matrix, "mahalanobis"),
+            *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
                 raise ConfigError(f"--{name} is for {whose}, not for {self.named.name}")
@@ -52,6 +61,9 @@ class DistanceOptions:
                 Mahalanobis(covariance=self.matrix)
             except ConfigError as error:
                 raise InputError(f"{self.path}: {error}") from None
+
+        if of_clouds:
+            self.named = cloud_distance(options, read_matrix)
 
     def columns(self, asked: Sequence[str] | None) -> tuple[str, ...] | None:
         """State columns to read: those asked for, else those that the distance needs."""
@@ -72,6 +84,8 @@ class DistanceOptions:
         scale = _by_column("scale", self.scale, columns, 1.0)
         if isinstance(self.named, Norm):
             return Norm(name=self.named.name, power=self.named.power, period=period, scale=scale)
+        if isinstance(self.named, CloudWasserstein):
+            return replace(self.named, scale=scale)
         if isinstance(self.named, Mahalanobis):
             return Mahalanobis(covariance=self.matrix, scale=scale)
         return self.named

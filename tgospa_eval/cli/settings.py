@@ -70,7 +70,8 @@ class Settings:
         check_columns(truth, estimate, names)
         distance = self.measure.distance(truth.columns)
         check_states(truth, estimate, distance, names)
-        return distance, align(truth, estimate, self.stamps, names)
+        aligned = align(truth, estimate, self.stamps, names)
+        return distance.fitted(aligned.truth, aligned.estimate), aligned
 
 
 def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
@@ -108,6 +109,7 @@ def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
             classes=None if classes is None else tuple(map(str.strip, classes.split(","))),
             region=options["region"],
             by_class=options["by"] == "class",
+            clouds=measure.named.particles,
         ),
         formats=(options["truth_format"], options["estimate_format"]),
         unit=options["unit"],

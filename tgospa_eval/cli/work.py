@@ -52,6 +52,8 @@ def evaluate_files(
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
     stopwatch = Stopwatch()
+    if not quiet:
+        stopwatch.tell = _say
 
     def work() -> Summary:
         with stopwatch.span("read"):
@@ -116,6 +118,7 @@ def evaluate_sides(
     for name in sorted({*truth.classes, *estimate.classes}, key=natural) or [""]:
         stopwatch.stage = f"class {name}"
         part = Stopwatch()
+        part.tell = stopwatch.tell
         results[name] = evaluate_trajectories(
             truth.of_class(name), estimate.of_class(name), stopwatch=part, **common
         )

@@ -3,9 +3,10 @@
 A member is one file here, one line in `DISTANCES` and one line in docs/reference/cli.md.
 """
 
-from tgospa_eval.distances.base import Distance
+from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.boxes import IoU
-from tgospa_eval.distances.gating import Pairs, near_pairs
+from tgospa_eval.distances.clouds import CloudWasserstein
+from tgospa_eval.distances.gating import near_pairs
 from tgospa_eval.distances.mahalanobis import Mahalanobis
 from tgospa_eval.distances.reduction import Reduction, reduce_cloud
 from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
@@ -20,12 +21,15 @@ DISTANCES: dict[str, Distance] = {
     "mahalanobis": Mahalanobis(),
     "haversine": Haversine(),
     "iou": IoU(),
+    "cloud-wasserstein": CloudWasserstein(),
 }
 """Base distances by name; Mahalanobis without its covariance."""
 
 __all__ = [
     "DISTANCES",
+    "CloudWasserstein",
     "Distance",
+    "Effort",
     "Haversine",
     "IoU",
     "Mahalanobis",

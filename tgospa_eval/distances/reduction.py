@@ -17,6 +17,7 @@ corrected there.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -89,6 +90,19 @@ class Reduction:
             _check_count(name, getattr(self, name), least)
         if self.directions is not None and np.ndim(self.directions) == 0:
             _check_count("directions", self.directions, 1)
+
+    def settings(self) -> dict[str, Any]:
+        """What changes the number, by the names of the options."""
+        found: dict[str, Any] = {"reduce": self.size, "reduce_method": self.method}
+        if self.method != "top":
+            found["seed"] = self.seed
+        if self.method in _METHODS:
+            found |= {"iterations": self.iterations, "restarts": self.restarts}
+        if self.method in ("sliced", "recursive"):
+            given = self.directions
+            found["directions"] = given if given is None else np.asarray(given).tolist()
+            found["polish"] = self.polish
+        return found
 
     def __call__(self, cloud: Cloud, start: Floats | None = None) -> Cloud:
         """The cloud with fewer particles; points (N, d), weights (N,) that sum to 1.

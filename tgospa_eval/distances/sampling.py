@@ -8,12 +8,10 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tgospa_eval.clouds import UNEVEN
 from tgospa_eval.errors import ConfigError, real_number
 
 Floats = NDArray[np.float64]
-
-UNEVEN = 1e-3
-"""Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
 
 RESAMPLING = ("systematic", "stratified", "multinomial")
 

@@ -20,6 +20,7 @@ FORMATS = {
     "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
     "motchallenge": ("tgospa_eval.formats.motchallenge", "read_motchallenge"),
     "kitti": ("tgospa_eval.formats.kitti", "read_kitti"),
+    "npz": ("tgospa_eval.formats.npz", "read_npz"),
 }
 """Module and function that read each format; imported when used."""
 
@@ -91,6 +92,8 @@ class ReadOptions:
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
         The reading says which row is of which class.
+    clouds : bool
+        A column of weights makes rows particles, also where no (id, t) is repeated.
 
     Raises
     ------
@@ -106,6 +109,7 @@ class ReadOptions:
     classes: tuple[str, ...] | None = None
     region: str | None = None
     by_class: bool = False
+    clouds: bool = False
 
     def __post_init__(self) -> None:
         for name in ("columns", "classes"):
@@ -205,8 +209,11 @@ def read_trajectories(
     time: str | None = None,
     classes: tuple[str, ...] | None = None,
     region: str | None = None,
+    clouds: bool = False,
 ) -> Trajectories:
-    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge or KITTI.
+    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
+
+    Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
 
     Parameters
     ----------
@@ -214,9 +221,9 @@ def read_trajectories(
         The file.
     role : {"truth", "estimate"}
         What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
-    format : {"csv", "parquet", "motchallenge", "kitti"}, optional
+    format : {"csv", "parquet", "motchallenge", "kitti", "npz"}, optional
         Guessed by name and content if not given.
-    columns, decimal, on_duplicate, boxes, time, classes, region
+    columns, decimal, on_duplicate, boxes, time, classes, region, clouds
         As in `tgospa_eval.formats.ReadOptions`.
 
     Raises
@@ -234,6 +241,7 @@ def read_trajectories(
         time=time,
         classes=classes,
         region=region,
+        clouds=clouds,
     )
     return read(path, options, role, format).trajectories
 

@@ -12,6 +12,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.particles import gather
 from tgospa_eval.formats.times import Times, more, quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
@@ -93,19 +94,28 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         for name in sorted(names - set(rows.classes[0])):
             there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
             chosen.notices.append(f"no row of class {quoted(name)}; there are {there}")
+    track_ids, track = rows.ids
+    key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    particles = None
+    if roles.weight is not None:
+        particles = gather(rows, key, chosen.mask, always=options.clouds)
     if roles.region:
         values = roles.mixed(rows.numbers, tuple(roles.region.values()))
+        if particles is not None:  # a cloud is where its mean is
+            values = particles.means(values)
         inside = np.ones(len(state), bool)
         for column, (low, high) in zip(values.T, options.ranges.values(), strict=True):
             inside &= (column >= low) & (column <= high)
         chosen.keep(inside, "region", "left out by --region")
     _check_states(rows, state, chosen.mask, options)
 
-    track_ids, track = rows.ids
-    key = step.astype(np.int64) * max(len(track_ids), 1) + track
     taken, ordered = _by_key(key, None if chosen.all() else np.flatnonzero(chosen.mask))
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
-    if len(again):
+    clouds = None
+    if particles is not None:
+        clouds, taken, ordered = particles.clouds(state, taken, ordered)
+        chosen.notices += particles.notices(clouds, compared=options.clouds)
+    elif len(again):
         if options.on_duplicate == "error":
             raise InputError(_duplicate(taken, again, key, rows))
         drop = again + 1 if options.on_duplicate == "first" else again
@@ -125,7 +135,8 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     trajectories = Trajectories(
         step=step_used,
         track=track_used,
-        state=state.take(taken, axis=0),
+        state=state.take(taken, axis=0) if clouds is None else clouds.means,
+        clouds=clouds,
         ids=track_ids[used],
         times=cast(NDArray[np.float64], moments),
         columns=roles.names,
@@ -140,8 +151,11 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     notices = chosen.notices
     if roles.centres:
         notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
-    if roles.unused:
-        notices = [f"columns not used: {', '.join(roles.unused)}", *notices]
+    unused = roles.unused
+    if roles.weight is not None and particles is None:
+        unused = (*unused, roles.weight_header)
+    if unused:
+        notices = [f"columns not used: {', '.join(unused)}", *notices]
     return Reading(
         trajectories=trajectories,
         rows=len(state),
@@ -254,5 +268,6 @@ def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows) -> str:
     return (
         f"{where(row)}: id {quoted(name)} at t {moment} was given before, "
         f"{where(first)}{more(len(again))}; "
-        "one row per object and step, or --on-duplicate first or last"
+        "one row per object and step, or --on-duplicate first or last; particles of one object "
+        "need a column weight"
     )

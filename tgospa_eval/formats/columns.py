@@ -19,6 +19,9 @@ ALIASES = {
 }
 """Headers under which the columns are found that are no numbers of a state."""
 
+WEIGHT = ("weight", "w")
+"""Headers of the weights of particles."""
+
 BOX = ("left", "top", "width", "height")
 EDGES = (*BOX, "right", "bottom")
 
@@ -46,6 +49,10 @@ class Roles:
         The states are the centres of boxes.
     unused : tuple of str
         Headers of all other columns.
+    weight : int, optional
+        Column of the weights of particles.
+    weight_header : str
+        What it is called.
     """
 
     id: int
@@ -56,12 +63,15 @@ class Roles:
     region: dict[str, Mix]
     centres: bool
     unused: tuple[str, ...]
+    weight: int | None = None
+    weight_header: str = ""
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """Columns that are read as numbers, those of the state first."""
         mixes = (*self.state, *self.region.values())
-        return tuple(dict.fromkeys(column for mix in mixes for column, _ in mix))
+        weight = () if self.weight is None else (self.weight,)
+        return tuple(dict.fromkeys((*(column for mix in mixes for column, _ in mix), *weight)))
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
@@ -164,7 +174,16 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
         )
     if options.classes is None and not options.by_class:
         klass = None
-    used = {identity, time, klass, *(k for mix in (*state, *region.values()) for k, _ in mix)}
+    weight = _weight(find, mapped, where)
+    if options.boxes or any(k == weight for mix in (*state, *region.values()) for k, _ in mix):
+        weight = None
+    used = {
+        identity,
+        time,
+        klass,
+        weight,
+        *(k for mix in (*state, *region.values()) for k, _ in mix),
+    }
     return Roles(
         id=identity,
         time=time,
@@ -174,6 +193,8 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
         region=region,
         centres=not options.boxes and any(len(mix) > 1 for mix in state),
         unused=tuple(name for k, name in enumerate(names) if k not in used),
+        weight=weight,
+        weight_header="" if weight is None else names[weight],
     )
 
 
@@ -192,9 +213,18 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f'columns: "{name}" is given twice')
         if equals:
             mapped[name] = header
-        if name not in ALIASES and not (equals and name in EDGES):
+        if name not in ALIASES and not (equals and name in (*EDGES, WEIGHT[0])):
             wanted.append(name)
     return mapped, tuple(wanted)
+
+
+def _weight(find: Callable[[str], int | None], mapped: dict[str, str], where: str) -> int | None:
+    """Column of the weights; one that is named must be there."""
+    name = WEIGHT[0]
+    found = next((k for spelling in WEIGHT if (k := find(spelling)) is not None), None)
+    if name in mapped and find(name) is None:
+        raise InputError(f'{where}: no column "{mapped[name]}" for weight; name one that is there')
+    return found
 
 
 def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
