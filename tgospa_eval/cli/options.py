@@ -57,12 +57,12 @@ def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | Non
 _COUNT = click.IntRange(min=1)
 REDUCTION = (
     option(
-        "--reduce-method", type=click.Choice(REDUCTIONS), show_default="sliced",
+        "--reduce-method", type=click.Choice(REDUCTIONS), metavar="METHOD", show_default="sliced",
         help="sliced, recursive: least squares on projections; atl: transport and location in "
         "turn; kmeans; systematic, stratified, multinomial: resampling; top: highest weights.",
     ),
     option(
-        "--directions", type=_COUNT, metavar="V", show_default="32, from 3 dimensions on 24 each",
+        "--directions", type=_COUNT, metavar="V", show_default="32, from 3-D on 24 each",
         help="Of sliced and recursive: projections.",
     ),
     option(
@@ -124,9 +124,10 @@ EVALUATION = (
         help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
     ),
     option(
-        "--distance", type=click.Choice(DISTANCES), default="euclidean",
-        help="Base distance between two states: haversine in metres from lat,lon; iou of boxes "
-        "left,top,width,height; cloud-wasserstein of particles with a column weight.",
+        "--distance", type=click.Choice(DISTANCES), metavar="NAME", default="euclidean",
+        help="Base distance between two states: euclidean, manhattan, chebyshev; mahalanobis; "
+        "haversine in metres from lat,lon; iou of boxes left,top,width,height; cloud-wasserstein "
+        "of particles with a column weight.",
     ),
     *PARTICLES,
     option(
@@ -243,6 +244,16 @@ def evaluation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 SOLVING = {"switch-penalty", "solver", "gap", "epsilon", "time-limit", "jobs"}
 """What a verb that solves nothing does without."""
+
+
+def chosen_options(
+    command: Callable[..., Any], keys: tuple[str, ...], more: tuple[Callable[[Any], Any], ...] = ()
+) -> Callable[..., Any]:
+    """Add some of the options of everything that evaluates, and more."""
+    shared = [add for add in EVALUATION if KEYS[add][0] in keys]
+    for add in reversed((*shared, *more, CONFIG_FILE, QUIET)):
+        command = add(command)
+    return command
 
 
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:

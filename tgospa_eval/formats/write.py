@@ -3,8 +3,12 @@
 import csv
 import io
 from collections.abc import Callable, Iterator
+from typing import Any
 
-from tgospa_eval.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.trajectories import Trajectories
 
 BOX = ("left", "top", "width", "height")
@@ -12,6 +16,8 @@ BOX = ("left", "top", "width", "height")
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
     """CSV ``id,t,...``; numbers are read back as the same doubles.
+
+    Clouds have a row for each particle, with its ``weight``.
 
     Parameters
     ----------
@@ -22,9 +28,79 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("id", "t", *trajectories.columns))
-    writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
+    clouds = trajectories.clouds
+    if clouds is None:
+        writer.writerow(("id", "t", *trajectories.columns))
+        writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
+        return text.getvalue()
+    writer.writerow(("id", "t", "weight", *trajectories.columns))
+    for row, (name, time, _) in enumerate(_rows(trajectories)):
+        points, weights = clouds[row]
+        writer.writerows(
+            (name, time, weight, *point)
+            for weight, point in zip(weights.tolist(), points.tolist(), strict=True)
+        )
     return text.getvalue()
+
+
+def csv_bytes(trajectories: Trajectories) -> bytes:
+    """`csv_text` in UTF-8."""
+    return csv_text(trajectories).encode()
+
+
+def parquet_bytes(trajectories: Trajectories) -> bytes:
+    """The table of `csv_text` as Parquet.
+
+    Raises
+    ------
+    ConfigError
+        pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa  # here: the extra may be missing
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise ConfigError(
+            "Parquet files need the extra parquet: pip install 'tgospa-eval[parquet]'"
+        ) from None
+    buffer = io.BytesIO()
+    pq.write_table(pa.table(_columns(trajectories)), buffer)
+    return buffer.getvalue()
+
+
+def npz_bytes(trajectories: Trajectories) -> bytes:
+    """The columns of `csv_text` as arrays of an npz archive."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {
+        name: array.astype(str) if array.dtype == object else array
+        for name, array in _columns(trajectories).items()
+    }
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+TABLES: dict[str, Callable[[Trajectories], bytes]] = {
+    ".csv": csv_bytes,
+    ".parquet": parquet_bytes,
+    ".pq": parquet_bytes,
+    ".npz": npz_bytes,
+}
+"""Writers by the end of a name."""
+
+
+def _columns(trajectories: Trajectories) -> dict[str, NDArray[Any]]:
+    """Id, time, weight and state of each particle, or of each row."""
+    clouds = trajectories.clouds
+    counts = 1 if clouds is None else clouds.counts
+    times = trajectories.shown[trajectories.step]
+    columns = {
+        "id": np.repeat(trajectories.ids[trajectories.track], counts),
+        "t": np.repeat(times, counts),
+    }
+    state = trajectories.state
+    if clouds is not None:
+        columns["weight"], state = clouds.weights, clouds.points
+    return columns | dict(zip(trajectories.columns, state.T, strict=True))
 
 
 def motchallenge_text(trajectories: Trajectories, role: str) -> str:

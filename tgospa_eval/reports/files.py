@@ -102,6 +102,53 @@ def write_texts(
             shutil.rmtree(beside, ignore_errors=True)
 
 
+def check_file(path: str, *, force: bool, option: str) -> None:
+    """Whether a file may be written there.
+
+    Raises
+    ------
+    ConfigError
+        It exists, or its folder does not.
+    """
+    if Path(path).is_dir():
+        raise ConfigError(f"{option} {path}: is a folder; name a file")
+    if not force and Path(path).exists():
+        raise ConfigError(f"{option} {path}: exists; name another file, or --force")
+    if not Path(path).absolute().parent.is_dir():
+        raise ConfigError(f"{option} {path}: there is no such folder; make it first")
+
+
+def write_file(data: bytes, path: str, *, force: bool, option: str) -> None:
+    """Write a file: beside first, then renamed.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written.
+    """
+    import tempfile
+
+    check_file(path, force=force, option=option)
+    target = Path(path).absolute()
+    beside: str | None = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            prefix=f".{target.name}-", dir=target.parent, delete=False
+        ) as file:
+            beside = file.name
+            file.write(data)
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(beside, 0o666 & ~mask)  # temporary files are for their owner alone
+        os.replace(beside, target)
+        beside = None
+    except OSError as error:
+        raise ConfigError(f"{option} {path}: cannot be written: {error.strerror}") from None
+    finally:
+        if beside is not None:
+            Path(beside).unlink(missing_ok=True)
+
+
 def _timings(result: Summary) -> Table:
     flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
     flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
