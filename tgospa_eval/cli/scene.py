@@ -47,11 +47,13 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
 
 def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
     boxes = options["format"] != "csv"
-    if boxes and options["state"] == "point":
-        raise ConfigError(f"--state point: {options['format']} files hold boxes; leave it out")
+    if boxes and options["state"] not in (None, "box"):
+        raise ConfigError(
+            f"--state {options['state']}: {options['format']} files hold boxes; leave it out"
+        )
     scene = Scene(
         state=options["state"] or ("box" if boxes else "point"),
-        **{name: options[name] for name in ("scenario", "targets", "steps", "area")},
+        **{name: options[name] for name in ("scenario", "targets", "steps", "area", "particles")},
     )
     scaled = {"noise": scene.area / 200, "near": scene.area / 20}
     given: dict[str, Any] = {field.name: options[field.name] for field in fields(Tracker)}
@@ -60,7 +62,8 @@ def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
 
 
 def _size(side: Trajectories, what: str) -> str:
-    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}"
+    clouds = "" if side.clouds is None else f" of {_count(len(side.clouds.points), 'particle')}"
+    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}{clouds}"
 
 
 def _count(number: int, what: str) -> str:
@@ -73,4 +76,5 @@ def _command(folder: str, names: tuple[str, str], options: dict[str, Any], track
     cutoff = max(options["area"] / 20, 5 * tracker.noise)
     format_ = options["format"]
     formats = f" --truth-format {format_} --estimate-format {format_}" if format_ != "csv" else ""
-    return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"
+    distance = " --distance cloud-wasserstein" if options["state"] == "cloud" else ""
+    return f"tgospa-eval {paths}{formats}{distance} -c {cutoff:g} -g {cutoff / 2:g}"
