@@ -412,7 +412,7 @@ def test_associate_points_takes_the_least_sum(write: Write, run: Run) -> None:
         ["0", "2", "4", "1.0"],
     ]
     status, out, _ = run("associate", a, b, "-c", "4")
-    assert "2 associated, 0 of A and 0 of B alone, in 1 steps" in out
+    assert "2 associated, 0 of A and 0 of B alone, in 1 step" in out
     assert run("associate", a, b, "-c", "-1")[0] == 2
     assert run("associate", a, b)[0] == 2
     status, _, err = run("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
@@ -446,4 +446,4 @@ def test_reduce(write: Write, run: Run, tmp_path: Path) -> None:
     status, _, err = run("reduce", points, "o.csv", "-n", "2")
     assert (status, "points.csv: no particles; a column weight makes" in err) == (3, True)
     status, out, _ = run("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
-    assert "1 clouds, 100 particles -> 10" in out
+    assert "1 cloud, 100 particles -> 10" in out

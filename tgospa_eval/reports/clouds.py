@@ -10,6 +10,9 @@ Document = dict[str, Any]
 ROWS = 40
 """Rows that a table on stdout shows at most."""
 
+ROUNDING = 1e-9
+"""Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
+
 
 def json_text(document: Document) -> str:
     """The document with sorted keys."""
@@ -26,7 +29,7 @@ def association_text(document: Document) -> str:
     counts = document["counts"]
     lines = [
         f"{counts['associated']} associated, {counts['alone_a']} of A and {counts['alone_b']} of B "
-        f"alone, in {counts['steps']} steps",
+        f"alone, in {_count(counts['steps'], 'step')}",
         f"sum {document['total']:.6g}: distances, and {document['parameters']['cutoff'] / 2:g} for "
         "each state that stays alone",
         "",
@@ -41,22 +44,23 @@ def association_text(document: Document) -> str:
 def reduction_text(document: Document) -> str:
     """What changed, on the whole."""
     counts, change = document["counts"], document["change"]
+    shown = {
+        "Wasserstein distance to the cloud": change["wasserstein"],
+        "sliced Wasserstein distance": change["sliced_wasserstein"],
+        "shift of the mean": change["mean_shift"],
+    }
+    rows = [(name, value["median"], value["max"]) for name, value in shown.items() if value]
     lines = [
-        f"{counts['clouds']} clouds, {counts['particles']} particles -> {counts['kept']}",
+        f"{_count(counts['clouds'], 'cloud')}, {_count(counts['particles'], 'particle')} -> "
+        f"{counts['kept']}",
         "",
     ]
-    rows = [
-        (name, value["median"], value["max"])
-        for name, value in (
-            ("Wasserstein distance to the cloud", change["wasserstein"]),
-            ("sliced Wasserstein distance", change["sliced_wasserstein"]),
-            ("shift of the mean", change["mean_shift"]),
-        )
-        if value is not None
-    ]
+    if len(rows) > 1 and rows[-1][2] <= ROUNDING * rows[-2][2]:
+        lines += [*_columns(("", "median", "largest"), rows[:-1]), "means kept"]
+    else:
+        lines += _columns(("", "median", "largest"), rows)
     kept = change["trace_kept"]
-    lines += _columns(("", "median", "largest"), rows)
-    if kept is not None:
+    if kept:
         lines.append(
             f"kept of the trace of the covariance: {100 * kept['median']:.4g} %, at least "
             f"{100 * kept['min']:.4g} %"
@@ -82,6 +86,10 @@ def _columns(header: Sequence[str], rows: list[tuple[Any, ...]]) -> list[str]:
     if len(rows) > ROWS:
         lines.append(f"and {len(rows) - ROWS} more; all of them: --format csv")
     return lines
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _cell(value: object) -> str:
