@@ -399,6 +399,24 @@ def test_associate(write: Write, run: Run, tmp_path: Path) -> None:
     assert (status, "costs.csv: exists; name another file, or --force" in err) == (2, True)
 
 
+def test_associate_with_a_covariance_of_each_pair(write: Write, run: Run) -> None:
+    paths = write("a.csv", TRUTH), write("b.csv", ESTIMATE)
+    pair = *WHOLE, "--inner", "mahalanobis", "--inner-cov", "pair"
+    for order, value in ((1, 1.5991335783), (2, 1.6345506187)):
+        options = *pair, "--cloud-order", str(order), "--time", "0:0", "--region", "x=:10"
+        status, out, _ = run("associate", *paths, "-c", "4", *options, "--format", "json")
+        assert status == 0
+        document = json.loads(out)
+        assert document["associations"][0]["distance"] == pytest.approx(value, rel=1e-9)
+        assert document["parameters"]["inner_cov"] == "pair"
+    status, _, err = run("associate", *paths, "-c", "4", *pair)
+    assert status == 3
+    assert 'id "1" and id "b" at t 0' not in err
+    assert "the covariance of the pair is singular, too few distinct particles" in err
+    status, _, err = run(*paths, *pair)
+    assert (status, "--inner-cov pair makes no metric, and is for associate" in err) == (2, True)
+
+
 def test_associate_points_takes_the_least_sum(write: Write, run: Run) -> None:
     """The nearest pair, 2-3, would leave one of 2.5; 1 and 1 are less than 0.5 and 2.5."""
     a = write("a.csv", "id,t,x\n1,0,0\n2,0,1.5\n")
@@ -414,6 +432,11 @@ def test_associate_points_takes_the_least_sum(write: Write, run: Run) -> None:
     status, out, _ = run("associate", a, b, "-c", "4")
     assert "2 associated, 0 of A and 0 of B alone, in 1 step" in out
     assert run("associate", a, b, "-c", "-1")[0] == 2
+    status, out, _ = run("associate", a, b, "-c", "0.1")
+    assert (status, "0 associated, 2 of A and 2 of B alone" in out) == (0, True)
+    nothing = write("none.csv", "id,t,x\n")
+    status, out, _ = run("associate", nothing, nothing, "-c", "1")
+    assert (status, "0 associated, 0 of A and 0 of B alone, in 0 steps" in out) == (0, True)
     assert run("associate", a, b)[0] == 2
     status, _, err = run("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
     assert (status, "cross-covariances are those of particles" in err) == (3, True)

@@ -5,6 +5,7 @@ alone, have the smallest sum: a pair is worth ``c - d``, and none at the cutoff 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -192,7 +193,7 @@ def associate(
 def _runs(step: NDArray[np.integer]) -> list[tuple[int, int]]:
     """Where each step begins and ends among the pairs."""
     begin = np.flatnonzero(np.diff(step, prepend=-1))
-    return list(zip(begin.tolist(), [*begin[1:].tolist(), len(step)], strict=True))
+    return list(pairwise([*begin.tolist(), len(step)]))
 
 
 def _best(gain: Floats, axes: list[NDArray[np.intp]], shape: list[int]) -> NDArray[np.bool_]:

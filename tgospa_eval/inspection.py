@@ -98,6 +98,7 @@ def describe(reading: Reading) -> dict[str, Any]:
             for part in (reading.of_class(name),)
         },
         "objects": spread(per_step),
+        **({} if side.clouds is None else {"particles": spread(side.clouds.counts)}),
         "extent": {
             name: {"min": float(values.min()), "max": float(values.max())}
             for name, values in zip(side.columns, side.state.T, strict=True)

@@ -1,6 +1,6 @@
 """Particle clouds: what bounds save, and what reduction costs and changes. Ratios within one run.
 
-``python tests/benchmarks/clouds.py [STEPS]``: 20 x 20 clouds of 200 particles at so many steps (50).
+``python tests/benchmarks/clouds.py [STEPS]``: 20 x 20 clouds of 200 particles at so many steps.
 """
 
 import sys

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from tgospa_eval.distances import CloudWasserstein, Reduction
+from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein, Reduction
 from tgospa_eval.errors import ConfigError, InputError
 
 REDUCTION = ("reduce_method", "directions", "iterations", "restarts", "polish", "seed")
@@ -63,15 +63,20 @@ def cloud_distance(
     path = options.get("inner_cov")
     if path and inner != "mahalanobis":
         raise ConfigError("--inner-cov is for --inner mahalanobis")
-    matrix = None if path in (None, "global") else read_matrix(path, options["decimal"])
+    matrix = None if path in (None, "global", "pair") else read_matrix(path, options["decimal"])
     settings: dict[str, Any] = {
         "order": options.get("cloud_order") or 2,
-        "inner": inner,
         "reduction": reduction(options, options.get("reduce")),
         "gating": not options.get("no_gating"),
     }
+    if path == "pair":
+        if not options.get("pairwise"):
+            raise ConfigError(
+                "--inner-cov pair makes no metric, and is for associate; take global or a file"
+            )
+        return PairCloudWasserstein(**settings)
     try:
-        return CloudWasserstein(covariance=matrix, **settings)
+        return CloudWasserstein(inner=inner, covariance=matrix, **settings)
     except ConfigError as error:
         if matrix is None:
             raise

@@ -56,7 +56,9 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
     files = {name: options[name] for name in ("cost_matrix", "cross_cov") if options[name]}
     for name, path in files.items():
         check_file(path, force=options["force"], option=_spelt(name))
-    settings = make_settings(UNUSED | options, {"cutoff": True, "switch_penalty": True})
+    settings = make_settings(
+        UNUSED | {"pairwise": True} | options, {"cutoff": True, "switch_penalty": True}
+    )
     cutoff = settings.parameters.cutoff
 
     def work(effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -5,7 +5,7 @@ A member is one file here, one line in `DISTANCES` and one line in docs/referenc
 
 from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.boxes import IoU
-from tgospa_eval.distances.clouds import CloudWasserstein
+from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
 from tgospa_eval.distances.gating import near_pairs
 from tgospa_eval.distances.mahalanobis import Mahalanobis
 from tgospa_eval.distances.reduction import Reduction, reduce_cloud
@@ -34,6 +34,7 @@ __all__ = [
     "IoU",
     "Mahalanobis",
     "Norm",
+    "PairCloudWasserstein",
     "Pairs",
     "Reduction",
     "cloud_wasserstein",

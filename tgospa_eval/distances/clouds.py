@@ -22,7 +22,7 @@ from tgospa_eval.clouds import Clouds, single
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.reduction import Reduction
-from tgospa_eval.distances.transport import LARGEST, check_order, distance
+from tgospa_eval.distances.transport import LARGEST, check_order, distance, whitened
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.trajectories import Ints, Trajectories
@@ -164,7 +164,33 @@ class CloudWasserstein(Distance):
             if factor is not None and len(clouds):
                 clouds = clouds.moved(_whitened(clouds.points, factor, centre))
             sides.append(side.with_clouds(clouds.merged()))
-        return sides[0], sides[1], _Plain(order=self.order, gating=self.gating)
+        return sides[0], sides[1], self._measure()
+
+    def _measure(self) -> Distance:
+        """Of clouds as they are prepared."""
+        return _Plain(order=self.order, gating=self.gating)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairCloudWasserstein(CloudWasserstein):
+    """With a covariance of each pair, the mean of those of its two clouds: no metric.
+
+    It is for the association of single pairs, never for TGOSPA.
+    """
+
+    inner: str = "mahalanobis"
+
+    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "PairCloudWasserstein":
+        """As it is: every pair has its own."""
+        del truth, estimate
+        return self
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """As of other clouds, with the word for it."""
+        return {**super().settings(columns), "inner_cov": "pair"}
+
+    def _measure(self) -> Distance:
+        return _Pairwise(order=self.order, gating=self.gating)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,6 +245,50 @@ class _Plain(Distance):
             is_open &= value < self.horizon(truth, estimate, cutoff)
         rows = np.flatnonzero(is_open)
         value[rows] = _solved((a, b), (i[rows], j[rows]), self.order, (truth, estimate), effort)
+        near = np.flatnonzero(value < cutoff)
+        return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Pairwise(_Plain):
+    """With the mean covariance of the pair."""
+
+    def horizon(self, truth: Trajectories, estimate: Trajectories, cutoff: float) -> float:
+        """Any pair of a step: the distance of means bounds nothing here."""
+        del truth, estimate, cutoff
+        return np.inf
+
+    def refined(
+        self,
+        pairs: Pairs,
+        truth: Trajectories,
+        estimate: Trajectories,
+        cutoff: float,
+        effort: Effort,
+    ) -> Pairs:
+        """Near pairs, bounded by the Mahalanobis distances of their means."""
+        del effort
+        a, b = truth.clouds, estimate.clouds
+        if a is None or b is None or not len(pairs.distance):
+            return pairs
+        i, j = pairs.truth_row, pairs.estimate_row
+        covariance = 0.5 * (a.covariances[i] + b.covariances[j])
+        value = np.full(len(i), np.inf)
+        _check_sizes([a.counts[i], b.counts[j]], (i, j), (truth, estimate))
+        for k, matrix in enumerate(covariance):
+            try:
+                factor = cholesky(matrix)
+            except ConfigError:
+                raise InputError(
+                    f'id "{truth.ids[truth.track[i[k]]]}" and id '
+                    f'"{estimate.ids[estimate.track[j[k]]]}" at t '
+                    f"{truth.shown[truth.step[i[k]]]}: the covariance of the pair is singular, too "
+                    "few distinct particles; take --inner-cov global or a file"
+                ) from None
+            apart = _whitened(truth.state[i[k]][None], factor, estimate.state[j[k]][None])
+            if not self.gating or np.linalg.norm(apart) < cutoff * (1 + SLACK):
+                pair = whitened((a[int(i[k])], b[int(j[k])]), factor)
+                value[k] = distance(pair[0], pair[1], self.order)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
 
