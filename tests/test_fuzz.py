@@ -6,6 +6,7 @@ long version with ``-m slow``. Hypothesis ends a run whose examples never end.
 
 import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -170,10 +171,12 @@ def test_memory_is_bounded_by_the_file(name: str, write: Callable[[str, str | by
         SEEDS[name].replace("10.5", big).replace("\n1,", f"\n{big},").replace("\n2 ", f"\n{big} ")
     )
     path = write("a.txt", text)
-    read(path, format=name)
+    with suppress(TgospaError):
+        read(path, format=name)
     tracemalloc.start()
     try:
-        read(path, format=name)
+        with suppress(TgospaError):
+            read(path, format=name)
         assert tracemalloc.get_traced_memory()[1] < MEMORY
     finally:
         tracemalloc.stop()

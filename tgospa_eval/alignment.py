@@ -207,8 +207,10 @@ def _nearest(own: Times, other: Times) -> Ints:
     """Position of the nearest of the others for each, ties to the earlier."""
     after = np.searchsorted(other, own).clip(max=len(other) - 1)
     before = (after - 1).clip(min=0)
-    is_before = _apart(own, other[before]) <= _apart(own, other[after])
-    return np.where(is_before, before, after)
+    left, right = _apart(own, other[before]), _apart(own, other[after])
+    if left.dtype.kind == "f":  # decimals that tie do so but for the rounding of the stamps
+        left = left - 2 * np.spacing(max(float(np.abs(times).max()) for times in (own, other)))
+    return np.where(left <= right, before, after)
 
 
 def _apart(a: Times, b: Times) -> Times:

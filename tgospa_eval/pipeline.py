@@ -319,10 +319,10 @@ def check_states(
         distance.check_columns(side.columns, name)
         fault = distance.fault(side.state.T)
         if fault is not None:
-            row, message = fault
+            row, column, message = fault
             time = side.shown[side.step[row]]
             identity = side.ids[side.track[row]]
-            raise InputError(f'{name}: at t = {time}, id "{identity}": {message}')
+            raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
 
 
 def digest(side: Trajectories) -> str:

@@ -129,9 +129,11 @@ def _near_misses(
         most = max(most - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * most)
     named = _rounded_up(most / unit)
     pairs = "pair of stamps is" if len(close) == 1 else "pairs of stamps are"
+    alone = aligned.union - aligned.common
     return (
-        f"{len(close)} {pairs} nearly the same, at most {named} apart where the median step is "
-        f"{min(steps) / unit:.6g}; --time-tolerance {named} makes each pair one step"
+        f"{len(close)} {pairs} nearly the same, of {alone} stamps that one file only has, at most "
+        f"{named} apart where the median step is {min(steps) / unit:.6g}; --time-tolerance {named} "
+        "makes each pair one step"
     )
 
 
@@ -165,8 +167,8 @@ def _shift_warning(aligned: Alignment, parameters: Parameters, distance: Distanc
     unit = SECOND if aligned.truth.clock != "number" else 1
     size = "" if step is None else f" ({step / unit:.6g})"
     return (
-        f"the estimate seems one step{size} {way}: with its states one step {cure} the per-step "
-        f"GOSPA cost of {shift.steps} steps falls by {100 * shift.saving:.0f} % or more; "
+        f"the estimate seems {way} by a step{size} or more: with its states one step {cure} the "
+        f"per-step GOSPA cost of {shift.steps} steps falls by {100 * shift.saving:.0f} % or more; "
         "check from where the two files count their steps, and what moment a stamp means"
     )
 

@@ -3,15 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from tgospa_eval.cli.particles import cloud_distance, given_particles
 from tgospa_eval.distances import DISTANCES, CloudWasserstein, Distance, Mahalanobis, Norm
+from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
-
-DELIMITERS = ";\t,"
+from tgospa_eval.formats.matrix import read_matrix
 
 
 class DistanceOptions:
@@ -71,6 +70,10 @@ class DistanceOptions:
         if needed is None or parse_columns(asked)[1]:
             return None if asked is None else tuple(asked)
         return (*(asked or ()), *needed)
+
+    def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
+        """First of the states (d, R) that the distance cannot compare, if it needs such columns."""
+        return self.named.fault(axes) if self.named.columns == columns else None
 
     def distance(self, columns: tuple[str, ...]) -> Distance:
         """The distance of states with these columns.
@@ -138,45 +141,3 @@ def _by_column(
             "choose them with --columns"
         )
     return tuple(numbers.get(name, other) for name in columns)
-
-
-def read_matrix(path: str, decimal: str) -> list[list[float]]:
-    """Read a square matrix: CSV without header, delimited by comma, semicolon or tab.
-
-    Raises
-    ------
-    InputError
-        The file is missing or unreadable, a field is no number, the matrix is not square.
-    """
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not UTF-8 text; a CSV file is needed") from None
-    except (OSError, ValueError) as error:
-        what = "is a folder, not a file" if Path(path).is_dir() else "cannot be read"
-        reason = "" if Path(path).is_dir() else f": {getattr(error, 'strerror', error)}"
-        raise InputError(f"{path}: {what}{reason}") from None
-    delimiter = next((mark for mark in DELIMITERS if mark in text and mark != decimal), ";")
-    lines = [(k, line) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if not lines:
-        raise InputError(f"{path}: the file is empty; a matrix d x d is needed, without header")
-    matrix: list[list[float]] = []
-    for number, line in lines:
-        fields = line.split(delimiter)
-        if len(fields) != len(lines):
-            raise InputError(
-                f"{path}, line {number}: {len(fields)} fields in a file of {len(lines)} rows; "
-                "a matrix d x d is needed, without header"
-            )
-        matrix.append([])
-        for column, field in enumerate(fields, start=1):
-            try:
-                matrix[-1].append(float(field.strip().replace(decimal, ".")))
-            except ValueError:
-                raise InputError(
-                    f'{path}, line {number}, column {column}: not a number: "{field.strip()}"; '
-                    "a matrix of numbers is needed, without header"
-                ) from None
-    return matrix

@@ -8,7 +8,9 @@ import click
 from tgospa_eval.alignment import Alignment, Stamps, align
 from tgospa_eval.cli.distance import DistanceOptions
 from tgospa_eval.distances import Distance
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats.times import quoted
 from tgospa_eval.pipeline import check_columns, check_states
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
@@ -51,11 +53,33 @@ class Settings:
         }
 
     def read(self, *paths: str) -> tuple[Reading, ...]:
-        """The truth, and the estimate if there is one."""
-        return tuple(
+        """The truth, and the estimate if there is one.
+
+        Raises
+        ------
+        InputError
+            A file is wrong.
+        ConfigError
+            No file has a class that was asked for, or the filters leave no row of any.
+        """
+        sides = tuple(
             read(path, self.reading, role, format)
             for path, role, format in zip(paths, ROLES, self.formats, strict=False)
         )
+        there = {name for side in sides for name in side.named}
+        for name in self.reading.classes or ():
+            if name not in there:
+                known = ", ".join(map(quoted, sorted(there)[:10])) or "none"
+                raise ConfigError(
+                    f"--class {quoted(name)}: no row is of that class; there are {known}"
+                )
+        filters = {"time", "class", "region"}
+        if not any(len(side.trajectories.step) for side in sides) and any(
+            filters & side.left_out.keys() for side in sides
+        ):
+            given = " and ".join(f"--{name}" for name in self.recorded if name in filters)
+            raise ConfigError(f"{given}: no row is left to evaluate")
+        return sides
 
     def fit(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> tuple[Distance, Alignment]:
         """The distance between the states of two files, and both on the same steps.
@@ -71,6 +95,11 @@ class Settings:
         distance = self.measure.distance(truth.columns)
         check_states(truth, estimate, distance, names)
         aligned = align(truth, estimate, self.stamps, names)
+        if aligned.union and not len(aligned.truth.times):
+            raise ConfigError(
+                f"--grid {self.stamps.grid}: no step is left, none of {aligned.union} counts; "
+                "if the clocks differ, see --time-tolerance"
+            )
         return distance.fitted(aligned.truth, aligned.estimate), aligned
 
 
@@ -110,6 +139,7 @@ def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
             region=options["region"],
             by_class=options["by"] == "class",
             clouds=measure.named.particles,
+            fault=measure.fault,
         ),
         formats=(options["truth_format"], options["estimate_format"]),
         unit=options["unit"],

@@ -165,6 +165,9 @@ def _remarks(
 ) -> Iterator[str]:
     """What the user should know of the choice of the distance, and of the two files together."""
     yield from notices(distance, aligned.truth.columns, settings.parameters.cutoff)
+    for name, side in zip(("truth", "estimate"), sides, strict=True):
+        if side.rows and not len(side.trajectories.step):
+            yield f"warning: no row of the {name} takes part"
     truth, estimate = (side.trajectories for side in sides)
     said, warnings = remarks(
         (truth, estimate), aligned, settings.stamps, settings.parameters, distance

@@ -14,6 +14,9 @@ from tgospa_eval.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
 
+Fault = tuple[int, str, str]
+"""Row of a state, its column, and what is wrong with its value."""
+
 ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
 
@@ -153,8 +156,8 @@ class Distance(ABC):
                 f"{','.join(columns)}; name or map them with --columns {needed}"
             )
 
-    def fault(self, axes: Floats) -> tuple[int, str] | None:
-        """First of the states (d, R) that is out of range, and what is wrong with it."""
+    def fault(self, axes: Floats) -> Fault | None:
+        """First of the states (d, R) that is out of range, its column, and what is wrong."""
         del axes
         return None
 
@@ -164,9 +167,9 @@ class Distance(ABC):
         return {}
 
 
-def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> tuple[int, str]:
+def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> Fault:
     """The first wrong value of a column in words."""
     row = int(np.flatnonzero(wrong)[0])
     count = int(np.count_nonzero(wrong))
     others = f" (and {count - 1} more)" if count > 1 else ""
-    return row, f"{name} is {values[row]:g}{others}: {rule}"
+    return row, name, f"{values[row]:g}{others} {rule}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Floats, first_fault
+from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
 
 SMALLEST, LARGEST = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
@@ -49,7 +49,7 @@ class IoU(Distance):
         place = near * (1 + ROUNDING)
         return np.array([place * largest[2], place * largest[3], *[ratio + ROUNDING] * 2])
 
-    def fault(self, axes: Floats) -> tuple[int, str] | None:
+    def fault(self, axes: Floats) -> Fault | None:
         """Widths and heights are positive."""
         for values, name in zip(axes[2:], self.columns[2:], strict=True):
             wrong = ~((values >= SMALLEST) & (values <= LARGEST))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Floats, first_fault
+from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
 
 RADIUS = 6371008.8
 """Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""
@@ -64,7 +64,7 @@ class Haversine(Distance):
         del a, b
         return np.full(3, cutoff * (1 + ROUNDING) + 2.0**-46 * RADIUS)
 
-    def fault(self, axes: Floats) -> tuple[int, str] | None:
+    def fault(self, axes: Floats) -> Fault | None:
         """Latitudes are up to 90, longitudes up to 360, in either direction."""
         for values, name, most in zip(axes, self.columns, (90.0, 360.0), strict=True):
             wrong = np.abs(values) > most

@@ -5,7 +5,7 @@ A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
-from tgospa_eval.trajectories import Ints, Trajectories
+from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
 FORMATS = {
     "csv": ("tgospa_eval.formats.table", "read_table"),
@@ -47,6 +47,8 @@ class Reading:
         Names of the classes that take part, if `ReadOptions.by_class` asks for them.
     klass : (R,) int array, optional
         Position in `classes` of each row of the trajectories.
+    named : tuple of str
+        Classes of all rows of the file, if they were asked for.
     """
 
     trajectories: Trajectories
@@ -56,6 +58,7 @@ class Reading:
     format: str = "csv"
     classes: tuple[str, ...] = ()
     klass: Ints | None = None
+    named: tuple[str, ...] = ()
 
     def of_class(self, name: str) -> Trajectories:
         """The rows of one class, on the times of the whole file."""
@@ -94,6 +97,9 @@ class ReadOptions:
         The reading says which row is of which class.
     clouds : bool
         A column of weights makes rows particles, also where no (id, t) is repeated.
+    fault : callable, optional
+        Of names of state columns and states (d, R): the first that is out of range, its column, and
+        what is wrong with it.
 
     Raises
     ------
@@ -110,6 +116,7 @@ class ReadOptions:
     region: str | None = None
     by_class: bool = False
     clouds: bool = False
+    fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
 
     def __post_init__(self) -> None:
         for name in ("columns", "classes"):

@@ -164,6 +164,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         format=format,
         classes=classes,
         klass=klass,
+        named=() if rows.classes is None else tuple(rows.classes[0]),
     )
 
 
@@ -190,7 +191,7 @@ class _Choice:
 
 
 def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions") -> None:
-    """Sizes of boxes, and sums that are no doubles."""
+    """Sizes of boxes, sums that are no doubles, and what the distance cannot compare."""
     if rows.roles.centres or options.boxes:
         wrong = np.flatnonzero(mask & ~np.isfinite(state).all(axis=1))
         if len(wrong):
@@ -198,16 +199,20 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
                 f"{rows.where(int(wrong[0]))}: a box too large for a number{more(len(wrong))}; "
                 "use another unit"
             )
-    if not options.boxes:
-        return
-    for name in ("width", "height"):
-        size = state[:, rows.roles.names.index(name)]
-        wrong = np.flatnonzero(mask & ~(size > 0))
+    for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
+        extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
+        wrong = np.flatnonzero(mask & ~(extent > 0 if options.boxes else extent >= 0))
         if len(wrong):
+            rule = "it must be > 0 for --distance iou" if options.boxes else "it must be >= 0"
             raise InputError(
-                f'{rows.where(int(wrong[0]))}, column "{name}": {size[wrong[0]]:g} is no {name} of '
-                f"a box{more(len(wrong))}; it must be > 0 for --distance iou"
+                f'{rows.where(int(wrong[0]))}, column "{name}": {extent[wrong[0]]:g} is no {name} '
+                f"of a box{more(len(wrong))}; {rule}"
             )
+    chosen = np.flatnonzero(mask)
+    fault = options.fault(rows.roles.names, state[chosen].T) if options.fault else None
+    if fault is not None:
+        row, name, what = fault
+        raise InputError(f'{rows.where(int(chosen[row]))}, column "{name}": {what}')
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:

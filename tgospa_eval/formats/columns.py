@@ -45,6 +45,8 @@ class Roles:
         Column of the classes, if a filter asks for it.
     region : dict of str to Mix
         What the filter by region looks at.
+    sizes : tuple of Mix
+        Width and height where the states are boxes or their centres.
     centres : bool
         The states are the centres of boxes.
     unused : tuple of str
@@ -61,6 +63,7 @@ class Roles:
     names: tuple[str, ...]
     klass: int | None
     region: dict[str, Mix]
+    sizes: tuple[Mix, ...]
     centres: bool
     unused: tuple[str, ...]
     weight: int | None = None
@@ -69,7 +72,7 @@ class Roles:
     @property
     def numbers(self) -> tuple[int, ...]:
         """Columns that are read as numbers, those of the state first."""
-        mixes = (*self.state, *self.region.values())
+        mixes = (*self.state, *self.region.values(), *self.sizes)
         weight = () if self.weight is None else (self.weight,)
         return tuple(dict.fromkeys((*(column for mix in mixes for column, _ in mix), *weight)))
 
@@ -86,8 +89,12 @@ class Roles:
         return answer
 
 
-def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Roles:
+def find_roles(
+    header: Sequence[str], options: "ReadOptions", where: str, *, fixed: bool = False
+) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
+
+    `fixed` headers are those of a format, which nobody can rename.
 
     Raises
     ------
@@ -97,7 +104,7 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
         The columns asked for cannot be understood.
     """
     names = [name.strip() for name in header]
-    if names and all(_is_number(name) for name in names):
+    if 2 * sum(map(_is_number, names)) > len(names):
         raise InputError(
             f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
             "(--truth-format, --estimate-format)"
@@ -105,12 +112,21 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
 
+    def spellings(name: str) -> tuple[str, ...]:
+        return (mapped[name],) if name in mapped else ALIASES.get(name, (name,))
+
     def find(name: str) -> int | None:
-        for spelling in (mapped[name],) if name in mapped else ALIASES.get(name, (name,)):
+        for spelling in spellings(name):
             if spelling in names:
                 return names.index(spelling)
             folded = [k for k, other in enumerate(names) if other.casefold() == spelling.casefold()]
-            if len(folded) == 1:
+            if len(folded) > 1:
+                alike = " and ".join(f'"{names[k]}"' for k in folded)
+                raise InputError(
+                    f"{where}: {alike} may both be {name}; say which, --columns "
+                    f"{name}={names[folded[0]]}"
+                )
+            if folded:
                 return folded[0]
         return None
 
@@ -121,10 +137,10 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
         return found
 
     def _absent(name: str) -> InputError:
-        sought = mapped.get(name) or ", ".join(ALIASES.get(name, (name,)))
+        remedy = f"rename it, or map it with --columns {name}=HEADER"
         return InputError(
-            f"{where}: no column {name}, or two (looked for: {sought}; "
-            f"found: {', '.join(names)}); rename it, or map it with --columns {name}=HEADER"
+            f"{where}: no column {name} (looked for: {', '.join(spellings(name))}; "
+            f"found: {', '.join(names)}); {'this format has no other' if fixed else remedy}"
         )
 
     box = _box(find)
@@ -168,22 +184,20 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
     klass = find("class")
     if klass is None and (options.classes is not None or options.by_class):
         option = "--class" if options.classes is not None else "--by class"
+        remedy = "add it, or map it with --columns class=HEADER"
         raise InputError(
             f"{where}: no column class for {option} (found: {', '.join(names)}); "
-            "add it, or map it with --columns class=HEADER"
+            f"{'rows of this length have none' if fixed else remedy}"
         )
     if options.classes is None and not options.by_class:
         klass = None
+    centres = not options.boxes and any(len(mix) > 1 for mix in state)
+    sizes = (box["width"], box["height"]) if centres or options.boxes else ()
+    mixes = (*state, *region.values(), *sizes)
     weight = _weight(find, mapped, where)
-    if options.boxes or any(k == weight for mix in (*state, *region.values()) for k, _ in mix):
+    if options.boxes or any(k == weight for mix in mixes for k, _ in mix):
         weight = None
-    used = {
-        identity,
-        time,
-        klass,
-        weight,
-        *(k for mix in (*state, *region.values()) for k, _ in mix),
-    }
+    used = {identity, time, klass, weight, *(k for mix in mixes for k, _ in mix)}
     return Roles(
         id=identity,
         time=time,
@@ -191,7 +205,8 @@ def find_roles(header: Sequence[str], options: "ReadOptions", where: str) -> Rol
         names=wanted,
         klass=klass,
         region=region,
-        centres=not options.boxes and any(len(mix) > 1 for mix in state),
+        sizes=sizes,
+        centres=centres,
         unused=tuple(name for k, name in enumerate(names) if k not in used),
         weight=weight,
         weight_header="" if weight is None else names[weight],

@@ -35,7 +35,8 @@ def guess(path: str, data: bytes) -> str:
 
 
 def split(line: str) -> list[str]:
-    """The fields of a line of MOTChallenge text: commas, else blanks."""
+    """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
+    line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.plain import read_plain
+from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -24,6 +24,9 @@ NAMES = (
 TYPE = NAMES.index("class")
 IGNORED = "DontCare"
 
+UNKNOWN = -1000.0
+"""Each coordinate of a place in space that is not known."""
+
 
 def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of a KITTI file, the same in either role.
@@ -36,6 +39,7 @@ def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     rows, columns, _ = read_plain(path, data, options, _header, str.split, given=given, empty=17)
     ignored = np.array([text == IGNORED for text in columns[TYPE]], bool)
     rows.apart[IGNORED] = ignored, f"of type {IGNORED} left out"
+    leave_out_unknown(rows, NAMES, UNKNOWN)
     return rows
 
 

@@ -12,13 +12,15 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import BOX
 from tgospa_eval.formats.guess import split
-from tgospa_eval.formats.plain import read_plain
+from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 from tgospa_eval.formats.text import Places, numbers
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
 
 FLAG = 6
+UNKNOWN = -1.0
+"""Each coordinate of a place in space that is not known."""
 NOT_CONSIDERED = "not considered"
 
 
@@ -37,6 +39,7 @@ def read_motchallenge(
         raise InputError(
             f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
         )
+    leave_out_unknown(rows, _header(["0"] * len(columns), path), UNKNOWN)
     if role == "truth" and len(columns) > FLAG:
         flags = _flags(columns[FLAG], places)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"

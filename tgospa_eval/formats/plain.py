@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import find_roles, parse_columns
@@ -68,10 +70,35 @@ def read_plain(
     columns = [list(column) for column in zip(*fields, strict=True)] or [[] for _ in names]
     del fields
     asked = replace(options, columns=_known(options.columns, names))
-    roles = replace(find_roles(names, asked, place), unused=())
+    roles = replace(find_roles(names, asked, place, fixed=True), unused=())
     places = Places(path=path, lines=lines, names=names)
     columns[roles.id] = list(map(_plain_id, columns[roles.id]))
     return convert(columns, roles, ".", places), columns, places
+
+
+def leave_out_unknown(rows: Rows, names: Sequence[str], unknown: float) -> None:
+    """Set rows apart whose place in space is not known, if the states are places.
+
+    Raises
+    ------
+    InputError
+        None is known.
+    """
+    place = [
+        k
+        for k, mix in enumerate(rows.roles.state)
+        if len(mix) == 1 and names[mix[0][0]].startswith("loc_")
+    ]
+    if not place:
+        return
+    state = rows.roles.mixed(rows.numbers, rows.roles.state)[:, place]
+    apart = np.asarray((state == unknown).all(axis=1), bool)
+    if len(apart) and apart.all():
+        raise InputError(
+            f"{rows.name}: no row has a place in space, all are {unknown:g}; without --columns the "
+            "centres of the boxes are compared, with --distance iou the boxes"
+        )
+    rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
 
 
 def _fields(text: str, split: Callable[[str], list[str]]) -> tuple[list[int], list[list[str]]]:

@@ -1,6 +1,7 @@
 """What all readers of text share: bytes, places for messages, columns of texts to numbers."""
 
 import os
+import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,15 @@ from tgospa_eval.formats.assemble import Rows, number_ids
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.times import TimeError, more, parse_times, quoted, remedy_for
 from tgospa_eval.trajectories import Floats
+
+PACKED = {
+    b"\x1f\x8b": "gzip",
+    b"PK\x03\x04": "zip",
+    b"BZh": "bzip2",
+    b"\xfd7zXZ\0": "xz",
+    b"\x28\xb5\x2f\xfd": "zstd",
+}
+"""How compressed files begin."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +50,28 @@ def load(path: str) -> bytes:
         It cannot be read.
     """
     try:
+        if _is_endless(path):
+            raise InputError(f"{path}: is a device, not a file")
         return Path(path).read_bytes()
+    except MemoryError:
+        raise InputError(f"{path}: larger than the memory of this machine") from None
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         if os.path.isdir(path):  # Windows says "permission denied"
             raise InputError(f"{path}: is a folder, not a file") from None
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+
+
+def _is_endless(path: str) -> bool:
+    """Whether it is a device such as /dev/zero; a terminal ends when its user says so."""
+    mode = os.stat(path).st_mode
+    if stat.S_ISBLK(mode):
+        return True
+    if not stat.S_ISCHR(mode):
+        return False
+    with open(path, "rb", buffering=0) as device:
+        return not device.isatty()
 
 
 def check_text(data: bytes, path: str) -> None:
@@ -62,6 +87,11 @@ def check_text(data: bytes, path: str) -> None:
             f"{path}: the file is empty; a set without objects is a header alone, or text of "
             "MOTChallenge or KITTI whose format is named (--truth-format, --estimate-format)"
         )
+    for magic, program in PACKED.items():
+        if data.startswith(magic):
+            raise InputError(f"{path}: compressed by {program}; unpack it first")
+    if data[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
+        raise InputError(f"{path}, line 1: UTF-32 text; save the file as UTF-8")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise InputError(f"{path}, line 1: UTF-16 text; save the file as UTF-8")
     if 0 in data:

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.columns import BOX
 from tgospa_eval.trajectories import Trajectories
-
-BOX = ("left", "top", "width", "height")
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001

@@ -1,0 +1,104 @@
+"""What users hand in by mistake, and what they are told: one message, no number."""
+
+import gzip
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+Run = Callable[..., Any]
+Write = Callable[[str, str | bytes], str]
+
+TABLE = "id,t,x,y,class\n1,0,0,0,car\n1,1,0,0,car\n"
+MOT = "1,1,10,20,30,40,1,-1,-1,-1\n2,1,10,20,30,40,1,-1,-1,-1\n"
+KITTI = "0 1 Car 0 0 -1.8 100 50 140 80 2.0 1.8 4.4 {} {} {} -2.1\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (["--class", "Car"], ["--class", '"Car"', 'there are "car"']),
+        (["--time", "5:9"], ["--time", "no row is left"]),
+        (["--class", "car", "--region", "x=5:"], ["--class and --region", "no row is left"]),
+    ],
+)
+def test_a_selection_of_nothing_is_no_perfect_score(
+    invoke: Run, write: Write, options: list[str], parts: list[str]
+) -> None:
+    path = write("t.csv", TABLE)
+    answer = invoke(path, path, *options)
+    assert (answer.status, answer.out) == (2, "")
+    assert len(answer.err.splitlines()) == 1
+    for part in parts:
+        assert part in answer.err
+
+
+def test_no_common_step_is_no_perfect_score(invoke: Run, write: Write) -> None:
+    files = write("t.csv", TABLE), write("e.csv", "id,t,x,y\n1,7,0,0\n")
+    answer = invoke(*files, "--grid", "common")
+    assert (answer.status, answer.out) == (2, "")
+    assert "none of 3 counts" in answer.err
+    assert invoke(*files).status == 0
+    assert invoke(write("n.csv", "id,t,x\n"), write("m.csv", "id,t,x\n")).status == 0
+
+
+def test_one_side_without_rows_is_said(invoke: Run, write: Write) -> None:
+    files = write("t.csv", TABLE), write("e.csv", TABLE.replace("car", "van"))
+    answer = invoke(*files, "--class", "car", "-q")
+    assert answer.status == 0
+    answer = invoke(*files, "--class", "car")
+    assert "warning: no row of the estimate takes part" in answer.err
+
+
+@pytest.mark.parametrize("format_", ["motchallenge", "kitti"])
+def test_places_that_are_not_known_are_absent(invoke: Run, write: Write, format_: str) -> None:
+    unknown = MOT if format_ == "motchallenge" else KITTI.format(-1000, -1000, -1000)
+    known = MOT[:-9] + "3,4,5\n" if format_ == "motchallenge" else KITTI.format(3, 4, 5) + unknown
+    columns = ("--columns", "x,y,z")
+    answer = invoke(*[write("u.txt", unknown)] * 2, *columns)
+    assert (answer.status, answer.out) == (3, "")
+    assert "u.txt: no row has a place in space" in answer.err
+    if format_ == "kitti":
+        known = known.replace("\n0 1", "\n1 1")
+    answer = invoke(*[write("k.txt", known)] * 2, *columns, "-c", "2")
+    assert "1 row without a place in space" in answer.err
+    assert "localisation             0" in answer.out
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "options", "parts"),
+    [
+        ("flag.txt", MOT.replace("40,1", "40,yes"), [], ["line 1", "numbers where", "format"]),
+        ("commas.txt", KITTI.format(1, 2, 3).replace(" ", ","), [], ["numbers where", "format"]),
+        ("t.csv.gz", gzip.compress(TABLE.encode()), [], ["gzip", "unpack"]),
+        ("t.csv", TABLE.encode("utf-32"), [], ["UTF-32", "UTF-8"]),
+        ("/dev/zero", None, [], ["device"]),
+        ("mot.txt", MOT.replace("30,40", "-30,40"), [], ["line 1", '"width"', "-30", ">= 0"]),
+        ("t.csv", "ID,Id,t,x\n1,1,0,0\n", [], ['"ID" and "Id"', "--columns id=ID"]),
+        ("t.csv", "id,t,x,y\n", ["--columns", "z"], ["no column z", "map it"]),
+        ("mot.txt", MOT, ["--class", "1"], ["rows of this length have none"]),
+        (
+            "t.csv", "id,t,x,y\n1,0,0,0\n1,1,0,363\n",
+            ["--distance", "haversine", "--columns", "lat=x,lon=y"],
+            ["line 3", '"lon"', "363 must be from -360 to 360 degrees"],
+        ),
+    ],
+)  # fmt: skip
+def test_refused(
+    invoke: Run,
+    write: Write,
+    name: str,
+    content: str | bytes | None,
+    options: list[str],
+    parts: list[str],
+) -> None:
+    path = name if content is None else write(name, content)
+    answer = invoke(path, path, *options)
+    assert (answer.status, answer.out) == (3, "")
+    for part in (name, *parts):
+        assert part in answer.err
+
+
+def test_a_comma_behind_the_last_field(invoke: Run, write: Write) -> None:
+    path = write("mot.txt", MOT.replace("\n", ",\n"))
+    assert invoke(path, path).status == 0
