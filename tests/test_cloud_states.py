@@ -184,6 +184,8 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
     near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(stopwatch=stopwatch))
     assert "transports of up to" in said[0]
     assert said[0].endswith("--reduce 50 makes them small")
+    bounds.reduced(scene(11).clouds, Reduction(size=2), Effort(stopwatch=stopwatch))
+    assert "clouds to reduce, at most about " in said[1]
     assert bounds.estimated_seconds(np.array([1000]), np.array([1000])) == pytest.approx(0.25, 0.2)
 
 
@@ -397,6 +399,14 @@ def test_associate(write: Write, run: Run, tmp_path: Path) -> None:
     )
     status, _, err = run("associate", a, b, "-c", "4", *WHOLE, *files)
     assert (status, "costs.csv: exists; name another file, or --force" in err) == (2, True)
+
+
+def test_associate_says_what_a_filter_leaves(write: Write, run: Run) -> None:
+    path = write("a.csv", "id,t,class,weight,x\n1,0,car,.5,0\n1,0,car,.5,2\n2,0,van,1,9\n")
+    status, out, _ = run("associate", path, path, "-c", "1", "--class", "car", "--format", "csv")
+    assert (status, out.splitlines()[1:]) == (0, ["0,1,1,0.0,0.0"])
+    status, _, err = run("associate", path, path, "-c", "1", "--class", "bus")
+    assert (status, 'no row is of that class; there are "car", "van"' in err) == (2, True)
 
 
 def test_associate_with_a_covariance_of_each_pair(write: Write, run: Run) -> None:

@@ -14,7 +14,7 @@ from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.work import emit
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import Reading, read
+from tgospa_eval.formats import Reading
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.inspection import spread
 from tgospa_eval.reducing import reduce_trajectories
@@ -62,10 +62,7 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
     cutoff = settings.parameters.cutoff
 
     def work(effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
-        sides = tuple(
-            _read(path, settings, format, options)
-            for path, format in zip(paths, settings.formats, strict=True)
-        )
+        sides = _read(paths, settings, options)
         distance, aligned = settings.fit(sides, paths)
         found = associate(
             aligned.truth, aligned.estimate, cutoff=cutoff, distance=distance, effort=effort
@@ -132,7 +129,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     )
 
     def work(effort: Effort) -> tuple[Reading, bytes, dict[str, list[Any]]]:
-        side = _read(source, settings, settings.formats[0], options)
+        (side,) = _read((source,), settings, options)
         if side.trajectories.clouds is None:
             raise InputError(
                 f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
@@ -166,13 +163,16 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     emit(texts[options["format_"]]())
 
 
-def _read(path: str, settings: Settings, format: str | None, options: dict[str, Any]) -> Reading:
-    """The states of a sensor: the role of challenge formats is that of results."""
-    side = read(path, settings.reading, "estimate", format)
+def _read(
+    paths: tuple[str, ...], settings: Settings, options: dict[str, Any]
+) -> tuple[Reading, ...]:
+    """The states of sensors: the role of challenge formats is that of results."""
+    sides = settings.read(*paths, roles=("estimate",) * len(paths))
     if not options["quiet"]:
-        for notice in side.notices:
-            click.echo(f"{path}: {notice}", err=True)
-    return side
+        for path, side in zip(paths, sides, strict=True):
+            for notice in side.notices:
+                click.echo(f"{path}: {notice}", err=True)
+    return sides
 
 
 def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:

@@ -52,8 +52,8 @@ class Settings:
             **dict(self.reading.filters()),
         }
 
-    def read(self, *paths: str) -> tuple[Reading, ...]:
-        """The truth, and the estimate if there is one.
+    def read(self, *paths: str, roles: tuple[str, ...] = ROLES) -> tuple[Reading, ...]:
+        """The truth, and the estimate if there is one; or files in other roles.
 
         Raises
         ------
@@ -64,7 +64,7 @@ class Settings:
         """
         sides = tuple(
             read(path, self.reading, role, format)
-            for path, role, format in zip(paths, ROLES, self.formats, strict=False)
+            for path, role, format in zip(paths, roles, self.formats, strict=False)
         )
         there = {name for side in sides for name in side.named}
         for name in self.reading.classes or ():

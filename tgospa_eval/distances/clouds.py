@@ -10,6 +10,7 @@ cutoff or beyond it gains nothing, so that only pairs whose bounds are below it 
 """
 
 import os
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -382,10 +383,15 @@ def estimated_seconds(first: Ints, second: Ints) -> float:
 
 
 def reduced(clouds: Clouds, reduction: Reduction, effort: Effort) -> Clouds:
-    """Every cloud reduced; the user is told if that takes long."""
+    """Every cloud reduced; the user is told if that takes long, as one of them tells."""
     large = int(np.count_nonzero(clouds.counts > reduction.size))
     if not large:
         return clouds
+    begin = time.perf_counter()
+    reduction(clouds[int(clouds.counts.argmax())])
+    seconds = large * (time.perf_counter() - begin)
+    if seconds > PATIENCE:
+        effort.stopwatch.tell(f"{large:,} clouds to reduce, at most about {_time(seconds)}")
     outer, effort.stopwatch.stage = effort.stopwatch.stage, f"reducing {large:,} clouds"
     try:
         return clouds.changed(reduction, effort.jobs)
