@@ -359,7 +359,7 @@ def test_options_that_do_not_fit(write: Write, run: Run) -> None:
         ),
         ((*WHOLE, "--inner-cov", "global"), "--inner-cov is for --inner mahalanobis"),
         ((*WHOLE, "--cloud-order", "3"), "3 is not in the range 1<=x<=2"),
-        ((*WHOLE, "--periodic", "x"), "--periodic is for euclidean, manhattan and chebyshev"),
+        ((*WHOLE, "--periodic", "x"), "--periodic is for the norms and gaussian-wasserstein"),
     ):
         status, _, err = run(path, path, *options)
         assert status == 2

@@ -45,7 +45,7 @@ def runs(page: Path) -> list[tuple[str, list[str]]]:
     for block in re.findall(
         r"^```console\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S
     ):
-        for part in re.split(r"^\$ ", block.replace("\\\n", ""), flags=re.M)[1:]:
+        for part in re.split(r"^\$ ", re.sub(r"(?<!\\)\\\n", "", block), flags=re.M)[1:]:
             command, *lines = part.splitlines()
             found.append((command, lines))
     return found

@@ -141,6 +141,7 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
             for side, told in about.items()
         },
         version=first.version,
+        split=_sum_of_splits([part.split for part in parts]),
     )
 
 
@@ -153,6 +154,11 @@ def _joined_input(told: dict[str, Any], inputs: dict[str, dict[str, Any]]) -> di
         "left_out": told.get("left_out", {}) | ({"grid": off_grid} if off_grid else {}),
         "sha256": hashlib.sha256(repr(digests).encode()).hexdigest(),
     }
+
+
+def _sum_of_splits(splits: list[tuple[float, float] | None]) -> tuple[float, float] | None:
+    means, spreads = zip(*(split or (0.0, 0.0) for split in splits), strict=True)
+    return None if None in splits else (sum(means), sum(spreads))
 
 
 def _sum_of_times(timings: list[dict[str, Any]]) -> dict[str, Any]:

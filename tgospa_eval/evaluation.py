@@ -99,6 +99,9 @@ class Summary(ABC):
         Rows and digest of either side.
     version : str
         Version of the package that made it.
+    split : pair of float, optional
+        Cost of localisation by means and by spreads, in state units to the power p = 2, if the
+        distance has such parts.
     """
 
     proof: Costs
@@ -109,6 +112,7 @@ class Summary(ABC):
     timings: dict[str, Any]
     input: dict[str, Any]
     version: str
+    split: tuple[float, float] | None = None
 
     def __repr__(self) -> str:
         return (
@@ -158,6 +162,16 @@ class Summary(ABC):
     def localisation(self) -> float:
         """Cost of localisation errors."""
         return self.scale * float(self.proof.breakdown.localisation.sum())
+
+    @property
+    def localisation_mean(self) -> float | None:
+        """Its part by errors of means; None if the distance has no such part, or p is not 2."""
+        return None if self.split is None else self.split[0]
+
+    @property
+    def localisation_spread(self) -> float | None:
+        """Its part by differences of covariances; None as for means."""
+        return None if self.split is None else self.split[1]
 
     @property
     def missed(self) -> float:
@@ -281,7 +295,9 @@ class Summary(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """The JSON document as plain Python values."""
+        parts = {name: getattr(self, name) for name in ("localisation_mean", "localisation_spread")}
         return {
+            **({} if self.split is None else parts),
             "schema": SCHEMA,
             "tgospa": self.tgospa,
             "total": self.total,
@@ -345,15 +361,7 @@ class Result(Summary):
     @property
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        states = self.proof.states
-        return {
-            "truth": states.problem.truths,
-            "estimates": states.problem.estimates,
-            "steps": states.problem.steps,
-            "candidate_pairs": len(states.pair_row),
-            "pair_steps": len(states.problem.cost),
-            "components": len(states.block_begin),
-        }
+        return sizes_of(self.proof.states)
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
@@ -454,6 +462,18 @@ class Result(Summary):
         return {"id": list(ids), "steps": steps} | {
             name: column.tolist() for name, column in columns.items()
         }
+
+
+def sizes_of(states: States) -> dict[str, int]:
+    """Numbers of trajectories, steps, near pairs, their steps, and components."""
+    return {
+        "truth": states.problem.truths,
+        "estimates": states.problem.estimates,
+        "steps": states.problem.steps,
+        "candidate_pairs": len(states.pair_row),
+        "pair_steps": len(states.problem.cost),
+        "components": len(states.block_begin),
+    }
 
 
 def records(table: Table) -> list[dict[str, Any]]:

@@ -104,7 +104,21 @@ def describe(reading: Reading) -> dict[str, Any]:
             for name, values in zip(side.columns, side.state.T, strict=True)
             if len(values)
         },
+        **_deviations(side),
         "notices": list(reading.notices),
+    }
+
+
+def _deviations(side: Trajectories) -> dict[str, Any]:
+    """Standard deviations by column, where there are covariances."""
+    if side.covariance is None:
+        return {}
+    variances = side.covariance.T[[k * (k + 3) // 2 for k in range(len(side.columns))]]
+    return {
+        "deviation": {
+            name: spread(np.sqrt(values))
+            for name, values in zip(side.columns, variances, strict=True)
+        }
     }
 
 
@@ -212,7 +226,7 @@ def nearest_estimates(
     found = []
     for step in both[np.arange(min(SAMPLE, len(both))) * len(both) // min(SAMPLE, len(both))]:
         a, b = (
-            side.state[np.searchsorted(side.step, step) : np.searchsorted(side.step, step, "right")]
+            distance.axes(side, slice(*np.searchsorted(side.step, [step, step + 1]).tolist())).T
             for side in (aligned.truth, aligned.estimate)
         )
         a = a[:: -(-len(a) // SAMPLE)]

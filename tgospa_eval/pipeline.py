@@ -1,25 +1,32 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 import hashlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation import Labels, Proof, Result
+from tgospa_eval.evaluation import Labels, Proof, Result, sizes_of
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.result import Solution, certify
 from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.weights import ONE
 
 if TYPE_CHECKING:
     import pandas as pd
+
+BLOCK = 1 << 16
+"""Pairs whose distances are taken apart at a time."""
 
 GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
@@ -53,10 +60,11 @@ def evaluate(
         gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
     distance : str or Distance
         Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``, ``"haversine"``,
-        ``"iou"``, ``"cloud-wasserstein"``, or a record of `tgospa_eval.distances` with settings:
-        `Norm`, `Mahalanobis`, `CloudWasserstein`.
-        Arrays and DataFrames are taken to have the columns that it needs: ``lat, lon`` or
-        ``left, top, width, height``.
+        ``"iou"``, ``"gaussian-wasserstein"``, ``"cloud-wasserstein"``, or a record of
+        `tgospa_eval.distances` with settings: `Norm`, `Mahalanobis`, `GaussianWasserstein`,
+        `CloudWasserstein`. Arrays and DataFrames are taken to have the columns that it needs:
+        ``lat, lon`` or ``left, top, width, height``; of DataFrames covariances and particles are
+        read if the distance looks at them.
     solver : str or solver record
         ``"certified"``, ``"exact"``, ``"sinkhorn"``, or `Certified`, `Exact`, `Sinkhorn` with
         settings.
@@ -84,10 +92,10 @@ def evaluate(
     stopwatch = Stopwatch()
     measure = _distance(distance)
     with stopwatch.span("read"):
-        sides = (
-            as_trajectories(truth, "truth", measure),
-            as_trajectories(estimate, "estimate", measure),
-        )
+        sides = [
+            as_trajectories(side, name, measure)
+            for side, name in ((truth, "truth"), (estimate, "estimate"))
+        ]
     defaults = measure.defaults
     return evaluate_trajectories(
         *sides,
@@ -146,10 +154,80 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
+    prepared = prepare(
+        truth,
+        estimate,
+        parameters=parameters,
+        distance=distance,
+        stamps=stamps,
+        unit=unit,
+        settings=settings,
+        inputs=inputs,
+        stopwatch=stopwatch,
+        jobs=getattr(solver, "jobs", None),
+    )
+    return solve(prepared, solver, stopwatch)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared:
+    """A problem that waits for a solver: what all solvers have in common.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Cutoff, order and switch penalty.
+    sides : pair of Trajectories
+        Truth and estimate, aligned and prepared.
+    distance : Distance
+        Base distance, prepared.
+    states : States
+        The reduced problem.
+    labels : Labels
+        Times and ids.
+    moments : (T,) int or float array
+        The times as numbers.
+    settings : dict
+        Every option that changes the number, but for those of the solver.
+    input : dict
+        Rows and digest of either side.
+    """
+
+    parameters: Parameters
+    sides: tuple[Trajectories, Trajectories]
+    distance: Distance
+    states: States
+    labels: Labels
+    moments: NDArray[Any]
+    settings: dict[str, Any]
+    input: dict[str, Any]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        return sizes_of(self.states)
+
+
+def prepare(
+    truth: Trajectories,
+    estimate: Trajectories,
+    *,
+    parameters: Parameters,
+    distance: str | Distance,
+    stamps: Stamps | None = None,
+    unit: str | None = None,
+    settings: dict[str, Any] | None = None,
+    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    stopwatch: Stopwatch,
+    jobs: int | None = None,
+) -> Prepared:
+    """The first half of `evaluate_trajectories`: all before the solver, in so many threads."""
     stamps = stamps or Stamps()
     measure = _distance(distance)
     check_columns(truth, estimate)
     check_states(truth, estimate, measure)
+    # What is digested is what counts.
+    truth, estimate = (side.seen_as(measure.kinds) for side in (truth, estimate))
     with stopwatch.span("report"):
         told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
         digests = digest(truth), digest(estimate)
@@ -157,31 +235,25 @@ def evaluate_trajectories(
         aligned = align(truth, estimate, stamps)
         truth, estimate = aligned.truth, aligned.estimate
         measure = measure.fitted(truth, estimate)
-        effort = Effort(jobs=getattr(solver, "jobs", None), stopwatch=stopwatch)
-        pairs = near_pairs(truth, estimate, parameters.cutoff, measure, effort)
+        effort = Effort(jobs=jobs, stopwatch=stopwatch)
+        truth, estimate, prepared = measure.prepared(truth, estimate, effort)
+        pairs = near_pairs(truth, estimate, parameters.cutoff, prepared, effort)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
         del pairs  # the distances are as long as the entries
         states = merge_runs(problem)
-    solution = solver(states, stopwatch)
-    with stopwatch.span("certify"):
-        bounds, weights, breakdown = certify(states, solution)
-    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
-    return Result(
-        proof=Proof(
-            parameters=parameters,
-            states=states,
-            bounds=bounds,
-            weights=weights,
-            breakdown=breakdown,
-        ),
+    return Prepared(
+        parameters=parameters,
+        sides=(truth, estimate),
+        distance=prepared,
+        states=states,
         labels=Labels(
             times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
             estimates=estimate.ids.tolist(),
             unit=unit,
         ),
-        gap=gap,
+        moments=truth.times,
         settings={
             "cutoff": parameters.cutoff,
             "order": parameters.order,
@@ -192,11 +264,8 @@ def evaluate_trajectories(
             "grid": stamps.grid,
             "time_tolerance": stamps.tolerance,
             "unit": unit,
-            **solver_settings(solver),
             **(settings or {}),
         },
-        solver=_solver_record(solver, solution, parameters, met=bounds.met(gap)),
-        timings=_nested(stopwatch),
         input={
             name: {
                 **told[side],
@@ -206,8 +275,60 @@ def evaluate_trajectories(
             }
             for side, name in enumerate(("truth", "estimate"))
         },
+    )
+
+
+def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
+    """The second half: solution, proof, result; the problem can be solved again."""
+    solution = solver(prepared.states, stopwatch)
+    with stopwatch.span("certify"):
+        bounds, weights, breakdown = certify(prepared.states, solution)
+    proof = Proof(
+        parameters=prepared.parameters,
+        states=prepared.states,
+        bounds=bounds,
+        weights=weights,
+        breakdown=breakdown,
+    )
+    with stopwatch.span("report"):
+        split = _split(*prepared.sides, prepared.distance, proof)
+    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
+    return Result(
+        proof=proof,
+        split=split,
+        labels=prepared.labels,
+        gap=gap,
+        settings={**prepared.settings, **solver_settings(solver)},
+        solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
+        timings=_nested(stopwatch),
+        input=prepared.input,
         version=__version__,
     )
+
+
+def _split(
+    truth: Trajectories, estimate: Trajectories, distance: Distance, proof: Proof
+) -> tuple[float, float] | None:
+    """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
+    if proof.parameters.order != 2:
+        return None
+    states, problem = proof.states, proof.states.problem
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    sums = [0.0, 0.0]
+    for begin in range(0, len(used) or 1, BLOCK):
+        state = used[begin : begin + BLOCK]
+        entry = states.entry[state]
+        pairs = Pairs(
+            truth_row=problem.truth_row[entry],
+            estimate_row=problem.estimate_row[entry],
+            distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry]),
+        )
+        parts = distance.parts(pairs, truth, estimate)
+        if parts is None:
+            return None
+        for k, part in enumerate(parts):
+            sums[k] += float((proof.weights[state] / ONE) @ (part * part))
+    return sums[0], sums[1]
 
 
 def _problem(
@@ -258,7 +379,7 @@ def as_trajectories(
     """Any accepted form of one side as Trajectories.
 
     `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
-    and want their particles.
+    and want their covariances or particles.
     """
     columns = None if distance is None else distance.columns
     if isinstance(side, Trajectories):
@@ -270,7 +391,8 @@ def as_trajectories(
         from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
 
-        options = ReadOptions(columns=columns, clouds=distance is not None and distance.particles)
+        kinds = () if distance is None else distance.kinds
+        options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
         return from_frame(side, options, name=name).trajectories
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
@@ -326,13 +448,12 @@ def check_states(
 
 
 def digest(side: Trajectories) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows, states and particles."""
+    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles."""
     sha = hashlib.sha256()
     for texts in (side.columns, side.ids.tolist()):
         sha.update(repr(list(texts)).encode())
     arrays = [side.times[side.step], side.track, side.state]
-    if side.clouds is not None:
-        arrays += [side.clouds.first, side.clouds.points, side.clouds.weights]
+    arrays += side.beside
     for array in arrays:
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())

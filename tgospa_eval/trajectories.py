@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.clouds import Clouds
+from tgospa_eval.covariances import from_matrices
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]
@@ -44,13 +45,18 @@ class Trajectories:
         What the times are.
     labels : (T,) array of str, optional
         Times as they were read, where they are no numbers.
+    covariance : (R, d, d) or (R, d (d + 1) / 2) float array, optional
+        Covariance of each state, in the unit of the states squared; without, states are points. It
+        is held as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
+        eigenvalue that is negative by up to a thousandth of the largest becomes 0; lower triangles
+        are taken to be covariances.
     clouds : Clouds, optional
-        The particles of each row; the states are their weighted means.
+        The particles of each row; the states are their weighted means. Not beside covariances.
 
     Raises
     ------
     InputError
-        Shapes, order, uniqueness or finiteness are violated.
+        Shapes, order, uniqueness or finiteness are violated, or a matrix is no covariance.
     """
 
     step: Ints
@@ -61,6 +67,7 @@ class Trajectories:
     columns: tuple[str, ...]
     clock: str = "number"
     labels: NDArray[np.object_] | None = None
+    covariance: Floats | None = None
     clouds: Clouds | None = None
 
     def __post_init__(self) -> None:
@@ -84,6 +91,10 @@ class Trajectories:
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
+        if self.covariance is not None and self.clouds is not None:
+            raise InputError("states have a covariance each, or a cloud, not both")
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
         if self.clouds is not None:
             self._check_clouds(self.clouds)
         if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
@@ -106,6 +117,19 @@ class Trajectories:
                 frozen.setflags(write=False)
                 object.__setattr__(self, name, frozen)
 
+    def _packed(self, covariance: Floats) -> Floats:
+        rows, d = self.state.shape
+        if covariance.shape not in ((rows, d, d), (rows, d * (d + 1) // 2)):
+            raise InputError(
+                f"covariance {covariance.shape} does not fit state {self.state.shape}; "
+                "(R, d, d) would, and (R, d (d + 1) / 2)"
+            )
+        if not np.isfinite(covariance).all():
+            raise InputError("covariances must be finite; 0 makes a state a point")
+        if covariance.ndim == 2:
+            return covariance
+        return np.ascontiguousarray(from_matrices(covariance, "covariance of row {}".format)[0].T)
+
     def _check_clouds(self, clouds: Clouds) -> None:
         if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):
             raise InputError(
@@ -118,9 +142,10 @@ class Trajectories:
 
     def __repr__(self) -> str:
         particles = "" if self.clouds is None else f", {len(self.clouds.points)} particles"
+        laws = "" if self.covariance is None else ", with covariances"
         return (
             f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows"
-            f"{particles}, columns {','.join(self.columns)})"
+            f"{particles}, columns {','.join(self.columns)}{laws})"
         )
 
     def dense(self) -> Floats:
@@ -149,21 +174,56 @@ class Trajectories:
             ids=self.ids[has_rows],
             times=times,
             labels=None,
+            covariance=None if self.covariance is None else self.covariance[rows],
             clouds=None if self.clouds is None else self.clouds.chosen(rows),
         )
 
+    @property
+    def kind(self) -> str:
+        """What its states are: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
+        if self.clouds is not None:
+            return "cloud"
+        return "point" if self.covariance is None else "gaussian"
+
+    @property
+    def beside(self) -> tuple[NDArray[Any], ...]:
+        """Arrays of what states are beside their place: covariances, or particles."""
+        if self.clouds is not None:
+            return self.clouds.first, self.clouds.points, self.clouds.weights
+        return () if self.covariance is None else (self.covariance,)
+
+    def seen_as(self, kinds: tuple[str, ...]) -> "Trajectories":
+        """As points, unless its states are of one of these kinds."""
+        if self.kind in ("point", *kinds):
+            return self
+        return replace(self, covariance=None, clouds=None)
+
     def with_clouds(self, clouds: Clouds) -> "Trajectories":
         """The same rows with other particles, and their means as states."""
-        return replace(self, state=clouds.means, clouds=clouds)
+        return replace(self, state=clouds.means, covariance=None, clouds=clouds)
 
     @classmethod
-    def from_array(cls, states: Floats, columns: tuple[str, ...] | None = None) -> "Trajectories":
+    def from_array(
+        cls,
+        states: Floats,
+        columns: tuple[str, ...] | None = None,
+        covariance: Floats | None = None,
+    ) -> "Trajectories":
         """From an array (T, k, d) with NaN for absent; ids and times count from 0.
+
+        Parameters
+        ----------
+        states : (T, k, d) array
+            States; of normal laws the means.
+        columns : tuple of str, optional
+            Names of the d columns; x, y, z by default.
+        covariance : (T, k, d, d) array, optional
+            Covariances; those of absent states do not matter. One matrix (d, d) is that of all.
 
         Raises
         ------
         InputError
-            Not three axes, or a value is infinite.
+            Not three axes, or a value is infinite; covariances that do not fit or are none.
         """
         try:
             states = np.asarray(states)
@@ -183,6 +243,15 @@ class Trajectories:
             present &= ~np.isnan(states[:, :, axis])
         rows = np.flatnonzero(present)
         at = np.repeat(np.arange(steps, dtype=np.int64), np.count_nonzero(present, axis=1))
+        if covariance is not None:
+            covariance = np.asarray(covariance, np.float64)
+            if covariance.shape not in ((*states.shape, size), (size, size)):
+                raise InputError(
+                    f"covariance {covariance.shape} does not fit states {states.shape}; "
+                    f"{(*states.shape, size)} would, and one matrix {(size, size)}"
+                )
+            whole = np.broadcast_to(covariance, (*states.shape, size))
+            covariance = whole[at, rows - at * tracks]
         if columns is None:
             columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
         return cls(
@@ -192,4 +261,5 @@ class Trajectories:
             ids=np.array([str(k) for k in range(tracks)], dtype=object),
             times=np.arange(steps),
             columns=columns,
+            covariance=covariance,
         )

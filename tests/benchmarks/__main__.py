@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 import click
+import gaussian
 import grid
 import kernel
 import memory
@@ -33,6 +34,7 @@ class Plan:
     seeds: int
     memory: tuple[memory.Case, ...]
     scale: tuple[Scene, ...]
+    gaussian: tuple[str, ...]
     deadline: float
 
 
@@ -61,6 +63,13 @@ def run_kernel(plan: Plan, store: Store) -> list[Table]:
     return report.of_kernel(store)
 
 
+def run_gaussian(plan: Plan, store: Store) -> list[Table]:
+    """Distances of normal laws."""
+    for case in plan.gaussian:
+        missing(store, lambda case=case: gaussian.measure(case), gaussian.PART, case)
+    return report.of_gaussian(plan.gaussian, store)
+
+
 def run_memory(plan: Plan, store: Store) -> list[Table]:
     """Bytes per gain or run."""
     for case in plan.memory:
@@ -84,6 +93,7 @@ def run_startup(plan: Plan, store: Store) -> list[Table]:
 PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "grid": run_grid,
     "kernel": run_kernel,
+    "gaussian": run_gaussian,
     "memory": run_memory,
     "scale": run_scale,
     "startup": run_startup,
@@ -130,6 +140,7 @@ def main(
         seeds=seeds or (SMALL_SEEDS if small else SEEDS),
         memory=memory.SMALL if small else memory.CASES,
         scale=scale.SMALL if small else scale.SCENES,
+        gaussian=tuple(gaussian.CASES)[: 1 if small else None],
         deadline=time.monotonic() + budget,
     )
     store = Store(fresh=fresh)

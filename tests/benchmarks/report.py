@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import gaussian
 import grid
 import kernel
 import memory
@@ -184,6 +185,23 @@ def of_kernel(store: Store) -> list[Table]:
     ]
     header = ("m,T,area,noise", "ns per state and half sweep", "target")
     return [Table("Kernel", header, rows)] if rows else []
+
+
+def of_gaussian(cases: Sequence[str], store: Store) -> list[Table]:
+    """Seconds by either distance, and their ratio."""
+    rows = [
+        (
+            case,
+            f"{found['pairs']:,}",
+            *(f"{found[name]:.2f}" for name in ("euclidean", "gaussian-wasserstein")),
+            f"{found['gaussian-wasserstein'] / found['euclidean']:.2f}",
+            f"{gaussian.TARGET:g}",
+        )
+        for case in cases
+        if (found := store.get(gaussian.PART, case)) is not None
+    ]
+    header = ("scene", "near pairs", "means s", "laws s", "ratio", "at most")
+    return [Table("Normal laws in the plane", header, rows)] if rows else []
 
 
 def of_memory(cases: Sequence[memory.Case], store: Store) -> list[Table]:

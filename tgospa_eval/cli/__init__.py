@@ -15,6 +15,7 @@ from tgospa_eval.errors import TgospaError
 VERBS = {
     "evaluate": ("tgospa_eval.cli.evaluate", "One evaluation: value, bracket, decomposition."),
     "inspect": ("tgospa_eval.cli.inspect", "What was read, and what looks wrong with it."),
+    "compare": ("tgospa_eval.cli.compare", "Solvers, or estimates, side by side."),
     "associate": ("tgospa_eval.cli.associate", "Which states of two sensors belong together."),
     "reduce": ("tgospa_eval.cli.reduce", "Particle clouds with fewer particles."),
     "simulate": ("tgospa_eval.cli.simulate", "A made-up scene: truth plus a tracker's errors."),

@@ -6,7 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 from tgospa_eval.cli.particles import cloud_distance, given_particles
-from tgospa_eval.distances import DISTANCES, CloudWasserstein, Distance, Mahalanobis, Norm
+from tgospa_eval.distances import (
+    DISTANCES,
+    CloudWasserstein,
+    Distance,
+    GaussianWasserstein,
+    Mahalanobis,
+    Norm,
+)
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
@@ -36,17 +43,21 @@ class DistanceOptions:
         self.matrix: list[list[float]] | None = None
         self.path = options["covariance"]
         self.boxes = self.named.columns == BOX
-        of_norms = isinstance(self.named, Norm)
+        of_laws = isinstance(self.named, GaussianWasserstein)
+        of_norms = isinstance(self.named, Norm) or of_laws
+        zero = options["missing_cov"] != "error"
         of_matrix = isinstance(self.named, Mahalanobis)
         of_clouds = isinstance(self.named, CloudWasserstein)
         for name, given, allowed, whose in (
-            ("periodic", self.period, of_norms, "euclidean, manhattan and chebyshev"),
+            ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
             (
                 "scale",
                 self.scale,
                 of_norms or of_matrix or of_clouds,
-                "the norms, mahalanobis and cloud-wasserstein",
+                "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
+            ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
+            ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
@@ -60,7 +71,6 @@ class DistanceOptions:
                 Mahalanobis(covariance=self.matrix)
             except ConfigError as error:
                 raise InputError(f"{self.path}: {error}") from None
-
         if of_clouds:
             self.named = cloud_distance(options, read_matrix)
 
@@ -87,6 +97,8 @@ class DistanceOptions:
         scale = _by_column("scale", self.scale, columns, 1.0)
         if isinstance(self.named, Norm):
             return Norm(name=self.named.name, power=self.named.power, period=period, scale=scale)
+        if isinstance(self.named, GaussianWasserstein):
+            return GaussianWasserstein(period=period, scale=scale)
         if isinstance(self.named, CloudWasserstein):
             return replace(self.named, scale=scale)
         if isinstance(self.named, Mahalanobis):

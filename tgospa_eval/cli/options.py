@@ -12,7 +12,8 @@ CUTOFF = 10.0
 SWITCH_PENALTY = 2.0
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 DISTANCES = (
-    "euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou", "cloud-wasserstein",
+    "euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou",
+    "gaussian-wasserstein", "cloud-wasserstein",
 )  # fmt: skip
 REDUCTIONS = (
     "sliced", "recursive", "atl", "kmeans", "systematic", "stratified", "multinomial", "top",
@@ -125,10 +126,11 @@ EVALUATION = (
         help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
     ),
     option(
-        "--distance", type=click.Choice(DISTANCES), metavar="NAME", default="euclidean",
-        help="Base distance between two states: euclidean, manhattan, chebyshev; mahalanobis; "
-        "haversine in metres from lat,lon; iou of boxes left,top,width,height; cloud-wasserstein "
-        "of particles with a column weight.",
+        "--distance", type=click.Choice(DISTANCES), default="euclidean", metavar="NAME",
+        help="Base distance between two states: euclidean, manhattan, chebyshev, mahalanobis, "
+        "haversine (metres from lat,lon), iou (boxes left,top,width,height), "
+        "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles with a "
+        "column weight).",
     ),
     *PARTICLES,
     option(
@@ -147,6 +149,15 @@ EVALUATION = (
         "--columns", metavar="NAMES",
         help="State columns in order, x,y; id=HEADER and x=HEADER map headers.  "
         "[default: x[,y[,z]], else lat,lon, else centres of boxes]",
+    ),
+    option(
+        "--fix-cov", is_flag=True,
+        help="Of gaussian-wasserstein: replace what is no covariance by the nearest matrix that "
+        "is.",
+    ),
+    option(
+        "--missing-cov", type=click.Choice(("error", "zero")), default="error",
+        help="Of gaussian-wasserstein: a row with blank covariance is wrong, or a point.",
     ),
     option(
         "--solver", type=click.Choice(SOLVERS), default="certified",

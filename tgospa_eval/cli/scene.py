@@ -14,6 +14,9 @@ from tgospa_eval.reports.files import check_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.trajectories import Trajectories
 
+DISTANCES = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
+"""Distances of states that are more than points."""
+
 OPTION = "DIR"
 """What messages about the folder begin with."""
 
@@ -27,7 +30,7 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
         An option has no meaning, or the folder cannot be written.
     """
     check_folder(folder, force=options["force"], option=OPTION)
-    scene, tracker = _settings(options)
+    scene, tracker = settings(options)
     truth, estimate = simulate(scene, tracker, np.random.default_rng(options["seed"]))
     names = ("truth.csv", "estimate.csv") if options["format"] == "csv" else ("gt.txt", "res.txt")
     if options["format"] == "kitti":  # whose frames count from 0
@@ -45,7 +48,8 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
     )
 
 
-def _settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
+def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
+    """The scene and the tracker that the options of `simulate` ask for."""
     boxes = options["format"] != "csv"
     if boxes and options["state"] not in (None, "box"):
         raise ConfigError(
@@ -76,5 +80,6 @@ def _command(folder: str, names: tuple[str, str], options: dict[str, Any], track
     cutoff = max(options["area"] / 20, 5 * tracker.noise)
     format_ = options["format"]
     formats = f" --truth-format {format_} --estimate-format {format_}" if format_ != "csv" else ""
-    distance = " --distance cloud-wasserstein" if options["state"] == "cloud" else ""
-    return f"tgospa-eval {paths}{formats}{distance} -c {cutoff:g} -g {cutoff / 2:g}"
+    if options["state"] in DISTANCES:
+        formats += f" --distance {DISTANCES[options['state']]}"
+    return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"

@@ -37,6 +37,8 @@ UNUSED: dict[str, Any] = {
     "estimate_format": None,
     "covariance": None,
     "periodic": (),
+    "fix_cov": False,
+    "missing_cov": "error",
     "scale": (),
     "time_tolerance": 0.0,
     "grid": "union",

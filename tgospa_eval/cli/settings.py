@@ -50,6 +50,7 @@ class Settings:
             "decimal": self.reading.decimal,
             "on_duplicate": self.reading.on_duplicate,
             **dict(self.reading.filters()),
+            **dict(self.reading.covariances()),
         }
 
     def read(self, *paths: str, roles: tuple[str, ...] = ROLES) -> tuple[Reading, ...]:
@@ -138,7 +139,10 @@ def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
             classes=None if classes is None else tuple(map(str.strip, classes.split(","))),
             region=options["region"],
             by_class=options["by"] == "class",
-            clouds=measure.named.particles,
+            covariance=bool(measure.named.kinds),
+            fix_covariance=options["fix_cov"],
+            missing_covariance=options["missing_cov"],
+            clouds="cloud" in measure.named.kinds,
             fault=measure.fault,
         ),
         formats=(options["truth_format"], options["estimate_format"]),

@@ -53,7 +53,7 @@ def evaluate_files(
         check_folder(options["output"], force=options["force"])
     stopwatch = Stopwatch()
     if not quiet:
-        stopwatch.tell = _say
+        stopwatch.tell = say
 
     def work() -> Summary:
         with stopwatch.span("read"):
@@ -63,25 +63,23 @@ def evaluate_files(
         if not quiet:
             for path, side in zip(paths, sides, strict=True):
                 for notice in side.notices:
-                    _say(f"{path}: {notice}")
-            for text in _remarks(sides, aligned, distance, settings):
-                _say(text)
-            if KERNEL == "numpy" and solver.name != "exact":
-                _say(
-                    "no compiled kernels, slower: installing with a C compiler at hand builds them"
-                )
+                    say(f"{path}: {notice}")
+            for text in pair_remarks(sides, aligned, distance, settings):
+                say(text)
+            if solver.name != "exact":
+                say_if_slow()
             if not all(given.values()):
-                _say(_default_notice(aligned, distance, settings, given))
+                say(default_notice(aligned, distance, settings, given))
         return evaluate_sides(sides, distance, settings, solver, stopwatch)
 
     result = run(work, stopwatch, show=not quiet)
     if options["verbose"]:
         for text in _progress(result, stopwatch):
-            _say(text)
+            say(text)
     finished = result.certified if solver.name == "certified" else bool(result.solver["finished"])
     if not finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
-        _say(
+        say(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}"
         )
@@ -105,10 +103,10 @@ def evaluate_sides(
         "settings": settings.recorded,
     }
     truth, estimate = sides
-    told = _told(truth), _told(estimate)
+    inputs = told(truth), told(estimate)
     if not settings.reading.by_class:
         return evaluate_trajectories(
-            truth.trajectories, estimate.trajectories, inputs=told, stopwatch=stopwatch, **common
+            truth.trajectories, estimate.trajectories, inputs=inputs, stopwatch=stopwatch, **common
         )
     from tgospa_eval.by_class import add_up
     from tgospa_eval.formats.assemble import natural
@@ -123,7 +121,7 @@ def evaluate_sides(
             truth.of_class(name), estimate.of_class(name), stopwatch=part, **common
         )
         stopwatch.absorb(part)
-    return add_up(results, dict(zip(("truth", "estimate"), told, strict=True)), read_s)
+    return add_up(results, dict(zip(("truth", "estimate"), inputs, strict=True)), read_s)
 
 
 def inspect_files(
@@ -151,16 +149,23 @@ def inspect_files(
     return run(work, Stopwatch(), show=not options["quiet"])
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Print a notice."""
     click.echo(text, err=True)
 
 
-def _told(reading: Reading) -> dict[str, Any]:
+def say_if_slow() -> None:
+    """Print a notice where the kernels were not built."""
+    if KERNEL == "numpy":
+        say("no compiled kernels, slower: installing with a C compiler at hand builds them")
+
+
+def told(reading: Reading) -> dict[str, Any]:
     """What the result says of a file."""
     return {"rows": reading.rows, "format": reading.format, "left_out": reading.left_out}
 
 
-def _remarks(
+def pair_remarks(
     sides: tuple[Reading, ...], aligned: Alignment, distance: Distance, settings: Settings
 ) -> Iterator[str]:
     """What the user should know of the choice of the distance, and of the two files together."""
@@ -169,6 +174,8 @@ def _remarks(
         if side.rows and not len(side.trajectories.step):
             yield f"warning: no row of the {name} takes part"
     truth, estimate = (side.trajectories for side in sides)
+    if "gaussian" in distance.kinds:
+        yield from _about_points(truth.kind == "point", estimate.kind == "point")
     said, warnings = remarks(
         (truth, estimate), aligned, settings.stamps, settings.parameters, distance
     )
@@ -176,7 +183,18 @@ def _remarks(
     yield from (f"warning: {text}" for text in warnings)
 
 
-def _default_notice(
+def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
+    """What states without covariance mean; the two say whether a side has none."""
+    if truth and estimate:
+        yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
+    elif truth:
+        yield (
+            "the truth has no covariances: against points a smaller reported covariance always "
+            "costs less, whether it is right or not"
+        )
+
+
+def default_notice(
     aligned: Alignment, distance: Distance, settings: Settings, given: dict[str, bool]
 ) -> str:
     """One line about the defaults in use, with the scale of the data beside it."""

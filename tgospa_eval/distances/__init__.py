@@ -7,6 +7,7 @@ from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.boxes import IoU
 from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
 from tgospa_eval.distances.gating import near_pairs
+from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
 from tgospa_eval.distances.mahalanobis import Mahalanobis
 from tgospa_eval.distances.reduction import Reduction, reduce_cloud
 from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
@@ -21,6 +22,7 @@ DISTANCES: dict[str, Distance] = {
     "mahalanobis": Mahalanobis(),
     "haversine": Haversine(),
     "iou": IoU(),
+    "gaussian-wasserstein": GaussianWasserstein(),
     "cloud-wasserstein": CloudWasserstein(),
 }
 """Base distances by name; Mahalanobis without its covariance."""
@@ -30,6 +32,7 @@ __all__ = [
     "CloudWasserstein",
     "Distance",
     "Effort",
+    "GaussianWasserstein",
     "Haversine",
     "IoU",
     "Mahalanobis",
@@ -39,6 +42,7 @@ __all__ = [
     "Reduction",
     "cloud_wasserstein",
     "cross_covariance",
+    "gaussian_wasserstein",
     "near_pairs",
     "reduce_cloud",
     "resample_cloud",

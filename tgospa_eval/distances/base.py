@@ -71,20 +71,36 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
-    particles : bool
-        Whether it looks at the particles of clouds.
+    kinds : tuple of str
+        What it looks at beside the places of states, as `Trajectories.kind` calls it:
+        ``"gaussian"``, ``"cloud"``. States of a kind that it does not name are points to one that
+        names none, and refused by the others.
     """
 
     name: str
+    kinds: ClassVar[tuple[str, ...]] = ()
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
-    particles: ClassVar[bool] = False
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
         """Distance along the last axis of `a` and `b`, which broadcast."""
         a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
+
+    def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
+        """Components (d, R) of some rows, as `between` and `embed` take them."""
+        return np.ascontiguousarray(side.state[rows].T)
+
+    def parts(
+        self, pairs: Pairs, truth: Trajectories, estimate: Trajectories
+    ) -> tuple[Floats, Floats] | None:
+        """Of near pairs of prepared sides the distances of the means, and of what is around them.
+
+        Their squares add up to that of the distance; None if there are no such.
+        """
+        del pairs, truth, estimate
+        return None
 
     @property
     def rough(self) -> "Distance":

@@ -3,10 +3,10 @@
 Two bounds cost next to nothing: the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and
 of order 2 the Gelbrich bound, the Wasserstein distance of the normal laws with the same moments,
 
-    |m_a - m_b|^2 + tr P_a + tr P_b - 2 |F_b' F_a|_*  <=  W_2^2,   P = F F',
+    |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
-with the sum of singular values |.|_*; it is attained where one cloud is a point. A pair at the
-cutoff or beyond it gains nothing, so that only pairs whose bounds are below it are solved.
+with the Bures distance B of their covariances; it is attained where one cloud is a point. A pair at
+the cutoff or beyond it gains nothing, so that only pairs whose bounds are below it are solved.
 """
 
 import os
@@ -19,8 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval import covariances
 from tgospa_eval.clouds import Clouds, single
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
+from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.reduction import Reduction
 from tgospa_eval.distances.transport import LARGEST, check_order, distance, whitened
@@ -33,7 +35,7 @@ INNER = ("euclidean", "mahalanobis")
 SLACK = 1e-12
 """Of the cutoff: a bound that is above it by rounding alone decides nothing."""
 
-CANCELLED = 1e-11
+UNSURE = 1e-11
 """Of the variances: what rounding may add to the Gelbrich bound, and far more."""
 
 TOGETHER = 1 << 16
@@ -82,7 +84,7 @@ class CloudWasserstein(Distance):
     scale: Sequence[float] | None = None
     gating: bool = True
     name = "cloud-wasserstein"
-    particles = True
+    kinds = ("cloud",)
 
     def __post_init__(self) -> None:
         check_order(self.order)
@@ -237,9 +239,8 @@ class _Plain(Distance):
         if self.order == 2:
             moments = [_Moments.of(clouds) for clouds in (a, b)]
             for part in _parts(np.flatnonzero(is_open)):
-                value[part] = np.sqrt(
-                    value[part] ** 2 + moments[0].spread(moments[1], i[part], j[part])
-                )
+                spread = moments[0].spread(moments[1], i[part], j[part])
+                value[part] = np.sqrt(value[part] ** 2 + spread)
             # With a point the bound is the distance itself.
             is_open &= ~(are_points[0] | are_points[1])
         if self.gating:
@@ -299,7 +300,7 @@ _EUCLIDEAN = Norm(name="euclidean", power=2.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Moments:
-    """Traces (R,) and factors (R, d, d) of the covariances."""
+    """Traces (R,) and lower factors (d (d + 1) / 2, R) of the covariances."""
 
     trace: Floats
     factor: Floats
@@ -307,27 +308,18 @@ class _Moments:
     @classmethod
     def of(cls, clouds: Clouds) -> "_Moments":
         covariance = clouds.covariances
-        size = covariance.shape[1]
-        if size == 1:
-            factor = np.sqrt(covariance)
-        else:
-            values, vectors = np.linalg.eigh(covariance)
-            factor = vectors * np.sqrt(values.clip(min=0))[:, None, :]
-        return cls(trace=np.trace(covariance, axis1=1, axis2=2), factor=factor)
+        return cls(
+            trace=np.trace(covariance, axis1=1, axis2=2),
+            factor=covariances.factor(covariances.pack(covariance)),
+        )
 
     def spread(self, other: "_Moments", i: Ints, j: Ints) -> Floats:
         """What a spread adds to the squared distance of the means, at least."""
-        product = np.swapaxes(other.factor[j], 1, 2) @ self.factor[i]
-        if product.shape[1] == 1:
-            cross = np.abs(product[:, 0, 0])
-        elif product.shape[1] == 2:  # (s + t)^2 = s^2 + t^2 + 2 s t of the singular values
-            determinant = product[:, 0, 0] * product[:, 1, 1] - product[:, 0, 1] * product[:, 1, 0]
-            cross = np.sqrt((product**2).sum(axis=(1, 2)) + 2 * np.abs(determinant))
-        else:
-            cross = np.linalg.svd(product, compute_uv=False).sum(axis=1)
+        apart = bures(list(zip(self.factor[:, i], other.factor[:, j], strict=True)))
         total = self.trace[i] + other.trace[j]
-        # Of a point there is nothing to cancel, and the value is exact.
-        return np.where(cross > 0, (total - 2 * cross - CANCELLED * total).clip(min=0), total)
+        # Of a point the value is exact.
+        is_point = (self.trace[i] == 0) | (other.trace[j] == 0)
+        return np.where(is_point, total, (apart * apart - UNSURE * total).clip(min=0))
 
 
 def _solved(

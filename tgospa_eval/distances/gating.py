@@ -37,8 +37,8 @@ def near_pairs(
     kind = np.int32 if fits else np.int64
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
     for begin, end in _together(starts[0] + starts[1]):
-        a = _rows(truth, starts[0], begin, end)
-        b = _rows(estimate, starts[1], begin, end)
+        a = _rows(truth, starts[0], begin, end, distance)
+        b = _rows(estimate, starts[1], begin, end, distance)
         for i, j in _search(a, b, horizon, distance):
             value = distance.between((x[i], y[j]) for x, y in zip(a.axes, b.axes, strict=True))
             near = np.flatnonzero(value < horizon)
@@ -96,13 +96,13 @@ def _together(done: Ints) -> Iterator[tuple[int, int]]:
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
 
 
-def _rows(side: Trajectories, starts: Ints, begin: int, end: int) -> Side:
+def _rows(side: Trajectories, starts: Ints, begin: int, end: int, distance: Distance) -> Side:
     first, last = int(starts[begin]), int(starts[end])
     return Side(
         first=first,
         step=side.step[first:last].astype(np.int64) - begin,
         at=starts[begin : end + 1] - first,
-        axes=np.ascontiguousarray(side.state[first:last].T),
+        axes=distance.axes(side, slice(first, last)),
     )
 
 
@@ -120,7 +120,7 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
     nearest = []
     for step in both[:: -(-len(both) // SAMPLE)]:
         a, b = (
-            side.state[at[step] : at[step + 1]]
+            distance.axes(side, slice(at[step], at[step + 1])).T
             for side, at in zip((truth, estimate), starts, strict=True)
         )
         a = a[:: -(-len(a) // SAMPLE)]

@@ -95,6 +95,12 @@ class ReadOptions:
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
         The reading says which row is of which class.
+    covariance : bool
+        Read covariances, if there are columns of such.
+    fix_covariance : bool
+        Replace what is no covariance by the nearest matrix that is.
+    missing_covariance : {"error", "zero"}
+        What a row with blank covariance is, where there are columns: wrong, or a point.
     clouds : bool
         A column of weights makes rows particles, also where no (id, t) is repeated.
     fault : callable, optional
@@ -115,6 +121,9 @@ class ReadOptions:
     classes: tuple[str, ...] | None = None
     region: str | None = None
     by_class: bool = False
+    covariance: bool = False
+    fix_covariance: bool = False
+    missing_covariance: str = "error"
     clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
 
@@ -125,6 +134,7 @@ class ReadOptions:
         for name, allowed in (
             ("decimal", (".", ",")),
             ("on_duplicate", ("error", "first", "last")),
+            ("missing_covariance", ("error", "zero")),
         ):
             _one_of(name.replace("_", "-"), getattr(self, name), allowed)
         if self.classes is not None and not all(name.strip() for name in self.classes):
@@ -149,6 +159,12 @@ class ReadOptions:
                 yield name, list(value) if isinstance(value, tuple) else value
         if self.by_class:
             yield "by", "class"
+
+    def covariances(self) -> Iterator[tuple[str, Any]]:
+        """What is done about covariances, by the names of the options."""
+        if self.covariance:
+            yield "fix_cov", self.fix_covariance
+            yield "missing_cov", self.missing_covariance
 
 
 def read(
@@ -216,6 +232,9 @@ def read_trajectories(
     time: str | None = None,
     classes: tuple[str, ...] | None = None,
     region: str | None = None,
+    covariance: bool = True,
+    fix_covariance: bool = False,
+    missing_covariance: str = "error",
     clouds: bool = False,
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
@@ -230,7 +249,11 @@ def read_trajectories(
         What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
     format : {"csv", "parquet", "motchallenge", "kitti", "npz"}, optional
         Guessed by name and content if not given.
-    columns, decimal, on_duplicate, boxes, time, classes, region, clouds
+    covariance : bool
+        Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
+        std_y, rho_xy``; the distance says whether they are compared.
+    columns, decimal, on_duplicate, boxes, time, classes, region, fix_covariance,
+    missing_covariance, clouds
         As in `tgospa_eval.formats.ReadOptions`.
 
     Raises
@@ -248,6 +271,9 @@ def read_trajectories(
         time=time,
         classes=classes,
         region=region,
+        covariance=covariance,
+        fix_covariance=fix_covariance,
+        missing_covariance=missing_covariance,
         clouds=clouds,
     )
     return read(path, options, role, format).trajectories

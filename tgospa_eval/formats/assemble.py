@@ -13,6 +13,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.particles import gather
+from tgospa_eval.formats.spread import Cells, covariances_of
 from tgospa_eval.formats.times import Times, more, quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
@@ -132,6 +133,16 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     used = np.flatnonzero(has_rows)
     if len(used) < len(track_ids):
         track_used = (np.cumsum(has_rows) - 1)[track_used]
+    notices = chosen.notices
+    covariance = None
+    if roles.spread is not None and clouds is None:
+        covariance, said = covariances_of(
+            _cells(rows, taken),
+            roles.spread,
+            missing=options.missing_covariance,
+            fix=options.fix_covariance,
+        )
+        notices += said
     trajectories = Trajectories(
         step=step_used,
         track=track_used,
@@ -142,20 +153,16 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         columns=roles.names,
         clock=times.clock,
         labels=labels,
+        covariance=covariance,
     )
     classes, klass = (), None
     if options.by_class and rows.classes is not None:
         number = rows.classes[1][taken]
         present = np.flatnonzero(np.bincount(number, minlength=len(rows.classes[0])))
         classes, klass = tuple(rows.classes[0][present]), np.searchsorted(present, number)
-    notices = chosen.notices
     if roles.centres:
         notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
-    unused = roles.unused
-    if roles.weight is not None and particles is None:
-        unused = (*unused, roles.weight_header)
-    if unused:
-        notices = [f"columns not used: {', '.join(unused)}", *notices]
+    notices = [*roles.notices(clouds=clouds is not None), *notices]
     return Reading(
         trajectories=trajectories,
         rows=len(state),
@@ -215,6 +222,27 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
         raise InputError(f'{rows.where(int(chosen[row]))}, column "{name}": {what}')
 
 
+def _cells(rows: Rows, taken: Ints) -> Cells:
+    """The numbers of the covariances of some rows."""
+    numbers = rows.roles.numbers
+    spread = rows.roles.spread
+    columns = spread.columns if spread else ()
+    return Cells(
+        values={column: rows.numbers[taken, numbers.index(column)] for column in columns},
+        row=taken,
+        where=lambda row: f"{rows.where(row)} (id {_name(rows, row)}, t {_moment(rows, row)})",
+    )
+
+
+def _name(rows: Rows, row: int) -> str:
+    return quoted(rows.ids[0][rows.ids[1][row]])
+
+
+def _moment(rows: Rows, row: int) -> Any:
+    times = rows.times
+    return times.text[row].strip() if times.text is not None else times.value[row].item()
+
+
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
     """Rows, all or the chosen, in the order of their keys, and the sorted keys."""
     if chosen is not None:
@@ -267,11 +295,9 @@ def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows) -> str:
     k = int(np.argmin(second))
     row = int(second[k])
     first = int(taken[np.searchsorted(key[taken], key[row])])
-    times, where = rows.times, rows.where
-    name = rows.ids[0][rows.ids[1][row]]
-    moment = times.text[row].strip() if times.text is not None else times.value[row].item()
+    where = rows.where
     return (
-        f"{where(row)}: id {quoted(name)} at t {moment} was given before, "
+        f"{where(row)}: id {_name(rows, row)} at t {_moment(rows, row)} was given before, "
         f"{where(first)}{more(len(again))}; "
         "one row per object and step, or --on-duplicate first or last; particles of one object "
         "need a column weight"

@@ -1,12 +1,13 @@
 """Which column is what: headers to roles."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.spread import PREFIXES, Spread, find_spread, spelt
 from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
@@ -16,11 +17,12 @@ ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
     "t": ("t", "time", "timestamp", "frame", "step"),
     "class": ("class",),
+    "weight": ("weight", "w"),
 }
 """Headers under which the columns are found that are no numbers of a state."""
 
-WEIGHT = ("weight", "w")
-"""Headers of the weights of particles."""
+WEIGHT = "weight"
+"""Of particles."""
 
 BOX = ("left", "top", "width", "height")
 EDGES = (*BOX, "right", "bottom")
@@ -53,8 +55,12 @@ class Roles:
         Headers of all other columns.
     weight : int, optional
         Column of the weights of particles.
-    weight_header : str
-        What it is called.
+    spread : Spread, optional
+        Columns of the covariances.
+    asked : bool
+        Whether covariances were asked for.
+    headers : tuple of str
+        All headers.
     """
 
     id: int
@@ -67,14 +73,43 @@ class Roles:
     centres: bool
     unused: tuple[str, ...]
     weight: int | None = None
-    weight_header: str = ""
+    spread: Spread | None = None
+    asked: bool = False
+    headers: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """Columns that are read as numbers, those of the state first."""
         mixes = (*self.state, *self.region.values(), *self.sizes)
-        weight = () if self.weight is None else (self.weight,)
-        return tuple(dict.fromkeys((*(column for mix in mixes for column, _ in mix), *weight)))
+        columns = [column for mix in mixes for column, _ in mix]
+        if self.weight is not None:
+            columns.append(self.weight)
+        return tuple(dict.fromkeys([*columns, *(self.spread.columns if self.spread else ())]))
+
+    def notices(self, *, clouds: bool) -> Iterator[str]:
+        """Columns that are passed over, and what becomes of covariances.
+
+        `clouds` says whether rows are particles: weights are for them alone, covariances are not.
+        """
+        known = [
+            spelt(first, second, deviations=deviations)
+            for deviations in (False, True)
+            for k, second in enumerate(self.names)
+            for first in self.names[: k + 1]
+        ]
+        unused = list(self.unused)
+        if clouds and self.spread is not None:
+            unused += [self.headers[column] for column in self.spread.columns]
+        if not clouds and self.weight is not None:
+            unused.append(self.headers[self.weight])
+        if unused:
+            folded = {name.casefold() for names in known for name in names}
+            there = any(name.casefold() in folded for name in unused) and not self.asked
+            way = "; --distance gaussian-wasserstein compares covariances" if there else ""
+            yield f"columns not used: {', '.join(unused)}{way}"
+        if self.asked and self.spread is None and not clouds:
+            shown = ", ".join([names[0] for names in known[:3]])
+            yield f"no columns of covariances ({shown}): its states are points"
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
@@ -191,13 +226,19 @@ def find_roles(
         )
     if options.classes is None and not options.by_class:
         klass = None
+    spread = find_spread(wanted, find, where) if options.covariance else None
+    weight = None if options.boxes else find(WEIGHT)
+    for name in mapped:
+        needed = spread is not None if name.startswith(PREFIXES) else name == WEIGHT
+        if needed and find(name) is None:
+            raise _absent(name)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (box["width"], box["height"]) if centres or options.boxes else ()
     mixes = (*state, *region.values(), *sizes)
-    weight = _weight(find, mapped, where)
-    if options.boxes or any(k == weight for mix in mixes for k, _ in mix):
+    used = {identity, time, klass, *(k for mix in mixes for k, _ in mix)}
+    if weight in used:
         weight = None
-    used = {identity, time, klass, weight, *(k for mix in mixes for k, _ in mix)}
+    used |= {weight, *(spread.columns if spread else ())}
     return Roles(
         id=identity,
         time=time,
@@ -209,14 +250,17 @@ def find_roles(
         centres=centres,
         unused=tuple(name for k, name in enumerate(names) if k not in used),
         weight=weight,
-        weight_header="" if weight is None else names[weight],
+        spread=spread,
+        asked=options.covariance and not options.clouds,
+        headers=tuple(names),
     )
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
     """Header of each mapped name, and the names of the state columns, in order.
 
-    Edges of boxes that are mapped are no state columns by that; named without ``=`` they are.
+    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
+    named without ``=`` they are.
     """
     mapped: dict[str, str] = {}
     wanted: list[str] = []
@@ -228,18 +272,14 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f'columns: "{name}" is given twice')
         if equals:
             mapped[name] = header
-        if name not in ALIASES and not (equals and name in (*EDGES, WEIGHT[0])):
+        if name not in ALIASES and not (equals and _is_beside(name)):
             wanted.append(name)
     return mapped, tuple(wanted)
 
 
-def _weight(find: Callable[[str], int | None], mapped: dict[str, str], where: str) -> int | None:
-    """Column of the weights; one that is named must be there."""
-    name = WEIGHT[0]
-    found = next((k for spelling in WEIGHT if (k := find(spelling)) is not None), None)
-    if name in mapped and find(name) is None:
-        raise InputError(f'{where}: no column "{mapped[name]}" for weight; name one that is there')
-    return found
+def _is_beside(name: str) -> bool:
+    """Whether a column is of the box around a state, its covariance or its weight."""
+    return name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
 
 
 def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:

@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX
+from tgospa_eval.formats.spread import spelt
 from tgospa_eval.trajectories import Trajectories
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
-    """CSV ``id,t,...``; numbers are read back as the same doubles.
+    """CSV ``id,t,...``, covariances behind the states; numbers are read back as the same doubles.
 
-    Clouds have a row for each particle, with its ``weight``.
+    Clouds have a row for each particle, with its ``weight`` before the states.
 
     Parameters
     ----------
@@ -25,20 +26,12 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     role : {"truth", "estimate"}
         Makes no difference here.
     """
+    columns = _columns(trajectories)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    clouds = trajectories.clouds
-    if clouds is None:
-        writer.writerow(("id", "t", *trajectories.columns))
-        writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
-        return text.getvalue()
-    writer.writerow(("id", "t", "weight", *trajectories.columns))
-    for row, (name, time, _) in enumerate(_rows(trajectories)):
-        points, weights = clouds[row]
-        writer.writerows(
-            (name, time, weight, *point)
-            for weight, point in zip(weights.tolist(), points.tolist(), strict=True)
-        )
+    writer.writerow(columns)
+    # As plain Python values: their text is the shortest exact.
+    writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     return text.getvalue()
 
 
@@ -88,7 +81,7 @@ TABLES: dict[str, Callable[[Trajectories], bytes]] = {
 
 
 def _columns(trajectories: Trajectories) -> dict[str, NDArray[Any]]:
-    """Id, time, weight and state of each particle, or of each row."""
+    """Id, time and state of each row, with its covariance; of clouds of each particle."""
     clouds = trajectories.clouds
     counts = 1 if clouds is None else clouds.counts
     times = trajectories.shown[trajectories.step]
@@ -99,7 +92,12 @@ def _columns(trajectories: Trajectories) -> dict[str, NDArray[Any]]:
     state = trajectories.state
     if clouds is not None:
         columns["weight"], state = clouds.weights, clouds.points
-    return columns | dict(zip(trajectories.columns, state.T, strict=True))
+    names = trajectories.columns
+    columns |= dict(zip(names, state.T, strict=True))
+    if trajectories.covariance is not None:
+        entries = [spelt(one, two)[0] for k, two in enumerate(names) for one in names[: k + 1]]
+        columns |= dict(zip(entries, trajectories.covariance.T, strict=True))
+    return columns
 
 
 def motchallenge_text(trajectories: Trajectories, role: str) -> str:

@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
@@ -72,7 +73,7 @@ def write_folder(result: Summary, folder: str, *, force: bool) -> None:
 
 
 def write_texts(
-    texts: dict[str, str], folder: str, *, force: bool, option: str = "--output"
+    texts: Mapping[str, str | bytes], folder: str, *, force: bool, option: str = "--output"
 ) -> None:
     """Write the files of a folder: every file beside first, then renamed.
 
@@ -91,7 +92,8 @@ def write_texts(
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent)
         for name, text in texts.items():
-            (Path(beside) / name).write_text(text, encoding="utf-8", newline="")
+            content = text if isinstance(text, bytes) else text.encode("utf-8")
+            (Path(beside) / name).write_bytes(content)
         path.mkdir(exist_ok=True)
         for name in texts:
             os.replace(Path(beside) / name, path / name)

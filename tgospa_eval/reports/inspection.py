@@ -65,6 +65,9 @@ def _files(files: list[Document]) -> Iterator[str]:
     yield _row("  t to next t", [_range(file["time"]["step"], second.strip()) for file in files])
     for column in files[0]["columns"]:
         yield _row(column, [_interval(file["extent"].get(column)) for file in files])
+        if any("deviation" in file for file in files):
+            deviations = [file.get("deviation", {}).get(column) for file in files]
+            yield _row("  std", [_range(spread, "") for spread in deviations])
     for name in dict.fromkeys(name for file in files for name in file["classes"]):
         parts = [file["classes"].get(name) for file in files]
         yield _row(f"class {name}", [_class(part) for part in parts])

@@ -17,8 +17,9 @@ Floats = NDArray[np.float64]
 
 COLUMNS = {
     "point": ("x", "y"),
-    "box": ("left", "top", "width", "height"),
+    "gaussian": ("x", "y"),
     "cloud": ("x", "y"),
+    "box": ("left", "top", "width", "height"),
 }
 
 
@@ -34,10 +35,11 @@ class Scene:
         How many; at least 0 and 1.
     area : float
         Side A of the square [0, A]^2, in state units; from 1e-6 to 1e12.
-    state : {"point", "box", "cloud"}
-        ``x, y``, or ``left, top, width, height`` of a box around that point; its height is uniform
-        in [A/20, A/8] and constant, its width 0.4 of that. Cloud: the truth has points, every
-        report is a cloud of particles around the point that it would be, as wide as the noise.
+    state : {"point", "gaussian", "cloud", "box"}
+        ``x, y``; the same with the covariance of its error for each estimate; points in the truth,
+        and every report a cloud of particles around the point that it would be, as wide as the
+        noise; or ``left, top, width, height`` of a box around that point; its height is uniform in
+        [A/20, A/8] and constant, its width 0.4 of that.
     particles : int
         Of a cloud; at least 1.
 
@@ -81,7 +83,8 @@ class Tracker:
     Parameters
     ----------
     noise : float
-        Standard deviation of each coordinate, in state units.
+        Standard deviation of each coordinate, in state units; of normal laws the scale of their
+        errors (`tgospa_eval.simulation.tracker.add_noise_of_a_radar`).
     detection : float
         Probability that a target is reported at a step.
     confirmation : int
@@ -175,31 +178,39 @@ def simulate(
     truth = SCENARIOS[scene.scenario](scene.targets, scene.steps, scene.area, streams[0])
     if scene.state == "box":
         truth = _with_sizes(truth, scene.area, streams[1])
-    real = _tracks(truth, tracker, streams[2:7])
+    real = _tracks(truth, scene, tracker, streams[2:7])
     false = errors.false_tracks(
         scene.steps, tracker.false_rate, tracker.false_length, scene.area, streams[7]
     )
     if scene.state == "box":
         false = _with_sizes(false, scene.area, streams[7])
+    if scene.state == "gaussian":
+        law = errors.covariance_of_a_radar(false, tracker.noise, scene.area)
+        false = np.concatenate((false, law), axis=-1)
     estimate = np.concatenate((real, false), axis=1)
     scale = min(scene.area, 200 * tracker.noise or np.inf)
     decimals = min(5 - math.floor(math.log10(scale)), 12)
-    reported = _trajectories(estimate, scene, decimals, 10 ** max(2, len(str(scene.targets))))
+    before = 10 ** max(2, len(str(scene.targets)))
+    reported = _trajectories(estimate, scene, tracker, decimals, before)
     if scene.state == "cloud":
-        clouds = particle_clouds(
-            reported.state, tracker.noise, scene.particles, decimals, streams[8]
+        reported = reported.with_clouds(
+            particle_clouds(reported.state, tracker.noise, scene.particles, decimals, streams[8])
         )
-        reported = reported.with_clouds(clouds)
-    return _trajectories(truth, scene, decimals, 0), reported
+    return _trajectories(truth, scene, tracker, decimals, 0), reported
 
 
-def _tracks(truth: Floats, tracker: Tracker, streams: list[np.random.Generator]) -> Floats:
+def _tracks(
+    truth: Floats, scene: Scene, tracker: Tracker, streams: list[np.random.Generator]
+) -> Floats:
     """What is reported of the targets."""
     for_merges, for_noise, for_misses, for_swaps, for_losses = streams
     meetings = encounters(truth, tracker.near if tracker.merges or tracker.swaps else 0.0)
     states = errors.confirm_late(truth, tracker.confirmation)
     states = errors.merge(states, meetings, tracker.merges, for_merges)
-    states = errors.add_noise(states, tracker.noise, for_noise)
+    if scene.state == "gaussian":
+        states = errors.add_noise_of_a_radar(states, tracker.noise, scene.area, for_noise)
+    else:
+        states = errors.add_noise(states, tracker.noise, for_noise)
     states = errors.miss(states, tracker.detection, for_misses)
     states = errors.swap(states, meetings, tracker.swaps, for_swaps)
     states = errors.fragment(states, tracker.fragmentation, tracker.lost, for_losses)
@@ -213,13 +224,25 @@ def _with_sizes(centres: Floats, area: float, rng: np.random.Generator) -> Float
     return np.concatenate((centres, np.where(np.isnan(centres), np.nan, size)), axis=-1)
 
 
-def _trajectories(states: Floats, scene: Scene, decimals: int, before: int) -> Trajectories:
+def _trajectories(
+    states: Floats, scene: Scene, tracker: Tracker, decimals: int, before: int
+) -> Trajectories:
     """Rounded and named; boxes from centre and size to corner and size."""
+    columns = COLUMNS[scene.state]
+    covariance = None
+    if states.shape[2] == len(columns) + 3:
+        states, law = states[..., :2], states[..., 2:]
+        digits = 5 - math.floor(math.log10(tracker.noise or 1.0)) * 2
+        covariance = np.round(law, digits)[..., [[0, 1], [1, 2]]]
     if scene.state == "box":
         size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
     kept = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
-    found = Trajectories.from_array(np.round(states[:, kept], decimals), COLUMNS[scene.state])
+    found = Trajectories.from_array(
+        np.round(states[:, kept], decimals),
+        columns,
+        None if covariance is None else covariance[:, kept],
+    )
     ids = np.array([str(before + 1 + k) for k in kept], dtype=object)
     return replace(found, ids=ids, times=np.arange(1, scene.steps + 1))
 

@@ -43,6 +43,44 @@ def add_noise(states: Floats, deviation: float, rng: np.random.Generator) -> Flo
     return states + rng.normal(0, deviation, states.shape)
 
 
+def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floats:
+    """Covariances (T, n, 3), xx, xy, yy, of the errors of a radar at the origin.
+
+    C = S^2 (0.5^2 u u' + (0.5 + r / A)^2 v v') with the noise S, the range r, the direction u and v
+    across it: the error along the line of sight is S / 2, across it grows with the range.
+    """
+    x, y = states[..., 0], states[..., 1]
+    distance = np.sqrt(x * x + y * y)
+    far = np.where(distance > 0, distance, 1.0)
+    x, y = np.where(distance > 0, x, 1.0) / far, y / far
+    along, across = 0.25, (0.5 + distance / area) ** 2
+    entries = (
+        along * x * x + across * y * y,
+        (along - across) * x * y,
+        along * y * y + across * x * x,
+    )
+    return deviation**2 * np.stack(entries, axis=-1)
+
+
+def add_noise_of_a_radar(
+    states: Floats, deviation: float, area: float, rng: np.random.Generator
+) -> Floats:
+    """Positions (T, n, 2) to normal laws (T, n, 5): the mean off by a draw from its covariance."""
+    law = covariance_of_a_radar(states, deviation, area)
+    xx, xy, yy = np.moveaxis(law, -1, 0)
+    draw = rng.normal(0, 1, states.shape)
+    first = np.sqrt(xx)
+    below = np.divide(xy, first, out=np.zeros_like(xy), where=first > 0)
+    error = np.stack(
+        (
+            first * draw[..., 0],
+            below * draw[..., 0] + np.sqrt(np.maximum(yy - below * below, 0)) * draw[..., 1],
+        ),
+        axis=-1,
+    )
+    return np.concatenate((states + error, law), axis=-1)
+
+
 def miss(states: Floats, detection: float, rng: np.random.Generator) -> Floats:
     """Keep each state with the probability `detection`, independently."""
     return np.where((rng.random(states.shape[:2]) < detection)[..., None], states, np.nan)

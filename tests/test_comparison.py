@@ -1,0 +1,301 @@
+"""compare: what follows from brackets, several solvers, several estimates, hostile names."""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from conftest import Answer
+
+from tgospa_eval.comparison import runs, solvers
+from tgospa_eval.comparison.brackets import Bracket, excess, less, narrowest, overlap, places
+from tgospa_eval.comparison.solvers import Comparison
+from tgospa_eval.reports.comparison import solvers_page
+from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+
+TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
+Write = Callable[[str, str], str]
+Invoke = Callable[..., Answer]
+
+
+def bracket(lower: float, upper: float, allowance: float = 0.0) -> Bracket:
+    return Bracket(lower=lower, upper=upper, allowance=allowance)
+
+
+def track(*positions: float) -> str:
+    rows = "".join(f"7,{t},{x}\n" for t, x in enumerate(positions))
+    return f"id,t,x\n{rows}"
+
+
+# --- brackets -------------------------------------------------------------------------------------
+
+
+def test_brackets() -> None:
+    a, b, c = bracket(1, 2), bracket(2, 3), bracket(2.5, 4)
+    assert overlap(a, b)
+    assert not overlap(a, c)
+    assert overlap(a, bracket(2 + 1e-12, 3, 1e-12))
+    assert not less(a, b)  # both may be 2
+    assert less(a, c)
+    assert not less(a, bracket(2 + 1e-13, 3, 1e-12))  # by less than rounding
+    assert narrowest([a, bracket(0, 1.5)]) == bracket(1, 1.5)
+    assert excess(3, 2) == 0.5
+    assert (excess(0, 0), excess(1, 0)) == (0, float("inf"))
+
+
+def test_places_are_those_that_are_proven() -> None:
+    # a < b surely; c may be anywhere between both, or beyond b
+    assert places([bracket(1, 2), bracket(3, 4), bracket(1.5, 9)]) == [(1, 2), (2, 3), (1, 3)]
+    assert places([bracket(1, 1), bracket(1, 1)]) == [(1, 2), (1, 2)]
+
+
+# --- solvers --------------------------------------------------------------------------------------
+
+
+def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
+    """One error of 2 at one step: the total is 4 whatever solves it."""
+    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1,0.02",
+                    "--format", "json")  # fmt: skip
+    assert answer.status == 0
+    document = json.loads(answer.out)
+    assert [run["name"] for run in document["runs"]] == [
+        "certified", "exact", "sinkhorn 0.1", "sinkhorn 0.02",
+    ]  # fmt: skip
+    assert document["agree"] is True
+    for run in document["runs"]:
+        assert run["total"] == pytest.approx(4)
+        assert run["error"] < 1e-9
+        assert run["seconds"]["solve"] >= 0
+    memory = document["runs"][0]["memory"]
+    if Path("/proc/self/clear_refs").exists():
+        assert memory["peak"] >= memory["before"] > 1e6
+
+
+def test_wrong_solver_is_found(write: Write, invoke: Invoke, monkeypatch) -> None:
+    """A solver whose proof says 0 to 3 of a total that the others prove to be 4."""
+
+    def run(prepared, solver):
+        made = runs.run_here(prepared, solver)
+        wrong = Bracket(lower=0.0, upper=3.0, allowance=1e-12)
+        return replace(made, bracket=wrong) if solver.name == "exact" else made
+
+    monkeypatch.setattr(solvers, "run_apart", run)
+    monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
+    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1")
+    assert answer.status == 4
+    assert "The brackets of certified and exact; exact and sinkhorn 0.1 do not" in answer.out
+
+
+def test_errors_are_against_what_all_prove() -> None:
+    run = runs.Run(
+        solver="s", epsilon=None, bracket=bracket(90, 100), tgospa=10, lower_bound=9.5, parts={},
+        counts={}, status="solved", finished=True, iterations=1, seconds={},
+    )  # fmt: skip
+    comparison = Comparison(runs=(run, replace(run, bracket=bracket(80, 96))))
+    assert comparison.referee == bracket(90, 96)
+    assert comparison.error(run) == pytest.approx(10 / 90)
+    assert comparison.lower_error(comparison.runs[1]) == pytest.approx(16 / 96)
+    assert not comparison.contradictions
+
+
+def test_exact_is_left_out_where_it_is_slow(write: Write, invoke: Invoke, monkeypatch) -> None:
+    from tgospa_eval.cli import comparing
+
+    monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
+    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    answer = invoke("compare", *paths, "--epsilon", "0.1")
+    assert "exact left out: 123,456 reduced states" in answer.out
+    asked = invoke("compare", *paths, "--solvers", "exact")
+    assert "left out" not in asked.out
+
+
+def test_a_process_that_dies_is_told(write: Write, invoke: Invoke, monkeypatch) -> None:
+    monkeypatch.setattr(runs.sys, "executable", "/bin/false")
+    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    answer = invoke("compare", *paths, "--solvers", "certified", "-q")
+    assert answer.status == 4
+    assert answer.err == ("certified: its process ended without an answer; out of memory perhaps\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["--solvers", "simplex"], 2, '--solvers "simplex": must be of certified, exact, sinkhorn'),
+        (["--epsilon", "0.1,x"], 2, '--epsilon "x": must be numbers with commas'),
+        (["--epsilon", "0.1,0.1"], 2, "sinkhorn 0.1 is given twice"),
+        (["--epsilon", "0"], 2, "epsilon is 0: must be finite and more than 0"),
+        (["--by", "class"], 2, "choose one class by --class NAME"),
+        (["--runs", "3"], 2, "--runs is for --simulate"),
+        (["--simulate"], 2, "--simulate makes its scenes"),
+        (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "by one solver"),
+        (["missing.csv"], 3, "missing.csv: no such file"),
+    ],
+)
+def test_wrong_use(
+    arguments: list[str], status: int, message: str, write: Write, invoke: Invoke
+) -> None:
+    answer = invoke("compare", write("t.csv", TRUTH), write("e.csv", track(0)), *arguments, "-q")
+    assert answer.status == status
+    assert message in answer.err
+    assert answer.out == ""
+
+
+# --- estimates ------------------------------------------------------------------------------------
+
+
+def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
+    """Totals by hand: good 1, twin 1 (mirrored), bad 4 + 4 + 4, missing two steps 12.5 + 12.5."""
+    truth = write("t.csv", TRUTH)
+    paths = [
+        write(f"{name}.csv", track(*positions))
+        for name, positions in (
+            ("bad", (2, 2, 2)), ("good", (0, 1, 0)), ("twin", (0, -1, 0)), ("lost", (0,)),
+        )
+    ]  # fmt: skip
+    folder = tmp_path / "out"
+    answer = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q", "--format", "json",
+                    "-o", str(folder))  # fmt: skip
+    document = json.loads(answer.out)
+    assert [(e["name"], e["place"]) for e in document["estimates"]] == [
+        ("good", [1, 2]), ("twin", [1, 2]), ("bad", [3, 3]), ("lost", [4, 4]),
+    ]  # fmt: skip
+    assert document["steps"] == [3]
+    assert [e["total"] for e in document["estimates"]] == pytest.approx([1, 1, 12, 25])
+    assert document["estimates"][3]["normalised"]["missed"] == pytest.approx((25 / 3) ** 0.5)
+    first = {(p["first"], p["second"]): p for p in document["pairs"]}
+    assert first["good", "twin"]["verdict"] == "not separated"
+    assert first["good", "bad"]["verdict"] == "less"
+    assert first["good", "bad"]["total"] == pytest.approx([11, 11])
+    assert first["good", "bad"]["steps"] == {"better": 0, "worse": 3}
+    assert first["good", "lost"]["missed"] == pytest.approx(25)
+    rows = list(csv.DictReader(io.StringIO((folder / "per_step.csv").read_text())))
+    difference = [float(r["difference"]) for r in rows if r["estimate"] == "bad"]
+    assert difference == pytest.approx([4, 3, 4])
+    assert "No estimate is proven best: good, twin" in invoke(
+        "compare", truth, *paths, "-c", "5", "-g", "1", "-q"
+    ).out  # fmt: skip
+
+
+def test_wide_brackets_prove_no_order(invoke: Invoke, crowd, tmp_path: Path) -> None:
+    """The other is worse by one row, which the bracket of a hot sinkhorn does not show."""
+    truth, estimate = crowd
+    lines = Path(estimate).read_text(encoding="utf-8").splitlines(keepends=True)
+    other = tmp_path / "other.csv"
+    other.write_text("".join(lines[:-1]), encoding="utf-8")
+    verdicts = []
+    for options in ([], ["--solvers", "sinkhorn", "--epsilon", "0.5"]):
+        answer = invoke("compare", truth, estimate, str(other), "-c", "15", "-q", "--format",
+                        "json", *options)  # fmt: skip
+        document = json.loads(answer.out)
+        verdicts.append((document["pairs"][0]["verdict"], document["estimates"][0]["place"]))
+    assert verdicts == [("less", [1, 1]), ("not separated", [1, 2])]
+
+
+def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_path: Path) -> None:
+    """Errors 1 and 3 at one of three steps: totals 1 and 9, mean 5; RMS per step (5/3)^(1/2)."""
+    for k, error in ((1, 1), (2, 3), (10, 1)):
+        (tmp_path / f"{k}").mkdir()
+        write(f"{k}/gt.csv", TRUTH)
+        write(f"{k}/a.csv", track(0, error, 0))
+        write(f"{k}/b.csv", track(0, 4, 0))
+    folder = tmp_path.as_posix()
+    (tmp_path / "10").rename(tmp_path / "x")
+    patterns = [f"{folder}/[12]/{name}.csv" for name in ("gt", "a", "b")]  # no pattern of ours
+    assert "no such file" in invoke("compare", *patterns).err
+    (tmp_path / "x").rename(tmp_path.parent / f"{tmp_path.name}-10")
+    patterns = [f"{folder}/*/{name}.csv" for name in ("gt", "a", "b")]
+    answer = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "json")
+    document = json.loads(answer.out)
+    best = document["estimates"][0]
+    assert document["runs"] == 2
+    assert best["total"] == pytest.approx(5)
+    assert best["normalised"]["tgospa"] == pytest.approx((5 / 3) ** 0.5)
+    pair = document["pairs"][0]["per_run"]
+    # differences of totals 15 and 7, of 3 steps each: 5 and 7/3
+    assert pair["mean"] == pytest.approx((5 + 7 / 3) / 2)
+    assert pair["standard_error"] == pytest.approx((5 - 7 / 3) / 2)
+    assert pair["first_less"] == 2
+    latex = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "latex").out
+    assert r"per step, RMS of 2 & TGOSPA & localisation & missed & false & switch \\" in latex
+    assert rf"\textbf{{{(5 / 3) ** 0.5:.6g}}}" in latex
+
+
+@pytest.mark.parametrize(
+    ("files", "patterns", "message"),
+    [
+        (["1/gt", "2/gt", "1/a"], ["*/gt", "*/a"], "2/a.csv: no such file; other patterns have it"),
+        (["1/gt", "1/a", "2/a"], ["*/gt", "*/a"], "2/a.csv: has no counterpart"),
+        (["1/gt"], ["*/gt", "*/a"], "*/a.csv: no such files"),
+        (["1/gt", "1/a"], ["*/gt", "1/a"], "1/a.csv: has no *"),
+        (["1/gt", "1/a"], ["*/gt", "*/*"], "one * is needed"),
+        (["gt", "a"], ["gt", "a", "a"], "a.csv: is given twice"),
+    ],
+)
+def test_patterns_fit_each_other(
+    files: list[str], patterns: list[str], message: str, tmp_path: Path, invoke: Invoke
+) -> None:
+    for name in files:
+        path = tmp_path / f"{name}.csv"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(TRUTH, encoding="utf-8")
+    answer = invoke("compare", *(f"{name}.csv" for name in patterns))
+    assert answer.status in (2, 3)
+    assert message in answer.err
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["out/a.csv", "out/b.txt"], ["a", "b"]),
+        (["x/careful/est.csv", "x/eager/est.csv"], ["careful", "eager"]),
+        (["mc/*/a.csv", "mc/*/b.csv"], ["a", "b"]),
+        (["a/*/est.csv", "b/*/est.csv"], ["a", "b"]),
+        (["a.csv", "a.txt"], ["a.csv", "a.txt"]),
+        (["x/a.csv", "a.csv"], ["x/a.csv", "a.csv"]),
+        (["x/a.csv"], ["a"]),
+    ],
+)
+def test_names_are_what_differs(paths: list[str], names: list[str]) -> None:
+    from tgospa_eval.cli.comparing import short_names
+
+    assert short_names(tuple(paths)) == names
+
+
+def test_hostile_names(write: Write, invoke: Invoke) -> None:
+    truth = write("t.csv", TRUTH)
+    names = ["=cmd|' '!A1", "a|b_<script>", "50% & $x$ #1"]
+    paths = [write(f"{name}.csv", track(0, k + 1, 0)) for k, name in enumerate(names)]
+    shown = {
+        form: invoke("compare", truth, *paths, "-q", "--format", form).out
+        for form in ("csv", "markdown", "latex")
+    }
+    assert [row["name"] for row in csv.DictReader(io.StringIO(shown["csv"]))] == [
+        "'=cmd|' '!A1", *names[1:],
+    ]  # fmt: skip
+    assert r"a\|b\_&lt;script>" in shown["markdown"]
+    assert "<script>" not in shown["markdown"]
+    assert r"50\% \& \$x\$ \#1" in shown["latex"]
+
+
+def test_sheets_escape_everything() -> None:
+    name = "evil\n\x1b[31m\u202e{~^\\}"
+    page = Page(title=name, lines=[name], sheets=[Sheet(head=("a", "b"), rows=[(name, "1")])])
+    for text in (as_text(page), as_markdown(page), as_latex(page)):
+        assert not {"\x1b", "\u202e"} & set(text)
+        assert "evil\n" not in text
+    assert r"\{\textasciitilde{}\textasciicircum{}\textbackslash{}\}" in as_latex(page)
+    assert as_csv({"a": ["@x", -1.0, None, "-1"]}) == "a\n'@x\n-1.0\n\"\"\n'-1\n"
+
+
+def test_tables_have_80_columns(write: Write, invoke: Invoke) -> None:
+    truth = write("t.csv", TRUTH)
+    paths = [write(f"{'long' * 20}{k}.csv", track(0, k, 1e3)) for k in range(3)]
+    for extra in ([], ["--against", "per-step-gospa"]):
+        out = invoke("compare", truth, *paths, "-c", "123456.7", "-q", *extra).out
+        assert max(map(len, out.splitlines())) <= 80
+    assert solvers_page.__doc__

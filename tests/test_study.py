@@ -1,0 +1,125 @@
+"""The scaling study: seeded, resumable, mean and spread."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from conftest import Answer
+
+from tgospa_eval.comparison.log import NAME
+from tgospa_eval.comparison.study import spread
+
+Invoke = Callable[..., Answer]
+SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
+         "--epsilon", "0.1,0.03", "--jobs", "1", "-q")  # fmt: skip
+
+
+def records(folder: Path) -> list[dict]:
+    lines = (folder / NAME).read_text(encoding="utf-8").splitlines()
+    return [json.loads(line) for line in lines[1:]]
+
+
+def timeless(folder: Path) -> list[dict]:
+    """Records without what differs from run to run."""
+    found = []
+    for record in records(folder):
+        record.pop("prepare_seconds")
+        for run in record["runs"]:
+            run.pop("seconds")
+        found.append(record)
+    return found
+
+
+def test_spread() -> None:
+    assert spread([1.0, 3.0]) == {"mean": 2.0, "deviation": pytest.approx(2**0.5), "max": 3.0}
+    assert spread([1.0])["deviation"] is None
+    assert spread([])["mean"] is None
+
+
+def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invoke: Invoke) -> None:
+    """What was done stays, what was cut off is done again, and all is as without the kill."""
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tgospa_eval", *SMALL, "--runs", "500", "-o", str(killed)],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+    )
+    begin = time.monotonic()
+    while not (killed / NAME).exists() or len(records(killed)) < 3:
+        assert time.monotonic() - begin < 60
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    text = (killed / NAME).read_text(encoding="utf-8")
+    kept = text.splitlines()[:4]
+    # as if the kill had come in the middle of a line
+    (killed / NAME).write_text("\n".join(kept) + '\n{"targets": 6, "st', encoding="utf-8")
+    for folder in (killed, whole):
+        assert invoke(*SMALL, "-o", str(folder)).status == 0
+    assert (killed / NAME).read_text(encoding="utf-8").splitlines()[:4] == kept
+    assert timeless(killed) == timeless(whole)
+    assert len(records(whole)) == 12
+    document = json.loads((killed / "compare.json").read_text(encoding="utf-8"))
+    assert [(s["targets"], s["steps"]) for s in document["sizes"]] == [
+        (3, 10), (3, 20), (6, 10), (6, 20),
+    ]  # fmt: skip
+    # more runs are added to those that are there
+    more = invoke(*SMALL, "--runs", "4", "-o", str(whole), "--format", "json")
+    assert json.loads(more.out)["runs"] == 4
+    assert timeless(whole)[:12] == timeless(killed)
+    assert os.listdir(killed) == os.listdir(whole)
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        (["--seed", "1"], "seed"),
+        (["-c", "5"], "parameters.cutoff"),
+        (["--scenario", "crossing"], "scene.scenario"),
+        (["--epsilon", "0.1"], "solvers"),
+    ],
+)
+def test_another_setting_is_refused(
+    options: list[str], name: str, tmp_path: Path, invoke: Invoke
+) -> None:
+    folder = str(tmp_path / "study")
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
+    assert invoke(*small).status == 0
+    assert "1 runs are there, going on" in invoke(*small).err
+    answer = invoke(*small, *options)
+    assert answer.status == 2
+    assert f"is of a study with another {name} (" in answer.err
+    assert len(records(tmp_path / "study")) == 1
+
+
+def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -> None:
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
+    (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
+    assert "is not empty" in invoke(*small).err
+    (tmp_path / NAME).write_text('{"a": 1}\n', encoding="utf-8")
+    assert "not the file of a study" in invoke(*small).err
+    (tmp_path / NAME).unlink()
+    assert invoke(*small, "--force").status == 0
+    with (tmp_path / NAME).open("a", encoding="utf-8") as file:
+        file.write("garbage\n")
+    answer = invoke(*small)
+    assert (answer.status, "line 3: no record of a study" in answer.err) == (2, True)
+    assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_report(tmp_path: Path, invoke: Invoke) -> None:
+    pytest.importorskip("matplotlib")
+    folder = tmp_path / "study"
+    answer = invoke(*SMALL, "-o", str(folder), "--format", "markdown")
+    report = (folder / "report.md").read_text(encoding="utf-8")
+    assert answer.out in report
+    for name in ("error_over_epsilon.png", "scaling.png"):
+        assert f"]({name})" in report
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
+    assert "12 scenes of 4 sizes, 3 runs each: all brackets overlap" in report

@@ -1,0 +1,420 @@
+"""From the options of ``compare`` to a document, and the document to stdout and files."""
+
+import glob
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tgospa_eval import plots
+from tgospa_eval.cli.progress import run
+from tgospa_eval.cli.scene import settings as scene_settings
+from tgospa_eval.cli.settings import Settings, make_settings
+from tgospa_eval.cli.simulate import command as simulate
+from tgospa_eval.cli.work import default_notice, emit, pair_remarks, say, say_if_slow, told
+from tgospa_eval.comparison.log import NAME, Log, machine
+from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
+from tgospa_eval.comparison.ranking import document as ranking
+from tgospa_eval.comparison.runs import check_solvers, takes_long
+from tgospa_eval.comparison.solvers import compare_solvers, document
+from tgospa_eval.comparison.study import Study, carry_out
+from tgospa_eval.comparison.study import document as summary
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import ROLES, Reading, read
+from tgospa_eval.formats.assemble import natural
+from tgospa_eval.pipeline import Prepared, prepare, solve
+from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
+from tgospa_eval.reports.comparison import (
+    Document,
+    json_text,
+    pairs_table,
+    render,
+    study_report,
+)
+from tgospa_eval.reports.files import check_folder, write_texts
+from tgospa_eval.reports.sheets import as_csv
+from tgospa_eval.simulation import COLUMNS
+from tgospa_eval.solvers import SOLVERS, Solver, solver_class
+from tgospa_eval.solvers.sinkhorn import Sinkhorn
+from tgospa_eval.timing import Stopwatch
+
+GIVEN = ("cutoff", "switch_penalty")
+UNUSED = {"by": None, "seed": None}
+"""Of everything that evaluates: classes are not compared, and --seed is that of a study."""
+
+
+def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set[str]) -> bool:
+    """One pair through several solvers; whether all did what was asked, and agree.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    solvers = make_solvers(options, options["solvers"] or ",".join(SOLVERS))
+    settings = _settings(options, given)
+    stopwatch = Stopwatch()
+
+    def work() -> Document:
+        prepared = Pairs(settings, options, given, stopwatch).prepared(truth, estimate)
+        chosen, left_out = list(solvers), {}
+        states = takes_long(prepared)
+        if "solvers" not in given and states is not None:
+            chosen = [solver for solver in solvers if solver.name != "exact"]
+            left_out["exact"] = (
+                f"{states:,} reduced states, it would take minutes; --solvers "
+                f"{','.join(SOLVERS)} runs it all the same"
+            )
+
+        def tell(name: str) -> None:
+            stopwatch.stage = f"running {name}"
+
+        found = compare_solvers(prepared, chosen, say=tell)
+        once = {
+            name: stopwatch.spans.get(span, 0.0)
+            for name, span in (
+                ("read", "read"),
+                ("distances", "distances"),
+                ("preparation", "solve/preparation"),
+            )
+        }
+        return document(found, prepared, left_out, once)
+
+    answer = run(work, stopwatch, show=not options["quiet"])
+    show(answer, options, {}, solver_pictures)
+    if not answer["agree"]:
+        say("brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"])))
+    unfinished = [made for made in answer["runs"] if not made["finished"]]
+    for made in unfinished:
+        say(f"accuracy not reached: {made['name']}: {made['status']}")
+    return bool(answer["agree"]) and not unfinished
+
+
+def compare_estimates(
+    truth: str, estimates: tuple[str, ...], options: dict[str, Any], given: set[str]
+) -> bool:
+    """Rank estimates of one truth, or of that of each run; whether all did what was asked.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    if "epsilon" not in given:
+        options = options | {"epsilon": Sinkhorn.epsilon}
+    solvers = make_solvers(options, options["solvers"] or "certified")
+    if len(solvers) > 1:
+        raise ConfigError(
+            "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
+            "one --epsilon; several solvers are compared on one estimate, without --against"
+        )
+    settings = _settings(options, given)
+    runs = expand(truth, estimates)
+    names = short_names(estimates)
+    stopwatch = Stopwatch()
+
+    def work() -> tuple[Document, dict[str, str], dict[str, Any]]:
+        pairs = Pairs(settings, options, given, stopwatch)
+        found: list[list[Outcome]] = [[] for _ in estimates]
+        for of_truth, paths in runs:
+            for mine, path in zip(found, paths, strict=True):
+                prepared = pairs.prepared(of_truth, path, named=len(estimates) * len(runs) > 1)
+                result = solve(prepared, solvers[0], stopwatch)
+                mine.append(
+                    outcome(result, prepared.moments, per_step=options["against"] is not None)
+                )
+        entrants = [
+            Entrant(name=name, paths=[paths[k] for _, paths in runs], outcomes=mine)
+            for k, (name, mine) in enumerate(zip(names, found, strict=True))
+        ]
+        answer = ranking(entrants, [of_truth for of_truth, _ in runs], result.settings)
+        best = answer["estimates"][0]["name"]
+        tables = {"per_step.csv": as_csv(steps_table(entrants, best))}
+        return answer, tables, steps_costs(entrants)
+
+    answer, tables, costs = run(work, stopwatch, show=not options["quiet"])
+    if answer["pairs"]:
+        tables["pairs.csv"] = as_csv(pairs_table(answer))
+    ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
+    show(answer, options, tables, lambda _: estimate_pictures(ranked))
+    unfinished = [
+        (path, made["status"])
+        for item in answer["estimates"]
+        for path, made in zip(item["paths"], item["runs"], strict=True)
+        if not made["finished"]
+    ]
+    for path, status in unfinished:
+        say(f"accuracy not reached: {path}: {status}")
+    return not unfinished
+
+
+def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
+    """The scaling study; whether all did what was asked, and agree.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the options or with the folder.
+    """
+    folder = options["output"]
+    if folder is not None and not (Path(folder) / NAME).is_file():
+        check_folder(folder, force=options["force"])
+    settings = make_settings(options | UNUSED, {name: name in given for name in GIVEN})
+    chosen = ["--scenario", options["scenario"], "--area", str(options["area"])]
+    scene, tracker = scene_settings(simulate.make_context("simulate", ["DIR", *chosen]).params)
+    study = Study(
+        scene=scene,
+        tracker=tracker,
+        seed=options["seed"],
+        parameters=settings.parameters,
+        distance=settings.measure.distance(COLUMNS[scene.state]),
+        solvers=make_solvers(options, options["solvers"] or "certified,sinkhorn"),
+        targets=numbers("targets", options["targets"], int),
+        steps=numbers("steps", options["steps"], int),
+        runs=options["runs"],
+    )
+    log = None if folder is None else Log(folder, study.settings)
+    stopwatch = Stopwatch()
+
+    def work() -> Document:
+        def tell(text: str) -> None:
+            stopwatch.stage = text
+
+        known = {} if log is None else log.known
+        keep = (lambda _: None) if log is None else log.keep
+        return summary(study, carry_out(study, known, keep, tell), machine())
+
+    if not options["quiet"]:
+        say_if_slow()
+        if log is not None and log.known:
+            say(f"{log.path}: {len(log.known)} runs are there, going on")
+    answer = run(work, stopwatch, show=not options["quiet"])
+    pictures = list(study_pictures(answer)) if plots.available() else []
+    texts = {"report.md": study_report(answer, pictures)}
+    show(answer, options | {"force": True}, texts, study_pictures)
+    for targets, steps, number, *pair in answer["contradictions"]:
+        say(
+            f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
+            f"{steps} steps"
+        )
+    late = sum(made["unfinished"] for size in answer["sizes"] for made in size["solvers"])
+    if late:
+        say(f"accuracy not reached: {late} runs of solvers")
+    return not answer["contradictions"] and not late
+
+
+def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+    """The files of each run: what ``*`` stands for in one pattern stands in all.
+
+    A truth without ``*`` is that of all runs. Names of existing files are no patterns.
+
+    Raises
+    ------
+    ConfigError, InputError
+        A pattern fits nothing, or patterns do not fit each other.
+    """
+    paths = (truth, *estimates)
+    marked = ["*" in path and not Path(path).exists() for path in paths]
+    if not any(marked):
+        return [(truth, list(estimates))]
+    for path, is_pattern in zip(paths, marked, strict=True):
+        if path.count("*") > 1 and is_pattern:
+            raise ConfigError(f"{path}: one * is needed, it stands for the run")
+        if not is_pattern and path != truth:
+            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
+    keys = [_matches(path) for path, is_pattern in zip(paths, marked, strict=True) if is_pattern]
+    for path, own in zip([p for p, m in zip(paths, marked, strict=True) if m], keys, strict=True):
+        lacking = next((key for key in keys[0] if key not in own), None)
+        if lacking is not None:
+            raise InputError(f"{path.replace('*', lacking)}: no such file; other patterns have it")
+        extra = next((key for key in own if key not in keys[0]), None)
+        if extra is not None:
+            raise InputError(f"{path.replace('*', extra)}: has no counterpart in other patterns")
+    return [
+        (truth.replace("*", key) if marked[0] else truth, [p.replace("*", key) for p in estimates])
+        for key in keys[0]
+    ]
+
+
+def _matches(pattern: str) -> list[str]:
+    """What ``*`` stands for, in natural order."""
+    before, after = pattern.split("*")
+    found = glob.glob(f"{glob.escape(before)}*{glob.escape(after)}")
+    if not found:
+        raise InputError(f"{pattern}: no such files")
+    return sorted((path[len(before) : len(path) - len(after)] for path in found), key=natural)
+
+
+def short_names(paths: tuple[str, ...]) -> list[str]:
+    """What each file is called: that part of its path in which it differs from the others.
+
+    Raises
+    ------
+    ConfigError
+        A file is there twice.
+    """
+    if len(set(paths)) < len(paths):
+        twice = next(path for path in paths if paths.count(path) > 1)
+        raise ConfigError(f"{twice}: is given twice")
+    parts = [Path(path).with_suffix("").parts for path in paths]
+    if len(paths) == 1:
+        return [parts[0][-1]]
+    names = ["/".join(part) for part in _without_common(_without_common(parts, 1), -1)]
+    return names if len(set(names)) == len(names) and all(names) else list(paths)
+
+
+def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, ...]]:
+    """Without what is the same in all, at the beginning (1) or at the end (-1)."""
+    turned = [part[::step] for part in parts]
+    same = 0
+    for level in zip(*turned, strict=False):
+        if len(set(level)) > 1:
+            break
+        same += 1
+    return [part[same:][::step] for part in turned]
+
+
+def _settings(options: dict[str, Any], given: set[str]) -> Settings:
+    """The records that the options ask for; the folder is looked at before any work is done."""
+    if options["output"] is not None:
+        check_folder(options["output"], force=options["force"])
+    return make_settings(options | UNUSED, {name: name in given for name in GIVEN})
+
+
+class Pairs:
+    """Pairs of files, read and made problems of; a truth is read once.
+
+    Parameters
+    ----------
+    settings : Settings
+        How to read, and the metric.
+    options, given
+        Values of the options, and the names of those that are no defaults.
+    stopwatch : Stopwatch
+        Gets the time by stage.
+    """
+
+    def __init__(
+        self, settings: Settings, options: dict[str, Any], given: set[str], stopwatch: Stopwatch
+    ) -> None:
+        self.settings, self.stopwatch = settings, stopwatch
+        self.quiet, self.jobs = options["quiet"], options["jobs"]
+        self.given = {name: name in given for name in GIVEN}
+        self.told: set[str] = set()
+        self.last: tuple[str, Reading] | None = None
+        if not self.quiet:
+            stopwatch.tell = say
+            say_if_slow()
+
+    def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
+        """The problem of two files; `named` notices say which estimate they are about."""
+        with self.stopwatch.span("read"):
+            if self.last is None or self.last[0] != truth:
+                self.last = truth, self._read(truth, 0)
+            sides = self.last[1], self._read(estimate, 1)
+        settings, paths = self.settings, (truth, estimate)
+        distance, aligned = settings.fit(sides, paths)
+        if not self.quiet:
+            for text in pair_remarks(sides, aligned, distance, settings):
+                self._say_once(f"{estimate}: {text}" if named else text)
+            if not all(self.given.values()):
+                self._say_once(default_notice(aligned, distance, settings, self.given), "default")
+        del aligned
+        return prepare(
+            sides[0].trajectories,
+            sides[1].trajectories,
+            parameters=settings.parameters,
+            distance=distance,
+            stamps=settings.stamps,
+            unit=settings.unit,
+            settings=settings.recorded,
+            inputs=(told(sides[0]), told(sides[1])),
+            stopwatch=self.stopwatch,
+            jobs=self.jobs,
+        )
+
+    def _read(self, path: str, side: int) -> Reading:
+        found = read(path, self.settings.reading, ROLES[side], self.settings.formats[side])
+        for notice in () if self.quiet else found.notices:
+            self._say_once(f"{path}: {notice}")
+        return found
+
+    def _say_once(self, text: str, key: str | None = None) -> None:
+        key = key or text
+        if key not in self.told:
+            self.told.add(key)
+            say(text)
+
+
+def make_solvers(options: dict[str, Any], names: str) -> list[Solver]:
+    """The solvers of a list of names, `sinkhorn` once for each temperature.
+
+    Raises
+    ------
+    ConfigError
+        A name or a number is not known, or one is there twice.
+    """
+    limits = {"time_limit": options["time_limit"]}
+    sweeping = {"gap": options["gap"], "jobs": options["jobs"], **limits}
+    solvers: list[Solver] = []
+    for name in (part.strip() for part in names.split(",")):
+        if name not in SOLVERS:
+            raise ConfigError(f'--solvers "{name}": must be of {", ".join(SOLVERS)}')
+        make: Any = solver_class(name)
+        if name == "sinkhorn":
+            temperatures = numbers("epsilon", str(options["epsilon"]), float)
+            solvers += [make(epsilon=epsilon, **sweeping) for epsilon in temperatures]
+        else:
+            solvers.append(make(**(limits if name == "exact" else sweeping)))
+    check_solvers(solvers)
+    return solvers
+
+
+def numbers(option: str, text: str, kind: Any) -> list[Any]:
+    """The numbers of a list with commas.
+
+    Raises
+    ------
+    ConfigError
+        One is none.
+    """
+    found = []
+    for part in map(str.strip, text.split(",")):
+        try:
+            found.append(kind(part))
+        except ValueError:
+            what = "whole numbers" if kind is int else "numbers"
+            raise ConfigError(f'--{option} "{part}": must be {what} with commas') from None
+    return found
+
+
+def show(
+    answer: Document,
+    options: dict[str, Any],
+    tables: dict[str, str],
+    draw: Callable[[Document], dict[str, Any]],
+) -> None:
+    """Print the document, and write the folder if one was asked for.
+
+    Parameters
+    ----------
+    answer : dict
+        The document.
+    options : dict
+        Values of the options.
+    tables : dict
+        Further files by name.
+    draw : callable
+        Makes figures by name of the document; it is called where matplotlib is there.
+    """
+    if options["output"] is not None:
+        files: dict[str, str | bytes] = {
+            "compare.json": json_text(answer),
+            "compare.csv": render(answer, "csv"),
+            **tables,
+        }
+        if plots.available():
+            files |= plots.pictures(draw, answer)
+        elif not options["quiet"]:
+            say(plots.MISSING)
+        write_texts(files, options["output"], force=options["force"])
+    emit(render(answer, options["format_"]))

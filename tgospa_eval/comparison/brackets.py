@@ -1,0 +1,74 @@
+"""What follows from proven brackets: whether they agree, what is nearest, which is less."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bracket:
+    """Proven: ``lower <= value <= upper``, in one unit for all that are compared.
+
+    Parameters
+    ----------
+    lower, upper : float
+        The bounds.
+    allowance : float
+        What rounding may have done to either.
+    """
+
+    lower: float
+    upper: float
+    allowance: float = 0.0
+
+
+def overlap(first: Bracket, second: Bracket) -> bool:
+    """Whether both can hold the same value, but for rounding."""
+    room = first.allowance + second.allowance
+    return first.lower <= second.upper + room and second.lower <= first.upper + room
+
+
+def less(first: Bracket, second: Bracket) -> bool:
+    """Whether the first value is proven to be below the second: beyond rounding."""
+    return first.upper + first.allowance + second.allowance < second.lower
+
+
+def narrowest(brackets: Sequence[Bracket]) -> Bracket:
+    """What all brackets of one value say together: the largest lower and the least upper bound.
+
+    Where they contradict each other by no more than rounding the upper bound is both.
+    """
+    lower = max(bracket.lower for bracket in brackets)
+    upper = min(bracket.upper for bracket in brackets)
+    return Bracket(
+        lower=min(lower, upper),
+        upper=upper,
+        allowance=max(bracket.allowance for bracket in brackets),
+    )
+
+
+def excess(value: float, floor: float) -> float:
+    """(value - floor) / floor, at least 0: how far a value may be above what it bounds."""
+    if value <= floor:
+        return 0.0
+    return (value - floor) / floor if floor > 0 else math.inf
+
+
+def shortfall(value: float, ceiling: float) -> float:
+    """(ceiling - value) / ceiling, at least 0: how far a value may be below what it bounds."""
+    return (ceiling - value) / ceiling if value < ceiling else 0.0
+
+
+def places(brackets: Sequence[Bracket]) -> list[tuple[int, int]]:
+    """Best and worst place, counted from 1, that each can have in the order of the values.
+
+    One is ahead only of those that are proven to be above it.
+    """
+    size = len(brackets)
+    return [
+        (
+            1 + sum(less(other, own) for other in brackets),
+            size - sum(less(own, other) for other in brackets),
+        )
+        for own in brackets
+    ]

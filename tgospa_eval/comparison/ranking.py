@@ -1,0 +1,330 @@
+"""Several estimates of one truth: proven order, and what the differences are made of.
+
+With several runs of each (Monte Carlo) costs are averaged over the runs, and roots are taken last:
+``tgospa`` is (mean total)^(1/p), its normalised form (mean of total / T)^(1/p), for p = 2 the root
+of the mean square over runs. Averages of brackets bracket the averages.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval import __version__
+from tgospa_eval.comparison import SCHEMA
+from tgospa_eval.comparison.against import Against, against, against_document, differences
+from tgospa_eval.comparison.brackets import Bracket, less, places
+from tgospa_eval.comparison.runs import PARTS, bracket_of
+from tgospa_eval.evaluation import Result, Table
+from tgospa_eval.problem import Floats
+
+EQUAL = 1e-9
+"""Costs of a step that differ by less, relative, are the same."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What is kept of the evaluation of one estimate in one run.
+
+    Parameters
+    ----------
+    bracket : Bracket
+        Proven bounds of the total.
+    parts, counts : dict
+        Costs and counts.
+    steps : dict of (T,) float arrays
+        Costs of each step, by part.
+    moments, times : (T,) array and list
+        The steps, as numbers and as they were read.
+    occupied : (T,) bool array
+        Steps at which something exists.
+    finished, status : bool, str
+        Whether the solver did what was asked, and how it ended.
+    input : dict
+        Rows and digests.
+    against : Against, optional
+        Per-step GOSPA.
+    """
+
+    bracket: Bracket
+    parts: dict[str, float]
+    counts: dict[str, float]
+    steps: dict[str, Floats]
+    moments: NDArray[Any]
+    times: list[Any]
+    occupied: NDArray[np.bool_]
+    finished: bool
+    status: str
+    input: dict[str, Any]
+    against: Against | None = None
+
+
+def outcome(result: Result, moments: NDArray[Any], *, per_step: bool) -> Outcome:
+    """What to keep of a result, so that the problem can go."""
+    split = result.proof.breakdown
+    return Outcome(
+        bracket=bracket_of(result),
+        parts={name: getattr(result, name) for name in PARTS},
+        counts=result.counts,
+        steps={name: result.scale * getattr(split, name) for name in PARTS},
+        moments=moments,
+        times=result.labels.times,
+        occupied=result.occupied,
+        finished=bool(result.solver["finished"]),
+        status=result.solver["status"],
+        input=result.input,
+        against=against(result) if per_step else None,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Entrant:
+    """One tracker.
+
+    Parameters
+    ----------
+    name : str
+        What it is called.
+    paths : sequence of str
+        Its file in each run.
+    outcomes : sequence of Outcome
+        What came of each.
+    """
+
+    name: str
+    paths: Sequence[str]
+    outcomes: Sequence[Outcome]
+
+
+def durations(entrants: Sequence[Entrant]) -> list[int]:
+    """Steps of each run at which something exists, in the truth or in any estimate; at least 1."""
+    found = []
+    for run in zip(*(entrant.outcomes for entrant in entrants), strict=True):
+        moments = [item.moments[item.occupied] for item in run]
+        found.append(max(len(np.unique(np.concatenate(moments))), 1))
+    return found
+
+
+def document(
+    entrants: Sequence[Entrant], truths: Sequence[str], parameters: dict[str, Any]
+) -> dict[str, Any]:
+    """The JSON document, the estimates in the order of their values.
+
+    Parameters
+    ----------
+    entrants : sequence of Entrant
+        At least one, each with the same number of runs.
+    truths : sequence of str
+        The file with the truth of each run.
+    parameters : dict
+        Every option that changes the number.
+    """
+    order = parameters["order"]
+    steps = durations(entrants)
+    per_step = [[_scaled(o.bracket, 1 / t) for o, t in zip(e.outcomes, steps, strict=True)]
+                for e in entrants]  # fmt: skip
+    normal = [_mean(brackets) for brackets in per_step]
+    ranked = sorted(range(len(entrants)), key=lambda k: (normal[k].upper, normal[k].lower))
+    place = dict(enumerate(places(normal)))
+    estimates = []
+    for k in ranked:
+        item = _entry(entrants[k], steps, order) | {"place": list(place[k])}
+        if item["per_step_gospa"] is not None:
+            item["differences"] = list(differences(item | {"steps": steps}, order))
+        estimates.append(item)
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "kind": "estimates",
+        "runs": len(steps),
+        "steps": steps,
+        "truth": list(truths),
+        "estimates": estimates,
+        "pairs": [
+            _pair(entrants[a], entrants[b], (normal[a], normal[b]), (per_step[a], per_step[b]))
+            for a, b in itertools.combinations(ranked, 2)
+        ],
+        "parameters": parameters,
+    }
+
+
+def _entry(entrant: Entrant, steps: list[int], order: float) -> dict[str, Any]:
+    outcomes = entrant.outcomes
+    total = _mean([item.bracket for item in outcomes])
+    shares = np.array(steps, float)
+
+    def root(costs: Any) -> float:
+        return float(np.mean(np.asarray(costs) / shares) ** (1 / order))
+
+    found: list[dict[str, Any]] = [
+        against_document(item.against, order) for item in outcomes if item.against is not None
+    ]
+    return {
+        "name": entrant.name,
+        "paths": list(entrant.paths),
+        "tgospa": total.upper ** (1 / order),
+        "lower_bound": total.lower ** (1 / order),
+        "total": total.upper,
+        "total_lower": total.lower,
+        **{name: float(np.mean([item.parts[name] for item in outcomes])) for name in PARTS},
+        "counts": {
+            name: float(np.mean([item.counts[name] for item in outcomes]))
+            for name in outcomes[0].counts
+        },
+        "normalised": {
+            "tgospa": root([item.bracket.upper for item in outcomes]),
+            "lower_bound": root([item.bracket.lower for item in outcomes]),
+            **{name: root([item.parts[name] for item in outcomes]) for name in PARTS},
+        },
+        "runs": [
+            {
+                "total": item.bracket.upper,
+                "total_lower": item.bracket.lower,
+                **item.parts,
+                "status": item.status,
+                "finished": item.finished,
+                "input": item.input,
+            }
+            for item in outcomes
+        ],
+        "per_step_gospa": _averages(found) if found else None,
+    }
+
+
+def _averages(found: list[dict[str, Any]]) -> dict[str, Any]:
+    """The mean of numbers by name, also one level below."""
+    return {
+        name: _averages([item[name] for item in found])
+        if isinstance(value, dict)
+        else float(np.mean([item[name] for item in found]))
+        for name, value in found[0].items()
+    }
+
+
+def _pair(
+    first: Entrant,
+    second: Entrant,
+    normal: tuple[Bracket, Bracket],
+    runs: tuple[list[Bracket], list[Bracket]],
+) -> dict[str, Any]:
+    """The second less the first, which has the smaller value; costs, means over runs."""
+    pairs = list(zip(first.outcomes, second.outcomes, strict=True))
+    lower = np.mean([b.bracket.lower - a.bracket.upper for a, b in pairs])
+    upper = np.mean([b.bracket.upper - a.bracket.lower for a, b in pairs])
+    change = np.array([b.upper - a.upper for a, b in zip(*runs, strict=True)])
+    count = len(pairs)
+    steps = [_signs(*_joined(b, a)) for a, b in pairs]
+    return {
+        "first": first.name,
+        "second": second.name,
+        "verdict": "less" if less(*normal) else "not separated",
+        "total": [float(lower), float(upper)],
+        **{name: float(np.mean([b.parts[name] - a.parts[name] for a, b in pairs]))
+           for name in PARTS},
+        "steps": {
+            "better": int(sum((sign < 0).sum() for sign in steps)),
+            "worse": int(sum((sign > 0).sum() for sign in steps)),
+        },
+        "per_run": {
+            "mean": float(change.mean()),
+            "standard_error": float(change.std(ddof=1) / count**0.5) if count > 1 else None,
+            "first_less": sum(less(a, b) for a, b in zip(*runs, strict=True)),
+            "second_less": sum(less(b, a) for a, b in zip(*runs, strict=True)),
+        },
+    }  # fmt: skip
+
+
+def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
+    """Costs of each step, run, and estimate, and the differences to the best estimate's.
+
+    A step that an estimate's evaluation has not, because nothing is there, costs nothing.
+    """
+    extra = ["gospa", "stone_soup", "mathworks"]
+    with_rules = entrants[0].outcomes[0].against is not None
+    differences = ["difference", *(f"difference_{name}" for name in PARTS)]
+    names = ["run", "t", "estimate", *PARTS, "total", *differences, *(extra if with_rules else [])]
+    table: Table = {name: [] for name in names}
+    leader = next(entrant for entrant in entrants if entrant.name == best)
+    for entrant in entrants:
+        for run, (item, first) in enumerate(zip(entrant.outcomes, leader.outcomes, strict=True)):
+            own, other = _joined(item, first)
+            table["run"] += [run + 1] * len(own["moments"])
+            table["t"] += own["times"]
+            table["estimate"] += [entrant.name] * len(own["moments"])
+            for name in PARTS:
+                table[name] += own[name].tolist()
+                table[f"difference_{name}"] += (own[name] - other[name]).tolist()
+            table["total"] += _totals(own).tolist()
+            table["difference"] += (_totals(own) - _totals(other)).tolist()
+            if with_rules:
+                for name in extra:
+                    table[name] += own[name].tolist()
+    return table
+
+
+def steps_costs(entrants: Sequence[Entrant]) -> dict[str, list[float]]:
+    """Cost of each step by estimate, mean over runs; none where the runs differ in length."""
+    found = {}
+    for entrant in entrants:
+        runs = []
+        for run, item in enumerate(entrant.outcomes):
+            rivals = [other.outcomes[run].moments for other in entrants]
+            moments = np.unique(np.concatenate(rivals))
+            costs = np.zeros(len(moments))
+            costs[np.searchsorted(moments, item.moments)] = sum(item.steps.values())
+            runs.append(costs)
+        if len({len(costs) for costs in runs}) > 1:
+            return {}
+        found[entrant.name] = np.mean(runs, axis=0).tolist()
+    return found
+
+
+def _joined(first: Outcome, second: Outcome) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Costs of both on the steps of either."""
+    moments = np.union1d(first.moments, second.moments)
+    times: list[Any] = [None] * len(moments)
+    found = []
+    for item in (second, first):
+        at = np.searchsorted(moments, item.moments)
+        for k, time in zip(at.tolist(), item.times, strict=True):
+            times[k] = time
+        columns = dict(item.steps)
+        if item.against is not None:
+            columns |= item.against.values
+        costs: dict[str, Any] = {"moments": moments, "times": times}
+        for name, values in columns.items():
+            costs[name] = np.zeros(len(moments))
+            costs[name][at] = values
+        found.append(costs)
+    return found[1], found[0]
+
+
+def _totals(costs: dict[str, Any]) -> Floats:
+    total: Floats = sum((costs[name] for name in PARTS), np.zeros(len(costs["moments"])))
+    return total
+
+
+def _signs(own: dict[str, Any], other: dict[str, Any]) -> Floats:
+    """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
+    difference = _totals(own) - _totals(other)
+    small = np.abs(difference) <= EQUAL * np.maximum(_totals(own), _totals(other))
+    return np.where(small, 0.0, np.sign(difference))
+
+
+def _scaled(bracket: Bracket, factor: float) -> Bracket:
+    return Bracket(
+        lower=bracket.lower * factor,
+        upper=bracket.upper * factor,
+        allowance=bracket.allowance * factor,
+    )
+
+
+def _mean(brackets: Sequence[Bracket]) -> Bracket:
+    return Bracket(
+        lower=float(np.mean([bracket.lower for bracket in brackets])),
+        upper=float(np.mean([bracket.upper for bracket in brackets])),
+        allowance=float(np.mean([bracket.allowance for bracket in brackets])),
+    )

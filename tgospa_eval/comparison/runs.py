@@ -1,0 +1,193 @@
+"""One problem through one solver: what came out, how long it took, what memory it took."""
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.comparison.brackets import Bracket
+from tgospa_eval.errors import ConfigError, SolverError, TgospaError
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.pipeline import Prepared, prepare, solve
+from tgospa_eval.problem import Parameters
+from tgospa_eval.solvers import Solver
+from tgospa_eval.timing import Stopwatch
+from tgospa_eval.trajectories import Trajectories
+
+PARTS = ("localisation", "missed", "false", "switch")
+
+EXACT_STATES = 15_000
+"""Where the referee takes about a minute: states of one component.
+
+Measured on one core, scenes of `dense`: 2,990 states 2.3 s, 8,099 states 11 s, 15,994 states 57 s,
+18,951 states 39 s; the time grows with about the square. Of several components the squares add up.
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What a solver made of a problem; costs are in state units to the power p.
+
+    Parameters
+    ----------
+    solver : str
+        Its name.
+    epsilon : float, optional
+        Its temperature, if it has one.
+    bracket : Bracket
+        Proven bounds of the total.
+    tgospa, lower_bound : float
+        The same bounds as values.
+    parts, counts : dict
+        Costs and counts of the feasible assignment.
+    status : str
+        How the solver ended.
+    finished : bool
+        Whether it did what was asked.
+    iterations : int
+        Sweeps, or iterations of an interior point or simplex method.
+    seconds : dict
+        ``solve`` and ``certify``; and ``stages``, the parts of solving.
+    memory : dict, optional
+        Bytes of the process: ``before`` solving, and at the ``peak`` until the proof was done.
+    history : list of dict
+        Convergence: sweep, epsilon, violation, lower and upper bound of the total.
+    """
+
+    solver: str
+    epsilon: float | None
+    bracket: Bracket
+    tgospa: float
+    lower_bound: float
+    parts: dict[str, float]
+    counts: dict[str, float]
+    status: str
+    finished: bool
+    iterations: int
+    seconds: dict[str, Any]
+    memory: dict[str, int] | None = None
+    history: Sequence[dict[str, float]] = ()
+
+    @property
+    def name(self) -> str:
+        """Solver and temperature."""
+        return self.solver + ("" if self.epsilon is None else f" {self.epsilon:g}")
+
+
+def bracket_of(result: Summary) -> Bracket:
+    """The proven bounds of the total, as costs."""
+    bounds, scale = result.proof.bounds, result.scale
+    return Bracket(
+        lower=scale * bounds.lower,
+        upper=scale * bounds.upper,
+        allowance=scale * bounds.allowance,
+    )
+
+
+def run_here(prepared: Prepared, solver: Solver) -> Run:
+    """Solve and prove in this process."""
+    result = solve(prepared, solver, Stopwatch())
+    stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
+    return Run(
+        solver=solver.name,
+        epsilon=getattr(solver, "epsilon", None),
+        bracket=bracket_of(result),
+        tgospa=result.tgospa,
+        lower_bound=result.lower_bound,
+        parts={name: getattr(result, name) for name in PARTS},
+        counts=result.counts,
+        status=result.solver["status"],
+        finished=bool(result.solver["finished"]),
+        iterations=result.solver["iterations"],
+        seconds={
+            "solve": sum(stages.values()),
+            "certify": result.timings["certify"],
+            "stages": stages,
+        },
+        history=result.solver["history"],
+    )
+
+
+def run_apart(prepared: Prepared, solver: Solver) -> Run:
+    """The same in a process of its own, which also measures the memory that it takes.
+
+    Raises
+    ------
+    SolverError
+        The process died, for want of memory perhaps.
+    TgospaError
+        As for `run_here`.
+    """
+    import os
+
+    message = pickle.dumps((prepared, solver), protocol=pickle.HIGHEST_PROTOCOL)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "tgospa_eval.comparison.worker"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            process.stdin.write(message)
+            process.stdin.flush()
+            del message
+            answer = process.stdout.read()
+        except BrokenPipeError:
+            answer = b""
+        finally:
+            process.kill()  # it has answered, or nobody waits for it
+    if not answer:
+        raise SolverError(
+            f"{solver.name}: its process ended without an answer; out of memory perhaps"
+        )
+    found: Run | tuple[type[TgospaError], str] = pickle.loads(answer)
+    if isinstance(found, Run):
+        return found
+    raise found[0](found[1])
+
+
+def warm_up(solver: Solver) -> None:
+    """Import what the solver needs: a first call takes longer than those that follow."""
+    if solver.name == "certified":
+        import tgospa_eval.solvers.residual  # noqa: F401  HiGHS, which small scenes do without
+    rng = np.random.default_rng(0)
+    sides = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
+    small = prepare(
+        *sides,
+        parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
+        distance="euclidean",
+        stopwatch=Stopwatch(),
+    )
+    solve(small, solver, Stopwatch())
+
+
+def takes_long(prepared: Prepared) -> int | None:
+    """Number of states if `exact` would take more than a minute or so, else None."""
+    states = prepared.states
+    sizes = np.bincount(
+        states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)
+    )
+    return int(sizes.sum()) if np.sqrt((sizes**2).sum()) > EXACT_STATES else None
+
+
+def check_solvers(solvers: Sequence[Solver]) -> None:
+    """No solver may be there twice with the same settings.
+
+    Raises
+    ------
+    ConfigError
+        There is.
+    """
+    seen = [(solver.name, getattr(solver, "epsilon", None)) for solver in solvers]
+    twice = next((item for item in seen if seen.count(item) > 1), None)
+    if twice is not None:
+        name, epsilon = twice
+        raise ConfigError(f"{name}{'' if epsilon is None else f' {epsilon:g}'} is given twice")

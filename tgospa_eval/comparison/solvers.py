@@ -1,0 +1,137 @@
+"""One problem through several solvers: do they agree, how near are they, what do they cost."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tgospa_eval import __version__
+from tgospa_eval.comparison import SCHEMA
+from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
+from tgospa_eval.comparison.runs import Run, run_apart
+from tgospa_eval.pipeline import Prepared
+from tgospa_eval.solvers import Solver
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Runs of several solvers on one problem.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        At least one.
+    """
+
+    runs: Sequence[Run]
+
+    @property
+    def contradictions(self) -> list[tuple[Run, Run]]:
+        """Pairs of runs whose brackets do not overlap: one of their proofs is wrong."""
+        return [
+            (first, second)
+            for k, first in enumerate(self.runs)
+            for second in self.runs[k + 1 :]
+            if not overlap(first.bracket, second.bracket)
+        ]
+
+    @property
+    def referee(self) -> Bracket:
+        """What all runs together prove of the total."""
+        return narrowest([run.bracket for run in self.runs])
+
+    def error(self, run: Run) -> float:
+        """Proven: the run's total is at most so much, relative, above the true one."""
+        return excess(run.bracket.upper - run.bracket.allowance, self.referee.lower)
+
+    def lower_error(self, run: Run) -> float:
+        """Proven: the run's lower bound of the total is at most so much, relative, below it."""
+        return shortfall(run.bracket.lower + run.bracket.allowance, self.referee.upper)
+
+
+def compare_solvers(
+    prepared: Prepared,
+    solvers: Sequence[Solver],
+    run: Callable[[Prepared, Solver], Run] = run_apart,
+    say: Callable[[str], None] = lambda _: None,
+) -> Comparison:
+    """Run all solvers, one after the other.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The problem; made once.
+    solvers : sequence of Solver
+        With their settings.
+    run : callable
+        `run_apart` or `run_here`.
+    say : callable
+        Told the name of each before it runs.
+    """
+    runs = []
+    for solver in solvers:
+        say(solver.name)
+        runs.append(run(prepared, solver))
+    return Comparison(runs=tuple(runs))
+
+
+def document(
+    comparison: Comparison, prepared: Prepared, left_out: dict[str, str], seconds: dict[str, float]
+) -> dict[str, Any]:
+    """The JSON document.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        What was found.
+    prepared : Prepared
+        The problem.
+    left_out : dict
+        Solvers that did not run, and why.
+    seconds : dict
+        What was done once for all, and how long it took.
+    """
+    referee = comparison.referee
+    order = prepared.parameters.order
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "kind": "solvers",
+        "agree": not comparison.contradictions,
+        "contradictions": [[a.name, b.name] for a, b in comparison.contradictions],
+        "referee": {
+            "lower_bound": referee.lower ** (1 / order),
+            "upper_bound": referee.upper ** (1 / order),
+            "total": {"lower": referee.lower, "upper": referee.upper},
+        },
+        "runs": [run_document(comparison, run) for run in comparison.runs],
+        "left_out": left_out,
+        "parameters": prepared.settings,
+        "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
+        "input": prepared.input,
+        "seconds": seconds,
+    }
+
+
+def run_document(comparison: Comparison, run: Run) -> dict[str, Any]:
+    """One run, with its errors against what all of them prove."""
+    error = comparison.error(run)
+    return {
+        "name": run.name,
+        "solver": run.solver,
+        "epsilon": run.epsilon,
+        "tgospa": run.tgospa,
+        "lower_bound": run.lower_bound,
+        "total": run.bracket.upper,
+        "total_lower": run.bracket.lower,
+        "error": error if math.isfinite(error) else None,
+        "lower_error": comparison.lower_error(run),
+        **run.parts,
+        "counts": run.counts,
+        "status": run.status,
+        "finished": run.finished,
+        "iterations": run.iterations,
+        "seconds": run.seconds,
+        "memory": run.memory,
+        "history": list(run.history),
+    }

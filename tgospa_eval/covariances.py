@@ -1,0 +1,270 @@
+"""Covariances as packed lower triangles: factors, which ones are none, the nearest that is one.
+
+A covariance (d, d) is held as its lower triangle row by row, d (d + 1) / 2 numbers: xx, xy, yy.
+Here they come component by component, (d (d + 1) / 2, R). Knows no file and no metric.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+
+Floats = NDArray[np.float64]
+
+EPS = 2.0**-52
+
+QUIET = 1e-13
+"""Least eigenvalue over the largest, negated, up to which it is rounding."""
+
+CLAMPED = 1e-3
+"""The same, up to which a matrix is taken for a covariance that was written with few digits."""
+
+LARGEST = 1e150
+"""Of variances: products of two are still doubles."""
+
+ASYMMETRY = 1e-6
+"""Relative difference of two entries that should be one, up to which their mean is taken."""
+
+ILL = 1e-4
+"""Share of a variance that is left by the others, below which d >= 3 is factored in more digits."""
+
+
+def size_of(count: int) -> int:
+    """The d of d (d + 1) / 2 numbers."""
+    return (math.isqrt(8 * count + 1) - 1) // 2
+
+
+def pack(matrices: Floats) -> Floats:
+    """Lower triangles (d (d + 1) / 2, R) of matrices (R, d, d)."""
+    row, column = np.tril_indices(matrices.shape[-1])
+    return np.ascontiguousarray(matrices[:, row, column].T)
+
+
+def unpack(packed: Floats, *, lower: bool = False) -> Floats:
+    """Matrices (R, d, d) of lower triangles (d (d + 1) / 2, R): symmetric, or lower ones."""
+    d = size_of(len(packed))
+    row, column = np.tril_indices(d)
+    matrices = np.zeros((packed.shape[1], d, d))
+    if not lower:
+        matrices[:, column, row] = packed.T
+    matrices[:, row, column] = packed.T
+    return matrices
+
+
+def factor(packed: Floats) -> Floats:
+    """Lower factors L of covariances C = L L', packed alike; of singular ones, too.
+
+    Cholesky without pivoting, with two guards: what a row leaves of its variance is 0 where it is
+    no more than rounding, and no entry exceeds the root of what is left of its variance. Where
+    variances are nearly explained by others, the difference is taken with more digits: of two
+    components exactly, of more in extended precision as far as the machine has it.
+    """
+    d = size_of(len(packed))
+    if d == 1:
+        return np.sqrt(np.maximum(packed, 0.0))
+    if d == 2:
+        return _factor_two(*packed)
+    found, left = _factor_many(packed)
+    if np.finfo(np.longdouble).eps < EPS:
+        # Rounding of a variance weighs 1 / share times as much in what is left of it.
+        ill = np.flatnonzero(left < ILL)
+        if len(ill):
+            found[:, ill] = _factor_many(packed[:, ill].astype(np.longdouble))[0]
+    return found
+
+
+def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
+    found = np.zeros((3, len(a)))
+    a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
+    np.sqrt(a, out=found[0])
+    np.divide(b, found[0], out=found[1], where=a > 0)
+    most = np.sqrt(c)
+    np.clip(found[1], -most, most, out=found[1])
+    left = c.copy()
+    np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
+    np.sqrt(left, out=found[2], where=left > 2 * EPS * c)
+    return found
+
+
+def _determinant(a: Floats, b: Floats, c: Floats) -> Floats:
+    """``a c - b b``, the products exact: Dekker's two parts of each."""
+    first, second = a * c, b * b
+    return (first - second) + (_rest(a, c, first) - _rest(b, b, second))
+
+
+def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
+    """``a b - product`` for the rounded product."""
+    a_high, b_high = (
+        (134217729.0 * x) - (134217729.0 * x - x)
+        for x in (a, b)  # 2^27 + 1
+    )
+    a_low, b_low = a - a_high, b - b_high
+    exact: Floats = a_low * b_low - (product - a_high * b_high - a_low * b_high - a_high * b_low)
+    return exact
+
+
+def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
+    """Factors, and the least share of a variance that is left by the components before."""
+    d = size_of(len(packed))
+    at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
+    found = np.zeros_like(packed)
+    variance = [np.maximum(packed[at[i, i]], 0.0) for i in range(d)]
+    left = [v.copy() for v in variance]
+    share = np.ones(packed.shape[1])
+    for j in range(d):
+        positive = left[j] > 16 * d * EPS * variance[j]
+        np.minimum(
+            share,
+            np.divide(left[j], variance[j], out=np.ones_like(share), where=positive).astype(float),
+            out=share,
+        )
+        pivot = found[at[j, j]]
+        np.sqrt(left[j], out=pivot, where=positive)
+        for i in range(j + 1, d):
+            entry = found[at[i, j]]
+            rest = packed[at[i, j]] - sum(found[at[i, k]] * found[at[j, k]] for k in range(j))
+            np.divide(rest, pivot, out=entry, where=positive)
+            most = np.sqrt(np.maximum(left[i], 0.0))
+            np.clip(entry, -most, most, out=entry)
+            left[i] -= entry * entry
+    return found.astype(np.float64), share
+
+
+def project(packed: Floats) -> tuple[Floats, Floats]:
+    """Nearest positive semi-definite matrices, and how far they were from that.
+
+    Returns
+    -------
+    packed : (d (d + 1) / 2, R) float array
+        The same where they are covariances but for rounding; else with negative eigenvalues
+        replaced by 0.
+    ratio : (R,) float array
+        Least eigenvalue over the largest where it is negative beyond rounding, else 0; -inf where
+        no eigenvalue is positive.
+    """
+    d = size_of(len(packed))
+    ratio = np.zeros(packed.shape[1])
+    diagonal = [packed[i * (i + 3) // 2] for i in range(d)]
+    largest = np.max(np.abs(packed), axis=0, initial=0.0)
+    lower = factor(packed)
+    off = np.zeros(packed.shape[1])
+    for i in range(d):
+        for j in range(i + 1):
+            row, column = i * (i + 1) // 2, j * (j + 1) // 2
+            product = sum(lower[row + k] * lower[column + k] for k in range(j + 1))
+            np.maximum(off, np.abs(product - packed[row + j]), out=off)
+    doubtful = np.flatnonzero((off > 16 * d * EPS * largest) | (np.min(diagonal, axis=0) < 0))
+    if not len(doubtful):
+        return packed, ratio
+    values, vectors = np.linalg.eigh(unpack(packed[:, doubtful]))
+    low, high = values[:, 0], values[:, -1]
+    own = np.divide(low, high, out=np.full(len(low), -np.inf), where=high > 0)
+    wrong = np.flatnonzero(own < -QUIET)
+    ratio[doubtful[wrong]] = own[wrong]
+    answer = packed.copy()
+    roots = vectors[wrong] * np.sqrt(np.maximum(values[wrong], 0.0))[:, None, :]
+    answer[:, doubtful[wrong]] = pack(roots @ roots.transpose(0, 2, 1))
+    return answer, ratio
+
+
+def accept(
+    packed: Floats, where: Callable[[int], str], *, fix: bool = False
+) -> tuple[Floats, list[str]]:
+    """Covariances as they enter the distance, and what to say of those that were changed.
+
+    Parameters
+    ----------
+    packed : (d (d + 1) / 2, R) float array
+        Finite.
+    where : callable
+        Says where a matrix is, for messages.
+    fix : bool
+        Replace what is refused otherwise by the nearest positive semi-definite matrix.
+
+    Raises
+    ------
+    InputError
+        A variance is negative or too large, or a matrix has a negative eigenvalue that is more
+        than a thousandth of the largest.
+    """
+    d = size_of(len(packed))
+    diagonal = packed[[i * (i + 3) // 2 for i in range(d)]]
+    wrong = np.flatnonzero(np.max(np.abs(packed), axis=0, initial=0.0) > LARGEST)
+    if len(wrong):
+        raise InputError(
+            f"{where(int(wrong[0]))}: covariance above {LARGEST:g}{_more(wrong)}; use another unit"
+        )
+    negative = np.min(diagonal, axis=0, initial=0.0) < 0
+    if negative.any() and not fix:
+        wrong = np.flatnonzero(negative)
+        value = diagonal[:, wrong[0]].min()
+        raise InputError(
+            f"{where(int(wrong[0]))}: negative variance {value:g}{_more(wrong)}; "
+            "correct it or use --fix-cov"
+        )
+    answer, ratio = project(packed)
+    refused = ratio < -CLAMPED
+    wrong = np.flatnonzero(refused)
+    if len(wrong) and not fix:
+        values = np.linalg.eigvalsh(unpack(packed[:, wrong[:1]]))[0]
+        raise InputError(
+            f"{where(int(wrong[0]))}: covariance not positive semi-definite (eigenvalues "
+            f"{', '.join(f'{value:.6g}' for value in values)}){_more(wrong)}; "
+            "correct it or use --fix-cov"
+        )
+    notices = []
+    mended = np.flatnonzero(refused | negative)
+    if len(mended):
+        what = "covariance was" if len(mended) == 1 else "covariances were"
+        notices.append(
+            f"{len(mended)} {what} replaced by the nearest positive semi-definite one "
+            f"(--fix-cov), the first at {where(int(mended[0]))}"
+        )
+    clamped = np.flatnonzero((ratio < 0) & ~refused & ~negative)
+    if len(clamped):
+        worst = int(clamped[np.argmin(ratio[clamped])])
+        what = "covariance is" if len(clamped) == 1 else "covariances are"
+        notices.append(
+            f"warning: {len(clamped)} {what} not quite positive semi-definite, by up to "
+            f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that is "
+            "was taken; more digits in the file avoid that"
+        )
+    return answer, notices
+
+
+def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, NDArray[np.integer]]:
+    """The mean of two entries that should be one, and where they are too different for that.
+
+    They may differ by a millionth, or by rounding of the `scale`, the root of the product of the
+    two variances.
+    """
+    apart = np.abs(entry - mirrored)
+    largest = np.maximum(np.abs(entry), np.abs(mirrored))
+    wrong = apart > np.maximum(ASYMMETRY * largest, 1e-12 * scale)
+    return entry + 0.5 * (mirrored - entry), np.flatnonzero(wrong)
+
+
+def from_matrices(
+    matrices: Floats, where: Callable[[int], str], *, fix: bool = False
+) -> tuple[Floats, list[str]]:
+    """As `accept`, of matrices (R, d, d); those that are not symmetric are refused, too."""
+    packed = pack(matrices)
+    deviation = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
+    for k, (i, j) in enumerate(zip(*np.tril_indices(matrices.shape[1]), strict=True)):
+        packed[k], wrong = symmetric(
+            packed[k], matrices[:, j, i], deviation[:, i] * deviation[:, j]
+        )
+        if len(wrong):
+            at = int(wrong[0])
+            raise InputError(
+                f"{where(at)}: not symmetric: {matrices[at, i, j]:g} in row {i + 1}, column "
+                f"{j + 1}, but {matrices[at, j, i]:g} in row {j + 1}, column {i + 1}{_more(wrong)}"
+            )
+    return accept(packed, where, fix=fix)
+
+
+def _more(wrong: NDArray[np.integer]) -> str:
+    return f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""

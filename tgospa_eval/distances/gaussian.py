@@ -1,0 +1,270 @@
+"""The Wasserstein distance of order 2 between normal laws."""
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tgospa_eval import covariances
+from tgospa_eval.distances.base import Distance, Floats, Pairs
+from tgospa_eval.distances.vector import Norm
+from tgospa_eval.errors import InputError
+from tgospa_eval.trajectories import Ints, Trajectories
+
+BLOCK = 1 << 13
+"""Pairs of more than two components that are decomposed at a time."""
+
+Pair = tuple[Floats, Floats]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianWasserstein(Distance):
+    """W2 of normal laws, ``sqrt(|a - b|^2 + B^2)``: of the means, and B of the covariances.
+
+    B, the Bures distance, is least ``||F - G Q||`` over rotations and reflections Q, where the
+    covariances are F F' and G G'. A metric on laws; states without covariance are points. Means are
+    compared as by the Euclidean norm, with its scales and periods; with a periodic component it
+    still is a metric, but no longer the distance of laws on a circle.
+
+    Called with arrays, their last axis holds the d components of the mean and the d (d + 1) / 2 of
+    a lower factor of the covariance, row by row; see `gaussian_wasserstein` for covariances.
+
+    Parameters
+    ----------
+    scale : sequence of float, optional
+        State units per unit of each column, > 0; covariances are scaled along.
+    period : sequence of float, optional
+        Period of each column, > 0 in its unit; inf where it is not periodic.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of range.
+    """
+
+    scale: Sequence[float] | None = None
+    period: Sequence[float] | None = None
+    name = "gaussian-wasserstein"
+    kinds = ("gaussian",)
+
+    def __post_init__(self) -> None:
+        norm = Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
+        object.__setattr__(self, "_norm", norm)
+        object.__setattr__(self, "scale", norm.scale)
+        object.__setattr__(self, "period", norm.period)
+
+    @property
+    def tree_power(self) -> float:
+        """That of the means, which are nowhere further apart than the laws."""
+        return self._means.tree_power
+
+    @property
+    def _means(self) -> Norm:
+        norm: Norm = self.__dict__["_norm"]
+        return norm
+
+    def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
+        """Means and, scaled, lower factors of the covariances, each factored once."""
+        means = side.state[rows].T
+        d, count = means.shape
+        found = np.zeros((d * (d + 3) // 2, count))
+        found[:d] = means
+        if side.covariance is not None:
+            found[d:] = covariances.factor(np.ascontiguousarray(side.covariance[rows].T))
+            for row, scale in enumerate(self.scale or ()):
+                begin = d + row * (row + 1) // 2
+                found[begin : begin + row + 1] *= scale
+        return found
+
+    def between(self, components: Iterable[Pair]) -> Floats:
+        """Distance of laws that are given component by component: means, then factors."""
+        return np.hypot(*self._parts(components))
+
+    def parts(self, pairs: Pairs, truth: Trajectories, estimate: Trajectories) -> Pair:
+        """Distances of the means, and of the covariances."""
+        a, b = self.axes(truth, pairs.truth_row), self.axes(estimate, pairs.estimate_row)
+        return self._parts(zip(a, b, strict=True))
+
+    def _parts(self, components: Iterable[Pair]) -> Pair:
+        pairs = list(components)
+        d = _dimension(len(pairs))
+        return self._means.between(pairs[:d]), bures(pairs[d:])
+
+    def embed(self, axes: Floats) -> Floats:
+        """Those of the means."""
+        return self._means.embed(axes[: _dimension(len(axes))])
+
+    def reach(self, cutoff: float, a: Floats, b: Floats) -> Floats:
+        """That of the means, which are nowhere further apart than the laws."""
+        d = _dimension(len(a))
+        return self._means.reach(cutoff, a[:d], b[:d])
+
+    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
+        """Whether scale and period have a number for each column."""
+        self._means.check_columns(columns, name)
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """Periods and scales by the names of the columns."""
+        return self._means.settings(columns)
+
+
+def gaussian_wasserstein(
+    mean_a: ArrayLike,
+    covariance_a: ArrayLike | None,
+    mean_b: ArrayLike,
+    covariance_b: ArrayLike | None,
+    *,
+    period: ArrayLike | None = None,
+) -> Floats:
+    """Wasserstein distance of order 2 between normal laws; all arguments broadcast.
+
+    Parameters
+    ----------
+    mean_a, mean_b : (..., d) array-like
+        Means.
+    covariance_a, covariance_b : (..., d, d) array-like, optional
+        Covariances, singular ones, too; none is a point. One whose least eigenvalue is negative by
+        up to a thousandth of the largest is replaced by the nearest without, with a warning.
+    period : float or (d,) array-like, optional
+        Period of each component; inf where it is not periodic.
+
+    Returns
+    -------
+    (...) float array
+        Distances, in the unit of the means.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit, a number is not finite, or a matrix is no covariance.
+    ConfigError
+        A period is out of range.
+    """
+    means = [_numbers("mean", mean) for mean in (mean_a, mean_b)]
+    if not means[0].ndim or not means[1].ndim or means[0].shape[-1:] != means[1].shape[-1:]:
+        shapes = f"{means[0].shape} and {means[1].shape}"
+        raise InputError(f"means have the shapes {shapes}: must be (..., d), with one d")
+    d = means[0].shape[-1]
+    if not d:
+        raise InputError("means have no components")
+    factors = [_factors(matrix, d) for matrix in (covariance_a, covariance_b)]
+    periods = None
+    if period is not None:
+        try:
+            periods = np.broadcast_to(np.asarray(period, np.float64), (d,)).tolist()
+        except (TypeError, ValueError):
+            raise InputError(f"period is {period!r}: must be one number per component") from None
+    parts = [*(np.moveaxis(mean, -1, 0) for mean in means), *factors]
+    try:
+        shape = np.broadcast_shapes(*(part.shape[1:] for part in parts))
+    except ValueError:
+        shapes = ", ".join(str(part.shape[1:]) for part in parts)
+        raise InputError(f"the arguments do not broadcast: stacks of shapes {shapes}") from None
+    sides = [
+        [np.broadcast_to(x, shape) for x in (*mean, *factor)]
+        for mean, factor in zip(parts[:2], factors, strict=True)
+    ]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return GaussianWasserstein(period=periods).between(zip(*sides, strict=True))
+
+
+def _numbers(name: str, values: ArrayLike) -> Floats:
+    try:
+        found = np.asarray(values, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be an array of numbers") from None
+    if not np.isfinite(found).all():
+        raise InputError(f"{name}: a number is not finite")
+    return found
+
+
+def _factors(matrices: ArrayLike | None, d: int) -> Floats:
+    """Lower factors (d (d + 1) / 2, ...)."""
+    if matrices is None:
+        return np.zeros(d * (d + 1) // 2)
+    found = _numbers("covariance", matrices)
+    if found.shape[-2:] != (d, d):
+        raise InputError(f"covariance has the shape {found.shape}: must be (..., {d}, {d})")
+    stack = found.shape[:-2]
+
+    def where(k: int) -> str:
+        at = tuple(map(int, np.unravel_index(k, stack)))
+        return f"covariance {at}" if stack else "covariance"
+
+    packed, notices = covariances.from_matrices(found.reshape(-1, d, d), where)
+    for notice in notices:
+        warnings.warn(notice.removeprefix("warning: "), stacklevel=3)
+    return covariances.factor(packed).reshape(-1, *stack)
+
+
+def bures(factors: Sequence[Pair]) -> Floats:
+    """Bures distance of covariances that are given by the components of their lower factors."""
+    d = covariances.size_of(len(factors))
+    if d == 1:
+        ((a, b),) = factors
+        return np.abs(a - b)
+    return _bures_two(*factors) if d == 2 else _bures_many(factors)
+
+
+def _bures_two(first: Pair, second: Pair, third: Pair) -> Floats:
+    """Of two components, in closed form.
+
+    With A = L2' L1, ``p = A11 + A22`` and ``s = A21 - A12`` the best Q turns by the angle t of
+    (p, s), a rotation because det A >= 0. Half of it is given to either side, ``||L1 R(-t/2) -
+    L2 R(t/2)||``: so the result is the same both ways, and 0 for equal covariances.
+    """
+    (a1, a2), (b1, b2), (c1, c2) = first, second, third
+    s = b1 * c2 - b2 * c1
+    p = a1 * a2 + b1 * b2 + c1 * c2
+    # (|p| + h, s), where h is the length of (p, s), has half the angle of (|p|, s).
+    ahead = np.abs(p) + np.sqrt(p * p + s * s)  # np.hypot takes ten times as long
+    length = np.sqrt(ahead * ahead + s * s)
+    if not length.all():  # no angle
+        ahead, length = (np.where(length > 0, x, 1.0) for x in (ahead, length))
+    cosine, sine = ahead / length, s / length
+    back = p < 0
+    if back.any():  # beyond a right angle: the half from there on is what is left of it
+        turned = np.copysign(cosine, s)
+        cosine, sine = np.where(back, np.abs(sine), cosine), np.where(back, turned, sine)
+    parts = (
+        (a1 - a2) * cosine,
+        (a1 + a2) * sine,
+        (b1 - b2) * cosine - (c1 + c2) * sine,
+        (b1 + b2) * sine + (c1 - c2) * cosine,
+    )
+    return np.asarray(np.sqrt(sum(part * part for part in parts)))
+
+
+def _bures_many(factors: Sequence[Pair]) -> Floats:
+    """Of any number of components, by singular value decompositions, in blocks of pairs.
+
+    Q = U V' where A = L2' L1 = U S V'.
+    """
+    shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
+    sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]
+    found = np.empty(len(sides[0][0]))
+    for begin in range(0, len(found), BLOCK):
+        one, two = (
+            covariances.unpack(np.array([x[begin : begin + BLOCK] for x in side]), lower=True)
+            for side in sides
+        )
+        u, _, v = np.linalg.svd(two.transpose(0, 2, 1) @ one)
+        rest = one - two @ (u @ v)
+        equal = (one == two).all(axis=(1, 2))
+        norm = np.sqrt(np.einsum("rij,rij->r", rest, rest))
+        found[begin : begin + BLOCK] = np.where(equal, 0.0, norm)
+    return found.reshape(shape)
+
+
+def _dimension(count: int) -> int:
+    """The d of d components of a mean and d (d + 1) / 2 of a factor."""
+    d = covariances.size_of(count + 1) - 1
+    if d < 1 or d * (d + 3) // 2 != count:
+        raise InputError(
+            f"laws have d components of a mean and d (d + 1) / 2 of a factor, not {count} in all; "
+            "gaussian_wasserstein takes covariances"
+        )
+    return d

@@ -1,0 +1,232 @@
+"""Columns of covariances: which header is which entry, and the matrices of the rows.
+
+Two spellings: `cov_xx`, `cov_xy`, `cov_yy` (names of more than one letter apart, `cov_x_vx`), or
+`std_x`, `std_y`, `rho_xy`. What a matrix must be like is the business of
+`tgospa_eval.covariances`.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.covariances import LARGEST, accept, size_of, symmetric
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.times import more
+from tgospa_eval.trajectories import Floats, Ints
+
+PREFIXES = ("cov_", "std_", "rho_")
+
+BEYOND = 1e-3
+"""By what the size of a correlation may exceed 1: rounding in a file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Where the covariances of a table are.
+
+    Parameters
+    ----------
+    names : tuple of str
+        State columns.
+    entries : tuple of tuple of int
+        Columns of each entry of the lower triangle, row by row: none, one, or both of a pair that
+        the table gives twice.
+    deviations : bool
+        They are standard deviations and correlations.
+    """
+
+    names: tuple[str, ...]
+    entries: tuple[tuple[int, ...], ...]
+    deviations: bool
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns that are read."""
+        return tuple(column for entry in self.entries for column in entry)
+
+    def labels(self) -> Iterator[tuple[int, int, str]]:
+        """Row, column and name of each entry."""
+        for i, second in enumerate(self.names):
+            for j, first in enumerate(self.names[: i + 1]):
+                yield i, j, spelt(first, second, deviations=self.deviations)[0]
+
+    @property
+    def absent(self) -> list[str]:
+        """Names of the entries without a column; they are 0."""
+        return [
+            label
+            for (_, _, label), entry in zip(self.labels(), self.entries, strict=True)
+            if not entry
+        ]
+
+
+def spelt(first: str, second: str, *, deviations: bool = False) -> list[str]:
+    """Headers of an entry of a covariance, the usual one first."""
+    if deviations and first == second:
+        return [f"std_{first}"]
+    prefix = "rho" if deviations else "cov"
+    names = []
+    for one, other in dict.fromkeys([(first, second), (second, first)]):
+        if len(one) == len(other) == 1:
+            names.append(f"{prefix}_{one}{other}")
+        names.append(f"{prefix}_{one}_{other}")
+    return sorted(names, key=len)
+
+
+def find_spread(
+    names: Sequence[str], find: Callable[[str], int | None], where: str
+) -> Spread | None:
+    """The columns of the covariances of these state columns; None if there are none.
+
+    Covariances are taken before standard deviations. `find` gives the position of a header.
+
+    Raises
+    ------
+    InputError
+        There are some columns, and that of a variance is missing.
+    """
+    for deviations in (False, True):
+        found = Spread(names=tuple(names), entries=(), deviations=deviations)
+        entries = []
+        for i, j, _ in found.labels():
+            spellings = spelt(names[j], names[i], deviations=deviations)
+            places = (find(spelling) for spelling in spellings)
+            entries.append(tuple(dict.fromkeys(k for k in places if k is not None)))
+        if not any(entries):
+            continue
+        found = Spread(names=tuple(names), entries=tuple(entries), deviations=deviations)
+        for (i, j, label), entry in zip(found.labels(), entries, strict=True):
+            if i == j and not entry:
+                raise InputError(
+                    f"{where}: no column {label}, but others of the covariance; add it, map it "
+                    f"with --columns {label}=HEADER, or choose state columns with --columns"
+                )
+        return found
+    return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cells:
+    """The numbers of the rows that take part, with words for messages.
+
+    Parameters
+    ----------
+    values : dict of int to (R,) float array
+        By column, NaN where blank.
+    row : (R,) int array
+        Row of the file of each.
+    where : callable
+        Says where a row of the file is, and what it is about.
+    """
+
+    values: dict[int, Floats]
+    row: Ints
+    where: Callable[[int], str]
+
+    def first(self, wrong: NDArray[np.bool_]) -> tuple[int, str, str]:
+        """Position and place of the wrong one that comes first in the file; how many more."""
+        at = np.flatnonzero(wrong)
+        first = int(at[np.argmin(self.row[at])])
+        return first, self.where(int(self.row[first])), more(len(at))
+
+
+def covariances_of(
+    cells: Cells, spread: Spread, *, missing: str, fix: bool
+) -> tuple[Floats, list[str]]:
+    """Lower triangles (R, d (d + 1) / 2) of the rows, and what to say of them.
+
+    Parameters
+    ----------
+    cells : Cells
+        The numbers.
+    spread : Spread
+        Which column is which entry.
+    missing : {"error", "zero"}
+        What a row without any covariance is: wrong, or a point.
+    fix : bool
+        Replace what is no covariance by the nearest that is.
+
+    Raises
+    ------
+    InputError
+        A covariance is blank, not symmetric, or none.
+    """
+    notices = []
+    if spread.absent:
+        what = "column" if len(spread.absent) == 1 else "columns"
+        notices.append(f"no {what} {', '.join(spread.absent)}: taken as 0")
+    blank = {column: np.isnan(values) for column, values in cells.values.items()}
+    without = np.all(list(blank.values()), axis=0)
+    partly = np.any(list(blank.values()), axis=0) & ~without
+    if partly.any():
+        at, place, others = cells.first(partly)
+        label = next(
+            label
+            for (_, _, label), entry in zip(spread.labels(), spread.entries, strict=True)
+            if any(blank[column][at] for column in entry)
+        )
+        raise InputError(
+            f"{place}: {label} is blank and other entries of the covariance are not{others}; fill "
+            "it, or leave all blank and use --missing-cov zero"
+        )
+    if without.any():
+        if missing == "error":
+            _, place, others = cells.first(without)
+            raise InputError(
+                f"{place}: no covariance{others}; add it, or --missing-cov zero makes such states "
+                "points"
+            )
+        count = int(np.count_nonzero(without))
+        state = "state has" if count == 1 else "states have"
+        notices.append(f"{count} {state} no covariance: compared as points (--missing-cov zero)")
+    packed = np.zeros((len(spread.entries), len(without)))
+    for k, (i, j, label) in enumerate(spread.labels()):
+        entry = spread.entries[k]
+        if entry:
+            packed[k] = np.where(without, 0.0, cells.values[entry[0]])
+        for column in entry[1:]:
+            mirrored = np.where(without, 0.0, cells.values[column])
+            scale = np.ones(len(without)) if spread.deviations else _scale(cells, spread, i, j)
+            mean, wrong = symmetric(packed[k], mirrored, np.where(without, 0.0, scale))
+            if len(wrong):
+                apart = np.zeros(len(without), bool)
+                apart[wrong] = True
+                at, place, others = cells.first(apart)
+                raise InputError(
+                    f"{place}: covariance not symmetric: {label} is given as {packed[k, at]:.15g} "
+                    f"and as {mirrored[at]:.15g}{others}; correct one, or leave it out"
+                )
+            packed[k] = mean
+    if spread.deviations:
+        packed = _products(packed, spread, cells)
+    order = np.argsort(cells.row, kind="stable")  # messages name the first of the file
+    in_order = cells.row[order]
+    mended, said = accept(packed[:, order], lambda k: cells.where(int(in_order[k])), fix=fix)
+    packed[:, order] = mended
+    return np.ascontiguousarray(packed.T), notices + said
+
+
+def _scale(cells: Cells, spread: Spread, i: int, j: int) -> Floats:
+    """Root of the product of two variances."""
+    first, second = (cells.values[spread.entries[k * (k + 3) // 2][0]] for k in (i, j))
+    return np.sqrt(np.abs(first)) * np.sqrt(np.abs(second))
+
+
+def _products(packed: Floats, spread: Spread, cells: Cells) -> Floats:
+    """Covariances of standard deviations and correlations."""
+    for k, (i, j, label) in enumerate(spread.labels()):
+        least, most = (0.0, LARGEST**0.5) if i == j else (-1 - BEYOND, 1 + BEYOND)
+        wrong = ~((packed[k] >= least) & (packed[k] <= most))
+        if wrong.any():
+            at, place, others = cells.first(wrong)
+            rule = f"must be from 0 to {most:g}" if i == j else "must be from -1 to 1"
+            raise InputError(f"{place}: {label} is {packed[k, at]:g}{others}; it {rule}")
+    d = size_of(len(packed))
+    deviation = [packed[i * (i + 3) // 2] for i in range(d)]
+    answer = np.empty_like(packed)
+    for k, (i, j, _) in enumerate(spread.labels()):
+        product = deviation[i] * deviation[j]
+        answer[k] = product if i == j else packed[k] * product
+    return answer

@@ -1,0 +1,520 @@
+"""Documents of `compare` as pages and as tables. Computes nothing that is not in the document."""
+
+import itertools
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from tgospa_eval.evaluation import Table
+from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+
+Document = dict[str, Any]
+
+PARTS = ("localisation", "missed", "false", "switch")
+EXACT = 1e-9
+"""Relative errors below count as none, and differ from machine to machine."""
+
+RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
+
+
+def json_text(document: Document) -> str:
+    """The document with sorted keys; no NaN."""
+    return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
+
+
+def render(document: Document, format: str) -> str:
+    """What ``--format`` prints."""
+    if format == "json":
+        return json_text(document)
+    page, paper, table = PAGES[document["kind"]]
+    if format == "csv":
+        return as_csv(table(document))
+    if format == "latex":
+        return as_latex(paper(document))
+    return (as_text if format == "table" else as_markdown)(page(document))
+
+
+# --- solvers --------------------------------------------------------------------------------------
+
+
+def solvers_page(document: Document) -> Page:
+    """One problem through several solvers."""
+    runs = document["runs"]
+    return Page(
+        title=_agreement(document),
+        lines=[_size(document["sizes"]), _parameters(document["parameters"])],
+        sheets=[
+            Sheet(
+                head=("run", "TGOSPA", "lower bound", "error", "bound's error", "iterations"),
+                rows=[
+                    (
+                        run["name"],
+                        f"{run['tgospa']:.9g}",
+                        f"{run['lower_bound']:.9g}",
+                        _error(run["error"]),
+                        _error(run["lower_error"]),
+                        str(run["iterations"]),
+                    )
+                    for run in runs
+                ],
+            ),
+            Sheet(
+                head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
+                rows=[
+                    (run["name"], *(f"{s:.4f}" for s in _split(run["seconds"])), _memory(run))
+                    for run in runs
+                ],
+            ),
+        ],
+        remarks=list(_solver_remarks(document)),
+    )
+
+
+def solvers_table(document: Document) -> Table:
+    """A row for each run, plain numbers."""
+    runs = document["runs"]
+    names = (
+        "name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error",
+        "lower_error", *PARTS, "iterations", "status", "finished",
+    )  # fmt: skip
+    table: Table = {name: [run[name] for run in runs] for name in names}
+    split = [_split(run["seconds"]) for run in runs]
+    for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
+        table[f"{name}_seconds"] = [row[k] for row in split]
+    for name in ("before", "peak"):
+        table[f"{name}_bytes"] = [(run["memory"] or {}).get(name) for run in runs]
+    return table
+
+
+def _agreement(document: Document) -> str:
+    referee, unit = document["referee"], _unit(document["parameters"])
+    if not document["agree"]:
+        pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
+        return (
+            f"The brackets of {pairs} do not overlap: one of these proofs is wrong. This is an "
+            "error of this program or of its arithmetic, not of your data; please report it"
+        )
+    count = len(document["runs"])
+    told = "The bracket" if count == 1 else f"All {count} brackets overlap; together they"
+    verb = "says" if count == 1 else "say"
+    low, high = (f"{referee[name]:.9g}" for name in ("lower_bound", "upper_bound"))
+    if low == high:
+        return f"{told} {verb}: TGOSPA = {high}{unit}"
+    return f"{told} {verb}: TGOSPA is between {low} and {high}{unit}"
+
+
+def _solver_remarks(document: Document) -> Iterator[str]:
+    once = document["seconds"]
+    yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
+    for run in document["runs"]:
+        if run["status"] != "solved":
+            yield f"{run['name']}: {run['status']}"
+    for name, reason in document["left_out"].items():
+        yield f"{name} left out: {reason}"
+
+
+def _split(seconds: Document) -> tuple[float, ...]:
+    """Solving and proof together, and what they consist of."""
+    stages = seconds["stages"]
+    named = [
+        stages.get("preparation", 0.0) + stages.get("build", 0.0),
+        stages.get("sweeps", 0.0),
+        stages.get("lp", 0.0),
+    ]
+    rest = max(seconds["solve"] - sum(named), 0.0)
+    return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
+
+
+def _memory(run: Document) -> str:
+    memory = run["memory"]
+    return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"
+
+
+# --- estimates ------------------------------------------------------------------------------------
+
+TIES = (
+    "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
+    "their ids; other tie rules may count other switches"
+)
+
+
+def estimates_page(document: Document) -> Page:
+    """Several estimates of one truth, or one with per-step GOSPA beside it."""
+    estimates, parameters = document["estimates"], document["parameters"]
+    proven = frozenset({(0, 0), (0, 1), (0, 2), (0, 3)} if _leads(document) else ())
+    return Page(
+        title=_order(document),
+        lines=[_runs(document), _parameters(parameters)],
+        sheets=[
+            Sheet(
+                head=("costs", "place", "TGOSPA", "total", "local.", "missed", "false", "switch"),
+                rows=[
+                    (
+                        item["name"],
+                        _place(item["place"]),
+                        _between(item["lower_bound"], item["tgospa"]),
+                        _between(item["total_lower"], item["total"]),
+                        *(f"{item[name]:.5g}" for name in PARTS),
+                    )
+                    for item in estimates
+                ],
+                bold=proven,
+            ),
+            _paper_sheet(document),
+            *_pair_sheets(document),
+            *_against_sheets(document),
+        ],
+        remarks=list(_estimate_remarks(document)),
+    )
+
+
+def estimates_paper(document: Document) -> Page:
+    """What goes into a paper: roots per step, RMS over runs."""
+    page = estimates_page(document)
+    return Page(title=page.title, lines=page.lines, sheets=[_paper_sheet(document)])
+
+
+def estimates_table(document: Document) -> Table:
+    """A row for each estimate, plain numbers."""
+    items = document["estimates"]
+    names = ("name", "tgospa", "lower_bound", "total", "total_lower", *PARTS)
+    table: Table = {name: [item[name] for item in items] for name in names}
+    table |= {f"place_{end}": [item["place"][k] for item in items]
+              for k, end in enumerate(("best", "worst"))}  # fmt: skip
+    for group, prefix in (("counts", "count"), ("normalised", "normalised")):
+        for name in items[0][group]:
+            table[f"{prefix}_{name}"] = [item[group][name] for item in items]
+    if items[0]["per_step_gospa"] is not None:
+        steps = [item["per_step_gospa"] for item in items]
+        table["gospa_total"] = [step["total"] for step in steps]
+        for rule in RULES:
+            for name in ("switches", "halves", "total", "mean"):
+                table[f"{rule}_{name}"] = [step[rule][name] for step in steps]
+    return table
+
+
+def pairs_table(document: Document) -> Table:
+    """A row for each pair of estimates: the second less the first."""
+    pairs = document["pairs"]
+    table: Table = {name: [pair[name] for pair in pairs] for name in ("first", "second", "verdict")}
+    for k, end in enumerate(("lower", "upper")):
+        table[f"total_{end}"] = [pair["total"][k] for pair in pairs]
+    table |= {name: [pair[name] for pair in pairs] for name in PARTS}
+    for group, names in (
+        ("steps", ("better", "worse")),
+        ("per_run", ("mean", "standard_error", "first_less", "second_less")),
+    ):
+        for name in names:
+            table[f"{group}_{name}"] = [pair[group][name] for pair in pairs]
+    return table
+
+
+def _order(document: Document) -> str:
+    estimates, unit = document["estimates"], _unit(document["parameters"])
+    if len(estimates) == 1:
+        item = estimates[0]
+        value = _between(item["lower_bound"], item["tgospa"])
+        mean = "" if document["runs"] == 1 else f", RMS over {document['runs']} runs"
+        return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
+    names = [item["name"] for item in estimates]
+    steps = itertools.pairwise(names)
+    verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
+    if all(verdicts[step] == "less" for step in steps):
+        return "Proven order, best first: " + ", ".join(names)
+    if _leads(document):
+        return f"Proven best: {names[0]}; the brackets of others overlap, their order is open"
+    tied = [name for name, item in zip(names, estimates, strict=True) if item["place"][0] == 1]
+    return f"No estimate is proven best: {', '.join(tied)} are not separated by their brackets"
+
+
+def _leads(document: Document) -> bool:
+    """Whether the first estimate is proven to be better than all others."""
+    return len(document["estimates"]) > 1 and document["estimates"][0]["place"] == [1, 1]
+
+
+def _runs(document: Document) -> str:
+    steps = sorted(set(document["steps"]))
+    length = f"{steps[0]}" if len(steps) == 1 else f"{steps[0]} to {steps[-1]}"
+    if document["runs"] == 1:
+        return f"truth {document['truth'][0]}; {length} steps at which something exists"
+    return (
+        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} steps each at "
+        "which something exists; costs are means over runs, roots are taken last"
+    )
+
+
+def _shortened(paths: list[str]) -> str:
+    return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
+
+
+def _paper_sheet(document: Document) -> Sheet:
+    runs, order = document["runs"], document["parameters"]["order"]
+    mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
+    return Sheet(
+        head=(f"per step{mean}", "TGOSPA", "localisation", "missed", "false", "switch"),
+        rows=[
+            (
+                item["name"],
+                _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
+                *(f"{item['normalised'][name]:.4g}" for name in PARTS),
+            )
+            for item in document["estimates"]
+        ],
+        bold=frozenset({(0, 0), (0, 1)} if _leads(document) else ()),
+    )
+
+
+def _pair_sheets(document: Document) -> Iterator[Sheet]:
+    """Differences to the first estimate."""
+    first = document["estimates"][0]["name"]
+    pairs = [pair for pair in document["pairs"] if pair["first"] == first]
+    if not pairs:
+        return
+    several = document["runs"] > 1
+    head = ["total", "local.", "missed", "false", "switch", "steps -/+"]
+    yield Sheet(
+        head=(f"less {first}", *head, *(["runs -/+"] if several else []), "order"),
+        rows=[
+            (
+                pair["second"],
+                _between(pair["total"][0], pair["total"][1], "+"),
+                *(f"{pair[name]:+.4g}" for name in PARTS),
+                f"{pair['steps']['better']}/{pair['steps']['worse']}",
+                *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
+                  if several else []),
+                "proven" if pair["verdict"] == "less" else "open",
+            )
+            for pair in pairs
+        ],
+    )  # fmt: skip
+
+
+def _against_sheets(document: Document) -> Iterator[Sheet]:
+    """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    order = document["parameters"]["order"]
+    rows = []
+    for item in document["estimates"]:
+        step = item["per_step_gospa"]
+        if step is None:
+            return
+        name = f"{item['name']}: " if len(document["estimates"]) > 1 else ""
+        rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
+        rows.append((f"{name}GOSPA, summed", step["total"], None, None))
+        for rule, title in RULES.items():
+            rows.append((
+                f"{name}{title}", step[rule]["total"], step[rule]["switches"], step[rule]["mean"]
+            ))  # fmt: skip
+    yield Sheet(
+        head=("sum over steps of values^p", "total", "root", "switches", "mean of steps"),
+        rows=[
+            (
+                name,
+                f"{total:.6g}",
+                f"{total ** (1 / order):.6g}",
+                "" if count is None else f"{count:.6g}",
+                "" if mean is None else f"{mean:.5g}",
+            )
+            for name, total, count, mean in rows
+        ],
+    )
+
+
+def _estimate_remarks(document: Document) -> Iterator[str]:
+    estimates = document["estimates"]
+    for item in estimates:
+        for number, made in enumerate(item["runs"], start=1):
+            if not made["finished"]:
+                run = f" run {number}" if document["runs"] > 1 else ""
+                yield f"{item['name']}{run}: {made['status']}"
+    if len(estimates) > 1:
+        yield (
+            "proven: the upper bound of the one is below the lower bound of the other; "
+            "steps -/+: at how many the estimate costs less or more than the first"
+        )
+    name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
+    for sentence in estimates[0].get("differences", ()):
+        yield name + sentence
+    if estimates[0]["per_step_gospa"] is not None:
+        yield TIES
+
+
+def _between(low: float, high: float, sign: str = "") -> str:
+    """One number if both are the same as they are shown, else both."""
+    texts = [f"{value:{sign}.6g}" for value in (low, high)]
+    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
+
+
+def _place(place: list[int]) -> str:
+    return f"{place[0]}" if place[0] == place[1] else f"{place[0]}-{place[1]}"
+
+
+# --- study ----------------------------------------------------------------------------------------
+
+
+def study_page(document: Document) -> Page:
+    """Solvers on made-up scenes of many sizes."""
+    return Page(
+        title=_study_title(document),
+        lines=list(_study_lines(document)),
+        sheets=[_study_sheet(document), _study_rms(document)],
+        remarks=list(_study_remarks(document)),
+    )
+
+
+def study_report(document: Document, pictures: list[str]) -> str:
+    """The report as Markdown, with its pictures."""
+    shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
+    return f"# Scaling study\n\n{as_markdown(study_page(document))}" + (
+        f"\n{shown}\n" if shown else ""
+    )
+
+
+CAPTIONS = {
+    "error_over_epsilon": "Error of sinkhorn by temperature, mean and one standard deviation",
+    "scaling": "Time and error over targets and over steps, mean and one standard deviation",
+}
+"""What the pictures of a study show, by name."""
+
+
+def study_table(document: Document) -> Table:
+    """A row for each size and solver, plain numbers."""
+    rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
+    table: Table = {
+        "targets": [size["targets"] for size, _ in rows],
+        "steps": [size["steps"] for size, _ in rows],
+        "states": [size["states"]["mean"] for size, _ in rows],
+        "name": [made["name"] for _, made in rows],
+        "solver": [made["solver"] for _, made in rows],
+        "epsilon": [made["epsilon"] for _, made in rows],
+    }
+    for name in ("seconds", "error", "lower_error", "iterations"):
+        for kind in ("mean", "deviation", "max"):
+            table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
+    return table | {"unfinished": [made["unfinished"] for _, made in rows]}
+
+
+def _study_title(document: Document) -> str:
+    sizes, runs = document["sizes"], document["runs"]
+    if document["contradictions"]:
+        targets, steps, run, a, b = document["contradictions"][0]
+        return (
+            f"The brackets of {a} and {b} do not overlap in run {run} of {targets} targets and "
+            f"{steps} steps, and there may be more: one of these proofs is wrong. This is an error "
+            "of this program; please report it"
+        )
+    return (
+        f"{_count(len(sizes) * runs, 'scene')} of {_count(len(sizes), 'size')}, "
+        f"{_count(runs, 'run')} each: all brackets overlap"
+    )
+
+
+def _study_lines(document: Document) -> Iterator[str]:
+    scene, tracker, parameters = (document[name] for name in ("scene", "tracker", "parameters"))
+    yield (
+        f"scenario {scene['scenario']}, area {scene['area']:g}; noise {tracker['noise']:g}, "
+        f"detection {tracker['detection']:g}, swaps {tracker['swaps']:g}, fragmentation "
+        f"{tracker['fragmentation']:g}, false tracks {tracker['false_rate']:g} a step; "
+        f"seed {document['seed']}"
+    )
+    yield _parameters(parameters | {"unit": None})
+    yield document["machine"]
+
+
+def _study_sheet(document: Document) -> Sheet:
+    """Time and error; mean and standard deviation over the runs."""
+    rows = []
+    for size in document["sizes"]:
+        for k, made in enumerate(size["solvers"]):
+            rows.append((
+                made["name"],
+                *((str(size["targets"]), str(size["steps"])) if not k else ("", "")),
+                _mean(made["seconds"], ".3g"),
+                _deviation(made["seconds"], ".2g"),
+                _error(made["error"]["mean"]),
+                _deviation(made["error"], ".0e"),
+                _error(made["lower_error"]["mean"]),
+                _mean(made["iterations"], ".0f"),
+            ))  # fmt: skip
+    return Sheet(
+        head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
+    )
+
+
+def _study_rms(document: Document) -> Sheet:
+    """The metric itself: roots per step, RMS over runs."""
+    mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
+    return Sheet(
+        head=(f"per step, {mean} of runs", "TGOSPA", "localisation", "missed", "false", "switch"),
+        rows=[
+            (
+                f"m = {size['targets']}, T = {size['steps']}",
+                *(f"{size['normalised'][name]:.5g}" for name in ("tgospa", *PARTS)),
+            )
+            for size in document["sizes"]
+        ],
+    )
+
+
+def _study_remarks(document: Document) -> Iterator[str]:
+    yield (
+        "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
+        "above the true one, relative; bound's: the lower bound is at most so much below it; "
+        "+- one standard deviation over the runs"
+    )
+    for size in document["sizes"]:
+        for made in size["solvers"]:
+            if made["unfinished"]:
+                yield (
+                    f"{made['name']}, {size['targets']} targets, {size['steps']} steps: not "
+                    f"finished in {_count(made['unfinished'], 'run')}"
+                )
+
+
+def _mean(values: Document, form: str) -> str:
+    return "-" if values["mean"] is None else f"{values['mean']:{form}}"
+
+
+def _deviation(values: Document, form: str) -> str:
+    value = values["deviation"]
+    return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")
+
+
+# --- words ----------------------------------------------------------------------------------------
+
+
+def _error(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
+
+
+def _unit(parameters: Document) -> str:
+    return f" {parameters['unit']}" if parameters["unit"] else ""
+
+
+def _size(sizes: Document) -> str:
+    return (
+        f"{_count(sizes['truth'], 'truth')}, {_count(sizes['estimates'], 'estimate')}, "
+        f"{_count(sizes['steps'], 'step')}; {_count(sizes['states'], 'reduced state')} in "
+        f"{_count(sizes['components'], 'component')}"
+    )
+
+
+def _parameters(parameters: Document) -> str:
+    unit = _unit(parameters)
+    return (
+        f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
+        f"gamma = {parameters['switch_penalty']:g}{unit}, {parameters['distance']}"
+    )
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number:,} {word}" + ("" if number == 1 else "s")
+
+
+PAGES = {
+    "solvers": (solvers_page, solvers_page, solvers_table),
+    "estimates": (estimates_page, estimates_paper, estimates_table),
+    "study": (study_page, study_page, study_table),
+}
+"""Page, page for a paper, and main table of each kind of document."""

@@ -1,0 +1,167 @@
+"""Tables with words around them, as plain text, Markdown, LaTeX or CSV. Knows no metric."""
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tgospa_eval.evaluation import Table
+from tgospa_eval.reports.console import WIDTH, clip
+from tgospa_eval.reports.files import csv_text
+
+INDENT = "  "
+LEAST = 12
+"""Columns that the first cell keeps in a terminal, however wide the others are."""
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""A text that begins with one of these is a formula for a spreadsheet."""
+
+LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    **{mark: f"\\{mark}" for mark in "&%$#_{}"},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """One table; the first column is text, the others numbers that are formatted already.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Names of the columns.
+    rows : sequence of sequences of str
+        As many cells each.
+    bold : frozenset of (int, int)
+        Cells, by row and column, that stand out in Markdown and LaTeX.
+    """
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    bold: frozenset[tuple[int, int]] = frozenset()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """What a report says: one sentence, lines about the problem, tables, remarks.
+
+    Parameters
+    ----------
+    title : str
+        The answer, in a sentence.
+    lines : sequence of str
+        What was compared.
+    sheets : sequence of Sheet
+        Tables.
+    remarks : sequence of str
+        Sentences below.
+    """
+
+    title: str
+    lines: Sequence[str]
+    sheets: Sequence[Sheet]
+    remarks: Sequence[str] = ()
+
+
+def as_text(page: Page) -> str:
+    """For a terminal, 80 columns."""
+    blocks = [[*_wrap(page.title, ""), *(part for line in page.lines for part in _wrap(line))]]
+    blocks += [_text_table(sheet) for sheet in page.sheets]
+    blocks.append([part for line in page.remarks for part in _wrap(line)])
+    return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
+
+
+def as_markdown(page: Page) -> str:
+    """For a pull request or a lab book."""
+    blocks = [f"**{markdown_text(page.title)}**", *map(markdown_text, page.lines)]
+    for sheet in page.sheets:
+        lines = [_pipes(map(markdown_text, sheet.head))]
+        lines.append(_pipes(["---", *["---:"] * (len(sheet.head) - 1)]))
+        for k, row in enumerate(sheet.rows):
+            cells = map(markdown_text, row)
+            bold = [(k, at) in sheet.bold and bool(cell) for at, cell in enumerate(row)]
+            lines.append(_pipes(f"**{c}**" if b else c for c, b in zip(cells, bold, strict=True)))
+        blocks.append("\n".join(lines))
+    if page.remarks:
+        blocks.append("\n".join(f"- {markdown_text(line)}" for line in page.remarks))
+    return "\n\n".join(blocks) + "\n"
+
+
+def as_latex(page: Page) -> str:
+    """Tables of the package booktabs; the words are comments."""
+    blocks = ["\n".join(f"% {_plain(line)}" for line in (page.title, *page.lines, *page.remarks))]
+    for sheet in page.sheets:
+        lines = [rf"\begin{{tabular}}{{l{'r' * (len(sheet.head) - 1)}}}", r"\toprule"]
+        lines += [_ampersands(map(latex_text, sheet.head)), r"\midrule"]
+        for k, row in enumerate(sheet.rows):
+            cells = map(latex_text, row)
+            bold = [(k, at) in sheet.bold for at in range(len(row))]
+            lines.append(
+                _ampersands(
+                    rf"\textbf{{{c}}}" if b else c for c, b in zip(cells, bold, strict=True)
+                )
+            )
+        blocks.append("\n".join([*lines, r"\bottomrule", r"\end{tabular}"]))
+    return "\n".join(blocks) + "\n"
+
+
+def as_csv(table: Table) -> str:
+    """CSV in which no text is a formula for a spreadsheet: such ones get an apostrophe in front."""
+    return csv_text({name: [_harmless(value) for value in table[name]] for name in table})
+
+
+def _harmless(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+
+
+def markdown_text(text: str) -> str:
+    """The text so that nothing in it is markup."""
+    text = _plain(text).replace("&", "&amp;").replace("<", "&lt;")
+    return "".join(f"\\{c}" if c in "\\`*_|[]#~" else c for c in text)
+
+
+def latex_text(text: str) -> str:
+    """The text so that nothing in it is a command."""
+    return "".join(LATEX.get(c, c) for c in _plain(text))
+
+
+def _plain(text: str) -> str:
+    """On one line, without control characters and without marks that turn the direction."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def _wrap(text: str, indent: str = INDENT) -> list[str]:
+    return textwrap.wrap(_plain(text), WIDTH, subsequent_indent=indent) or [""]
+
+
+def _pipes(cells: Any) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _ampersands(cells: Any) -> str:
+    return f"{' & '.join(cells)} \\\\"
+
+
+def _text_table(sheet: Sheet) -> list[str]:
+    """Columns as wide as they need; the first gives way if the line is too long."""
+    rows = [[_plain(cell) for cell in row] for row in (sheet.head, *sheet.rows)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(sheet.head))]
+    others = sum(widths[1:]) + 2 * (len(widths) - 1) + len(INDENT)
+    first = max(min(widths[0], WIDTH - others), min(LEAST, widths[0]))
+    return [
+        (
+            INDENT
+            + _short(row[0], first).ljust(first)
+            + "".join(f"  {cell:>{width}}" for cell, width in zip(row[1:], widths[1:], strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _short(text: str, width: int) -> str:
+    """The end of a name that is too long: paths differ there."""
+    return text if len(text) <= width else "..." + text[len(text) - width + 3 :]
