@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from tgospa_eval.clouds import Clouds
 from tgospa_eval.distances import (
     CloudWasserstein,
     Effort,
+    GaussianWasserstein,
     Pairs,
     Reduction,
     cloud_wasserstein,
@@ -480,3 +482,99 @@ def test_reduce(write: Write, run: Run, tmp_path: Path) -> None:
     assert (status, "points.csv: no particles; a column weight makes" in err) == (3, True)
     status, out, _ = run("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
     assert "1 cloud, 100 particles -> 10" in out
+
+
+LAW = "id,t,x,y,cov_xx,cov_yy\n1,0,0.4,0.8,0.24,0.96\n"
+"""The mean of the first cloud of ESTIMATE, with other variances than its own."""
+NORMAL = ("--distance", "gaussian-wasserstein", "-c", "10", "-g", "2")
+
+
+def test_clouds_against_normal_laws_by_their_moments(write: Write, run: Run) -> None:
+    """The cloud has the covariance ((.24, -.48), (-.48, .96)), of rank one and trace 1.2.
+
+    So C2 = u u' and B^2 = tr C1 + 1.2 - 2 sqrt(u' C1 u), with u = (.24, -.48) / sqrt(.24) and
+    u' C1 u = .24 * .24 + .96 * .96.
+    """
+    law, cloud = write("law.csv", LAW), write("cloud.csv", CLOUD)
+    status, out, err = run(law, cloud, *NORMAL, "--mixed", "moments", "--format", "json")
+    assert status == 0
+    result = json.loads(out)
+    expected = 1.2 + 1.2 - 2 * (0.24 * 0.24 + 0.96 * 0.96) ** 0.5
+    assert result["total"] == pytest.approx(expected, rel=1e-12)
+    assert result["localisation_mean"] == pytest.approx(0, abs=1e-15)
+    assert result["localisation_spread"] == pytest.approx(expected, rel=1e-12)
+    assert result["parameters"]["mixed"] == "moments"
+    assert "by their means" not in err
+    both = json.loads(run(cloud, cloud, *NORMAL, "--mixed", "moments", "--format", "json")[1])
+    assert both["total"] == pytest.approx(0, abs=1e-13)
+
+
+CLOUD = "id,t,weight,x,y\na,0,0.6,0,1.6\na,0,0.4,1,-0.4\n"
+
+
+def test_kinds_that_do_not_fit(write: Write, run: Run) -> None:
+    law, cloud, point = write("law.csv", LAW), write("c.csv", CLOUD), write("p.csv", POINT)
+    whole = (*WHOLE, "-c", "10", "-g", "2")
+    for paths, options, message in (
+        ((law, cloud), NORMAL, "c.csv particles: the distance of a normal law from a cloud has"),
+        ((cloud, law), whole, "c.csv particles: the distance of a normal law from a cloud has"),
+        ((point, cloud), NORMAL, "c.csv has particles: clouds are no normal laws; take --distance"),
+        ((point, law), whole, "law.csv has covariances, not particles; take --distance gaussian"),
+    ):
+        status, out, err = run(*paths, *options)
+        assert (status, out) == (3, "")
+        assert message in err
+    status, _, err = run(cloud, cloud, *whole, "--mixed", "moments")
+    assert status == 2
+    assert "--mixed is for gaussian-wasserstein, not for cloud-wasserstein" in err
+    with pytest.raises(InputError, match="a covariance each, or a cloud, not both"):
+        replace(read_trajectories(cloud), covariance=np.zeros((1, 3)))
+    with pytest.raises(ConfigError, match='mixed is "mean": must be one of error, moments'):
+        GaussianWasserstein(mixed="mean")
+
+
+POINT = "id,t,x,y\n1,0,0,0\n"
+
+
+def test_covariances_of_particles_are_not_used(write: Write, run: Run) -> None:
+    """Rows of a cloud with covariances are components of a mixture, which nothing compares."""
+    mixture = write("m.csv", "id,t,weight,x,y,cov_xx,cov_yy\n1,0,.5,0,0,1,1\n1,0,.5,2,0,1,1\n")
+    status, out, err = run(mixture, mixture, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    assert (status, json.loads(out)["total"]) == (0, 0)
+    assert "columns not used: cov_xx, cov_yy" in err
+
+
+def test_localisation_of_clouds_in_parts(write: Write, run: Run) -> None:
+    """Squared distances 1.6 and 1 of pairs whose means are 0.2 and 1 apart."""
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    answer = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    result = json.loads(answer[1])
+    mean, spread = result["localisation_mean"], result["localisation_spread"]
+    assert mean + spread == pytest.approx(result["localisation"], rel=1e-12)
+    assert mean == pytest.approx(0.2**2 + 1, rel=1e-12)
+    first = json.loads(run(*paths, *WHOLE, "--cloud-order", "1", "--format", "json")[1])
+    assert "localisation_mean" not in first
+
+
+def test_associate_normal_laws(write: Write, run: Run, tmp_path: Path) -> None:
+    """W2 of N(0, 1) from N(3, 4) is sqrt(9 + 1), from N(2.9, 9) sqrt(8.41 + 4): not the nearest."""
+    a = write("a.csv", "id,t,x,cov_xx\n1,0,0,1\n")
+    b = write("b.csv", "id,t,x,cov_xx\nnear,0,2.9,9\nlike,0,3,4\n")
+    laws = ("--distance", "gaussian-wasserstein", "-c", "5")
+    status, out, _ = run("associate", a, b, *laws, "--format", "csv")
+    assert status == 0
+    row = out.splitlines()[1].split(",")
+    assert row[:3] == ["0", "1", "like"]
+    assert float(row[3]) == pytest.approx(10**0.5, rel=1e-14)
+    status, _, err = run("associate", a, b, *laws, "--cross-cov", "cross.csv")
+    assert status == 3
+    assert "cross-covariances are those of particles, and neither file has any" in err
+
+
+def test_compare_with_clouds(write: Write, run: Run) -> None:
+    """Solvers get prepared clouds; --seed is that of a study and not of a reduction."""
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    options = (*WHOLE, "-c", "10", "-g", "2", "--solvers", "certified", "--reduce", "2")
+    status, out, err = run("compare", *paths, *options, "--format", "json")
+    assert status == 0, err
+    assert json.loads(out)["agree"] is True

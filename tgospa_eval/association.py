@@ -84,12 +84,13 @@ class Association:
         Raises
         ------
         InputError
-            No side has clouds.
+            No side has clouds, or one has normal laws.
         """
-        if self.first.clouds is None and self.second.clouds is None:
+        kinds = {self.first.kind, self.second.kind}
+        if "cloud" not in kinds or "gaussian" in kinds:
+            lacks = "one file has covariances" if "cloud" in kinds else "neither file has any"
             raise InputError(
-                "cross-covariances are those of particles, and neither file has any; add a column "
-                "weight"
+                f"cross-covariances are those of particles, and {lacks}; add a column weight"
             )
         pairs = np.flatnonzero(self.chosen)
         names = self.first.columns

@@ -435,8 +435,9 @@ def check_states(
     ConfigError
         Its settings do not fit the state columns.
     InputError
-        It needs other columns, or a state is out of range.
+        It needs other columns, does not compare states of that kind, or a state is out of range.
     """
+    _check_kinds((truth, estimate), distance, names)
     for side, name in zip((truth, estimate), names, strict=True):
         distance.check_columns(side.columns, name)
         fault = distance.fault(side.state.T)
@@ -445,6 +446,31 @@ def check_states(
             time = side.shown[side.step[row]]
             identity = side.ids[side.track[row]]
             raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
+
+
+def _check_kinds(
+    sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
+) -> None:
+    """Whether a distance that compares more than points does so with these states."""
+    named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
+    refused = set(named) - {"point", *distance.kinds}
+    if not distance.kinds or not refused:
+        return
+    if {"gaussian", "cloud"} <= set(named):
+        raise InputError(
+            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance of a "
+            "normal law from a cloud has no closed form; --distance gaussian-wasserstein --mixed "
+            "moments takes a cloud as the normal law of its mean and covariance"
+        )
+    if "cloud" in refused:
+        raise InputError(
+            f"{named['cloud']} has particles: clouds are no normal laws; take --distance "
+            "cloud-wasserstein, or --mixed moments, the normal law of their means and covariances"
+        )
+    raise InputError(
+        f"{named['gaussian']} has covariances, not particles; take --distance "
+        "gaussian-wasserstein, or leave the columns out to compare it as points"
+    )
 
 
 def digest(side: Trajectories) -> str:

@@ -10,8 +10,8 @@ from tgospa_eval.cli.options import FILE_FORMATS, chosen_options, option
 SHARED = (
     "distance", "cloud-order", "inner", "inner-cov", "reduce", "reduce-method", "directions",
     "iterations", "restarts", "polish", "seed", "no-gating", "covariance", "periodic", "scale",
-    "columns", "jobs", "time-tolerance", "grid", "on-duplicate", "decimal", "time", "class",
-    "region",
+    "fix-cov", "missing-cov", "mixed", "columns", "jobs", "time-tolerance", "grid",
+    "on-duplicate", "decimal", "time", "class", "region",
 )  # fmt: skip
 
 

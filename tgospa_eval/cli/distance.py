@@ -42,6 +42,7 @@ class DistanceOptions:
         self.scale = _numbers("scale", options["scale"])
         self.matrix: list[list[float]] | None = None
         self.path = options["covariance"]
+        self.mixed = options["mixed"]
         self.boxes = self.named.columns == BOX
         of_laws = isinstance(self.named, GaussianWasserstein)
         of_norms = isinstance(self.named, Norm) or of_laws
@@ -58,6 +59,7 @@ class DistanceOptions:
             ),
             ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
             ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
+            ("mixed", self.mixed != "error", of_laws, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
@@ -71,6 +73,8 @@ class DistanceOptions:
                 Mahalanobis(covariance=self.matrix)
             except ConfigError as error:
                 raise InputError(f"{self.path}: {error}") from None
+        if isinstance(self.named, GaussianWasserstein):
+            self.named = replace(self.named, mixed=self.mixed)
         if of_clouds:
             self.named = cloud_distance(options, read_matrix)
 
@@ -98,7 +102,7 @@ class DistanceOptions:
         if isinstance(self.named, Norm):
             return Norm(name=self.named.name, power=self.named.power, period=period, scale=scale)
         if isinstance(self.named, GaussianWasserstein):
-            return GaussianWasserstein(period=period, scale=scale)
+            return replace(self.named, period=period, scale=scale)
         if isinstance(self.named, CloudWasserstein):
             return replace(self.named, scale=scale)
         if isinstance(self.named, Mahalanobis):

@@ -160,6 +160,10 @@ EVALUATION = (
         help="Of gaussian-wasserstein: a row with blank covariance is wrong, or a point.",
     ),
     option(
+        "--mixed", type=click.Choice(("error", "moments")), default="error",
+        help="Of gaussian-wasserstein: clouds are wrong, or taken by mean and covariance.",
+    ),
+    option(
         "--solver", type=click.Choice(SOLVERS), default="certified",
         help="certified: exact with proof; exact: CVXPY + Clarabel, the slow referee; "
         "sinkhorn: approximation with a proven bracket.",

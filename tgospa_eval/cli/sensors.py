@@ -39,6 +39,7 @@ UNUSED: dict[str, Any] = {
     "periodic": (),
     "fix_cov": False,
     "missing_cov": "error",
+    "mixed": "error",
     "scale": (),
     "time_tolerance": 0.0,
     "grid": "union",

@@ -71,14 +71,9 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
-    kinds : tuple of str
-        What it looks at beside the places of states, as `Trajectories.kind` calls it:
-        ``"gaussian"``, ``"cloud"``. States of a kind that it does not name are points to one that
-        names none, and refused by the others.
     """
 
     name: str
-    kinds: ClassVar[tuple[str, ...]] = ()
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
 
@@ -87,6 +82,14 @@ class Distance(ABC):
         a, b = (np.moveaxis(np.asarray(side, np.float64), -1, 0) for side in (a, b))
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What it compares beside points, as `Trajectories.kind` calls it: gaussian, cloud.
+
+        To a distance that names none all states are points; others refuse what they do not name.
+        """
+        return ()
 
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
         """Components (d, R) of some rows, as `between` and `embed` take them."""

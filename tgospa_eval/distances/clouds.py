@@ -84,7 +84,6 @@ class CloudWasserstein(Distance):
     scale: Sequence[float] | None = None
     gating: bool = True
     name = "cloud-wasserstein"
-    kinds = ("cloud",)
 
     def __post_init__(self) -> None:
         check_order(self.order)
@@ -96,6 +95,11 @@ class CloudWasserstein(Distance):
         for name in ("scale", "covariance"):
             if hasattr(self.rough, name):
                 object.__setattr__(self, name, getattr(self.rough, name))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Clouds."""
+        return ("cloud",)
 
     @property
     def rough(self) -> Distance:
@@ -249,6 +253,18 @@ class _Plain(Distance):
         value[rows] = _solved((a, b), (i[rows], j[rows]), self.order, (truth, estimate), effort)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
+
+    def parts(
+        self, pairs: Pairs, truth: Trajectories, estimate: Trajectories
+    ) -> tuple[Floats, Floats] | None:
+        """Of order 2: distances of the means, and of the clouds moved onto one mean."""
+        if self.order != 2:
+            return None
+        a, b = self.axes(truth, pairs.truth_row), self.axes(estimate, pairs.estimate_row)
+        means = np.minimum(self.between(zip(a, b, strict=True)), pairs.distance)
+        # As a product: a difference of squares would lose what is left of nearly equal ones.
+        spreads = np.sqrt((pairs.distance - means) * (pairs.distance + means))
+        return means, spreads
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -252,9 +252,10 @@ def read_trajectories(
     covariance : bool
         Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
         std_y, rho_xy``; the distance says whether they are compared.
-    columns, decimal, on_duplicate, boxes, time, classes, region, fix_covariance,
-    missing_covariance, clouds
+    columns, decimal, on_duplicate, boxes, time, classes, region
         As in `tgospa_eval.formats.ReadOptions`.
+    fix_covariance, missing_covariance, clouds
+        Likewise.
 
     Raises
     ------

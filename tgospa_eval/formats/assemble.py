@@ -99,7 +99,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
     if roles.weight is not None:
-        particles = gather(rows, key, chosen.mask, always=options.clouds)
+        particles = gather(rows, key, chosen.mask, always=options.clouds and roles.spread is None)
     if roles.region:
         values = roles.mixed(rows.numbers, tuple(roles.region.values()))
         if particles is not None:  # a cloud is where its mean is
