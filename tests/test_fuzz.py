@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -36,6 +37,7 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
+BINARY = ("parquet", "npz")
 PIECES = [
     *(b"", b",", b";", b"\t", b" ", b"\n", b"\r", b"\r\n", b'"', b'""', b"\x00", b"\xff", b"\xfe"),
     *(b"nan", b"inf", b"-inf", b"1e999", b"1e308", b"-1", b"0", b"007", b"1_0", b"0x1", b"True"),
@@ -52,6 +54,7 @@ OPTIONS = st.builds(
     classes=st.sampled_from([None, ("1", "Car"), ("1e22",)]),
     region=st.sampled_from([None, "x=0:50"]),
     by_class=st.booleans(),
+    clouds=st.booleans(),
 ).filter(lambda options: not (options.boxes and options.columns))
 
 
@@ -95,15 +98,21 @@ def edited_tables(draw: st.DrawFn, seed: bytes, delimiter: bytes) -> bytes:
 
 
 def seed_of(name: str) -> bytes:
-    if name != "parquet":
+    if name not in BINARY:
         return SEEDS[name].encode()
-    pytest.importorskip("pyarrow")
     import io
 
     import pandas as pd
 
     buffer = io.BytesIO()
     frame = pd.read_csv(io.StringIO(SEEDS["csv"]))
+    if name == "npz":
+        columns = {column: frame[column].to_numpy() for column in frame}
+        np.savez(
+            buffer, **{c: a.astype(str) if a.dtype.kind == "O" else a for c, a in columns.items()}
+        )
+        return buffer.getvalue()
+    pytest.importorskip("pyarrow")
     frame.to_parquet(buffer)
     return buffer.getvalue()
 

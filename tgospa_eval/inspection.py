@@ -98,6 +98,7 @@ def describe(reading: Reading) -> dict[str, Any]:
             for part in (reading.of_class(name),)
         },
         "objects": spread(per_step),
+        **({} if side.clouds is None else {"particles": spread(side.clouds.counts)}),
         "extent": {
             name: {"min": float(values.min()), "max": float(values.max())}
             for name, values in zip(side.columns, side.state.T, strict=True)
@@ -229,7 +230,7 @@ def nearest_estimates(
             for side in (aligned.truth, aligned.estimate)
         )
         a = a[:: -(-len(a) // SAMPLE)]
-        found.append(distance(a[:, None], b[None, :]).min(axis=1))
+        found.append(distance.rough(a[:, None], b[None, :]).min(axis=1))
     near = np.sort(np.concatenate(found))
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
     quantiles = np.interp(at, np.arange(len(near)), near).tolist()

@@ -1,7 +1,7 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
-from tgospa_eval.distances import DISTANCES, Distance, Pairs, near_pairs
+from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result, Scene, sizes_of
 from tgospa_eval.merging import merge_runs
@@ -60,10 +60,11 @@ def evaluate(
         gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
     distance : str or Distance
         Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``, ``"haversine"``,
-        ``"iou"``, ``"gaussian-wasserstein"``, or a record of `tgospa_eval.distances` with
-        settings: `Norm`, `Mahalanobis`, `GaussianWasserstein`. Arrays and DataFrames are taken
-        to have the columns that it needs: ``lat, lon`` or ``left, top, width, height``; of
-        DataFrames those of covariances are read if the distance looks at them.
+        ``"iou"``, ``"gaussian-wasserstein"``, ``"cloud-wasserstein"``, or a record of
+        `tgospa_eval.distances` with settings: `Norm`, `Mahalanobis`, `GaussianWasserstein`,
+        `CloudWasserstein`. Arrays and DataFrames are taken to have the columns that it needs:
+        ``lat, lon`` or ``left, top, width, height``; of DataFrames covariances and particles are
+        read if the distance looks at them.
     solver : str or solver record
         ``"certified"``, ``"exact"``, ``"sinkhorn"``, or `Certified`, `Exact`, `Sinkhorn` with
         settings.
@@ -92,7 +93,7 @@ def evaluate(
     measure = _distance(distance)
     with stopwatch.span("read"):
         sides = [
-            as_trajectories(side, name, measure.columns, covariance=measure.uses_covariance)
+            as_trajectories(side, name, measure)
             for side, name in ((truth, "truth"), (estimate, "estimate"))
         ]
     defaults = measure.defaults
@@ -163,6 +164,7 @@ def evaluate_trajectories(
         settings=settings,
         inputs=inputs,
         stopwatch=stopwatch,
+        jobs=getattr(solver, "jobs", None),
     )
     return solve(prepared, solver, stopwatch)
 
@@ -176,9 +178,9 @@ class Prepared:
     parameters : Parameters
         Cutoff, order and switch penalty.
     sides : pair of Trajectories
-        Truth and estimate, aligned.
+        Truth and estimate, aligned and prepared.
     distance : Distance
-        Base distance.
+        Base distance, prepared.
     states : States
         The reduced problem.
     labels : Labels
@@ -217,20 +219,25 @@ def prepare(
     settings: dict[str, Any] | None = None,
     inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
     stopwatch: Stopwatch,
+    jobs: int | None = None,
 ) -> Prepared:
-    """The first half of `evaluate_trajectories`: everything before the solver."""
+    """The first half of `evaluate_trajectories`: all before the solver, in so many threads."""
     stamps = stamps or Stamps()
     measure = _distance(distance)
     check_columns(truth, estimate)
     check_states(truth, estimate, measure)
-    truth, estimate = (_looked_at(side, measure) for side in (truth, estimate))
+    # What is digested is what counts.
+    truth, estimate = (side.seen_as(measure.kinds) for side in (truth, estimate))
     with stopwatch.span("report"):
         told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
         digests = digest(truth), digest(estimate)
     with stopwatch.span("distances"):
         aligned = align(truth, estimate, stamps)
         truth, estimate = aligned.truth, aligned.estimate
-        pairs = near_pairs(truth, estimate, parameters.cutoff, measure)
+        measure = measure.fitted(truth, estimate)
+        effort = Effort(jobs=jobs, stopwatch=stopwatch)
+        truth, estimate, prepared = measure.prepared(truth, estimate, effort)
+        pairs = near_pairs(truth, estimate, parameters.cutoff, prepared, effort)
     with stopwatch.span("solve/preparation"):
         problem = _problem(truth, estimate, pairs, parameters)
         del pairs  # the distances are as long as the entries
@@ -238,7 +245,7 @@ def prepare(
     return Prepared(
         parameters=parameters,
         sides=(truth, estimate),
-        distance=measure,
+        distance=prepared,
         states=states,
         labels=Labels(
             times=truth.shown.tolist(),
@@ -301,29 +308,27 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
     )
 
 
-def _looked_at(side: Trajectories, distance: Distance) -> Trajectories:
-    """Without covariances, unless the distance looks at them: what is digested is what counts."""
-    if side.covariance is None or distance.uses_covariance:
-        return side
-    return replace(side, covariance=None)
-
-
 def _split(
     truth: Trajectories, estimate: Trajectories, distance: Distance, proof: Proof
 ) -> tuple[float, float] | None:
     """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
-    if not distance.uses_covariance or proof.parameters.order != 2:
+    if proof.parameters.order != 2:
         return None
     states, problem = proof.states, proof.states.problem
     used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
     sums = [0.0, 0.0]
-    for begin in range(0, len(used), BLOCK):
+    for begin in range(0, len(used) or 1, BLOCK):
         state = used[begin : begin + BLOCK]
         entry = states.entry[state]
-        sides = (truth, problem.truth_row), (estimate, problem.estimate_row)
-        a, b = (distance.axes(side, rows[entry]) for side, rows in sides)
-        parts = distance.parts(zip(a, b, strict=True))
-        for k, part in enumerate(parts or ()):
+        pairs = Pairs(
+            truth_row=problem.truth_row[entry],
+            estimate_row=problem.estimate_row[entry],
+            distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry]),
+        )
+        parts = distance.parts(pairs, truth, estimate)
+        if parts is None:
+            return None
+        for k, part in enumerate(parts):
             sums[k] += float((proof.weights[state] / ONE) @ (part * part))
     return sums[0], sums[1]
 
@@ -371,15 +376,14 @@ def _solver_record(
 def as_trajectories(
     side: "Trajectories | pd.DataFrame | Floats",
     name: str,
-    columns: tuple[str, ...] | None = None,
-    *,
-    covariance: bool = False,
+    distance: Distance | None = None,
 ) -> Trajectories:
     """Any accepted form of one side as Trajectories.
 
-    `name` begins the messages; `columns` are the state columns of tables and arrays, if the
-    distance prescribes them; `covariance` asks for those of tables.
+    `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
+    and want their covariances or particles.
     """
+    columns = None if distance is None else distance.columns
     if isinstance(side, Trajectories):
         return side
     if isinstance(side, np.ndarray):
@@ -389,7 +393,8 @@ def as_trajectories(
         from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
 
-        options = ReadOptions(columns=columns, covariance=covariance)
+        kinds = () if distance is None else distance.kinds
+        options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
         return from_frame(side, options, name=name).trajectories
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
@@ -432,8 +437,9 @@ def check_states(
     ConfigError
         Its settings do not fit the state columns.
     InputError
-        It needs other columns, or a state is out of range.
+        It needs other columns, does not compare states of that kind, or a state is out of range.
     """
+    _check_kinds((truth, estimate), distance, names)
     for side, name in zip((truth, estimate), names, strict=True):
         distance.check_columns(side.columns, name)
         fault = distance.fault(side.state.T)
@@ -444,14 +450,38 @@ def check_states(
             raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
 
 
+def _check_kinds(
+    sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
+) -> None:
+    """Whether a distance that compares more than points does so with these states."""
+    named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
+    refused = set(named) - {"point", *distance.kinds}
+    if not distance.kinds or not refused:
+        return
+    if {"gaussian", "cloud"} <= set(named):
+        raise InputError(
+            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance of a "
+            "normal law from a cloud has no closed form; --distance gaussian-wasserstein --mixed "
+            "moments takes a cloud as the normal law of its mean and covariance"
+        )
+    if "cloud" in refused:
+        raise InputError(
+            f"{named['cloud']} has particles: clouds are no normal laws; take --distance "
+            "cloud-wasserstein, or --mixed moments, the normal law of their means and covariances"
+        )
+    raise InputError(
+        f"{named['gaussian']} has covariances, not particles; take --distance "
+        "gaussian-wasserstein, or leave the columns out to compare it as points"
+    )
+
+
 def digest(side: Trajectories) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows, states and covariances."""
+    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles."""
     sha = hashlib.sha256()
     for texts in (side.columns, side.ids.tolist()):
         sha.update(repr(list(texts)).encode())
     arrays = [side.times[side.step], side.track, side.state]
-    if side.covariance is not None:
-        arrays.append(side.covariance)
+    arrays += side.beside
     for array in arrays:
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())

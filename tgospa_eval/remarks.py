@@ -93,7 +93,7 @@ def remarks(
         )
     near = _near_misses((sides[0].times, sides[1].times), aligned, stamps)
     # Where stamps miss each other by little, the next step is the same moment: no shift.
-    shift = None if near else _shift_warning(aligned, parameters, distance)
+    shift = None if near else _shift_warning(aligned, parameters, distance.rough)
     return notices, [text for text in (_few_common(aligned), near, shift) if text]
 
 

@@ -23,6 +23,8 @@ class Stopwatch:
         Seconds of all threads together that the sweeps took.
     stage : str
         Name of the innermost span that is open, for progress.
+    tell : callable
+        Takes a sentence for the user, before work that takes long; does nothing by default.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -32,6 +34,7 @@ class Stopwatch:
         self.work = 0
         self.busy = 0.0
         self.stage = ""
+        self.tell: Callable[[str], None] = lambda _: None
 
     @contextmanager
     def span(self, name: str) -> Iterator[None]:

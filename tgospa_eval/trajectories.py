@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.clouds import Clouds
 from tgospa_eval.covariances import from_matrices
 from tgospa_eval.errors import InputError
 
@@ -49,6 +50,8 @@ class Trajectories:
         is held as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
         eigenvalue that is negative by up to a thousandth of the largest becomes 0; lower triangles
         are taken to be covariances.
+    clouds : Clouds, optional
+        The particles of each row; the states are their weighted means. Not beside covariances.
 
     Raises
     ------
@@ -65,6 +68,7 @@ class Trajectories:
     clock: str = "number"
     labels: NDArray[np.object_] | None = None
     covariance: Floats | None = None
+    clouds: Clouds | None = None
 
     def __post_init__(self) -> None:
         for name in ("step", "track"):
@@ -87,8 +91,12 @@ class Trajectories:
             )
         if not np.isfinite(self.state).all():
             raise InputError("states must be finite; leave the row out where an object is absent")
+        if self.covariance is not None and self.clouds is not None:
+            raise InputError("states have a covariance each, or a cloud, not both")
         if self.covariance is not None:
             object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
+        if self.clouds is not None:
+            self._check_clouds(self.clouds)
         if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
             raise InputError("times must increase strictly")
         if rows:
@@ -122,11 +130,22 @@ class Trajectories:
             return covariance
         return np.ascontiguousarray(from_matrices(covariance, "covariance of row {}".format)[0].T)
 
+    def _check_clouds(self, clouds: Clouds) -> None:
+        if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):
+            raise InputError(
+                f"{len(clouds)} clouds of {clouds.points.shape[1]} components do not fit state "
+                f"{self.state.shape}"
+            )
+        scale = np.abs(clouds.points).max(initial=0)
+        if not np.all(np.abs(self.state - clouds.means) <= 1e-9 * scale):
+            raise InputError("states of clouds must be the means of their particles, clouds.means")
+
     def __repr__(self) -> str:
+        particles = "" if self.clouds is None else f", {len(self.clouds.points)} particles"
         laws = "" if self.covariance is None else ", with covariances"
         return (
-            f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows, "
-            f"columns {','.join(self.columns)}{laws})"
+            f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows"
+            f"{particles}, columns {','.join(self.columns)}{laws})"
         )
 
     def dense(self) -> Floats:
@@ -156,7 +175,32 @@ class Trajectories:
             times=times,
             labels=None,
             covariance=None if self.covariance is None else self.covariance[rows],
+            clouds=None if self.clouds is None else self.clouds.chosen(rows),
         )
+
+    @property
+    def kind(self) -> str:
+        """What its states are: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
+        if self.clouds is not None:
+            return "cloud"
+        return "point" if self.covariance is None else "gaussian"
+
+    @property
+    def beside(self) -> tuple[NDArray[Any], ...]:
+        """Arrays of what states are beside their place: covariances, or particles."""
+        if self.clouds is not None:
+            return self.clouds.first, self.clouds.points, self.clouds.weights
+        return () if self.covariance is None else (self.covariance,)
+
+    def seen_as(self, kinds: tuple[str, ...]) -> "Trajectories":
+        """As points, unless its states are of one of these kinds."""
+        if self.kind in ("point", *kinds):
+            return self
+        return replace(self, covariance=None, clouds=None)
+
+    def with_clouds(self, clouds: Clouds) -> "Trajectories":
+        """The same rows with other particles, and their means as states."""
+        return replace(self, state=clouds.means, covariance=None, clouds=clouds)
 
     @classmethod
     def from_array(

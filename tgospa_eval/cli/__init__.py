@@ -17,6 +17,8 @@ VERBS = {
     "gate": ("tgospa_eval.cli.gate", "A regression gate for CI: judge by a baseline."),
     "inspect": ("tgospa_eval.cli.inspect", "What was read, and what looks wrong with it."),
     "compare": ("tgospa_eval.cli.compare", "Solvers, or estimates, side by side."),
+    "associate": ("tgospa_eval.cli.associate", "Which states of two sensors belong together."),
+    "reduce": ("tgospa_eval.cli.reduce", "Particle clouds with fewer particles."),
     "simulate": ("tgospa_eval.cli.simulate", "A made-up scene: truth plus a tracker's errors."),
 }
 """Module and summary of each verb; the module's command is called `command`."""

@@ -9,7 +9,7 @@ from tgospa_eval.cli.options import CONFIG_FILE, EVALUATION, FORMATS, KEYS, QUIE
 from tgospa_eval.cli.simulate import SCENARIOS
 
 ACCURACY_MISSED = 4
-ELSEWHERE = {"solver", "epsilon", "by"}  # by: hidden, for it may come from a settings file
+ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come from a settings file
 """Options of everything that evaluates that this verb has not, or in another form."""
 
 OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}

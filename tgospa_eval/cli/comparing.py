@@ -38,6 +38,8 @@ from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.timing import Stopwatch
 
 GIVEN = ("cutoff", "switch_penalty")
+UNUSED = {"by": None, "seed": None}
+"""Of everything that evaluates: classes are not compared, and --seed is that of a study."""
 
 
 def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set[str]) -> bool:
@@ -156,7 +158,7 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
     folder = options["output"]
     if folder is not None and not (Path(folder) / NAME).is_file():
         check_folder(folder, force=options["force"])
-    settings = make_settings(options | {"by": None}, {name: name in given for name in GIVEN})
+    settings = make_settings(options | UNUSED, {name: name in given for name in GIVEN})
     chosen = ["--scenario", options["scenario"], "--area", str(options["area"])]
     scene, tracker = scene_settings(simulate.make_context("simulate", ["DIR", *chosen]).params)
     study = Study(
@@ -275,7 +277,7 @@ def _settings(options: dict[str, Any], given: set[str]) -> Settings:
     """The records that the options ask for; the folder is looked at before any work is done."""
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
-    return make_settings(options | {"by": None}, {name: name in given for name in GIVEN})
+    return make_settings(options | UNUSED, {name: name in given for name in GIVEN})
 
 
 class Pairs:
@@ -295,11 +297,12 @@ class Pairs:
         self, settings: Settings, options: dict[str, Any], given: set[str], stopwatch: Stopwatch
     ) -> None:
         self.settings, self.stopwatch = settings, stopwatch
-        self.quiet = options["quiet"]
+        self.quiet, self.jobs = options["quiet"], options["jobs"]
         self.given = {name: name in given for name in GIVEN}
         self.told: set[str] = set()
         self.last: tuple[str, Reading] | None = None
         if not self.quiet:
+            stopwatch.tell = say
             say_if_slow()
 
     def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
@@ -326,6 +329,7 @@ class Pairs:
             settings=settings.recorded,
             inputs=(told(sides[0]), told(sides[1])),
             stopwatch=self.stopwatch,
+            jobs=self.jobs,
         )
 
     def _read(self, path: str, side: int) -> Reading:

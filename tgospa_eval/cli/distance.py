@@ -2,9 +2,18 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from tgospa_eval.distances import DISTANCES, Distance, GaussianWasserstein, Mahalanobis, Norm
+from tgospa_eval.cli.particles import cloud_distance, given_particles
+from tgospa_eval.distances import (
+    DISTANCES,
+    CloudWasserstein,
+    Distance,
+    GaussianWasserstein,
+    Mahalanobis,
+    Norm,
+)
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
@@ -33,18 +42,26 @@ class DistanceOptions:
         self.scale = _numbers("scale", options["scale"])
         self.matrix: list[list[float]] | None = None
         self.path = options["covariance"]
+        self.mixed = options["mixed"]
         self.boxes = self.named.columns == BOX
         of_laws = isinstance(self.named, GaussianWasserstein)
         of_norms = isinstance(self.named, Norm) or of_laws
         zero = options["missing_cov"] != "error"
-        norms = "the norms and gaussian-wasserstein"
         of_matrix = isinstance(self.named, Mahalanobis)
+        of_clouds = isinstance(self.named, CloudWasserstein)
         for name, given, allowed, whose in (
-            ("periodic", self.period, of_norms, norms),
-            ("scale", self.scale, of_norms or of_matrix, f"{norms}, and for mahalanobis"),
+            ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
+            (
+                "scale",
+                self.scale,
+                of_norms or of_matrix or of_clouds,
+                "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
+            ),
             ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
             ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
+            ("mixed", self.mixed != "error", of_laws, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
+            *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
                 raise ConfigError(f"--{name} is for {whose}, not for {self.named.name}")
@@ -56,6 +73,10 @@ class DistanceOptions:
                 Mahalanobis(covariance=self.matrix)
             except ConfigError as error:
                 raise InputError(f"{self.path}: {error}") from None
+        if isinstance(self.named, GaussianWasserstein):
+            self.named = replace(self.named, mixed=self.mixed)
+        if of_clouds:
+            self.named = cloud_distance(options, read_matrix)
 
     def columns(self, asked: Sequence[str] | None) -> tuple[str, ...] | None:
         """State columns to read: those asked for, else those that the distance needs."""
@@ -81,7 +102,9 @@ class DistanceOptions:
         if isinstance(self.named, Norm):
             return Norm(name=self.named.name, power=self.named.power, period=period, scale=scale)
         if isinstance(self.named, GaussianWasserstein):
-            return GaussianWasserstein(period=period, scale=scale)
+            return replace(self.named, period=period, scale=scale)
+        if isinstance(self.named, CloudWasserstein):
+            return replace(self.named, scale=scale)
         if isinstance(self.named, Mahalanobis):
             return Mahalanobis(covariance=self.matrix, scale=scale)
         return self.named

@@ -13,12 +13,15 @@ SWITCH_PENALTY = 2.0
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 DISTANCES = (
     "euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou",
-    "gaussian-wasserstein",
+    "gaussian-wasserstein", "cloud-wasserstein",
+)  # fmt: skip
+REDUCTIONS = (
+    "sliced", "recursive", "atl", "kmeans", "systematic", "stratified", "multinomial", "top",
 )  # fmt: skip
 SOLVERS = ("certified", "exact", "sinkhorn")
 GRIDS = ("union", "truth", "estimate", "common")
 FORMATS = ("table", "json", "csv", "markdown", "latex")
-FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti")
+FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti", "npz")
 
 
 KEYS: dict[Callable[[Any], Any], tuple[str, bool]] = {}
@@ -52,6 +55,62 @@ def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | Non
     return used
 
 
+_COUNT = click.IntRange(min=1)
+REDUCTION = (
+    option(
+        "--reduce-method", type=click.Choice(REDUCTIONS), metavar="METHOD", show_default="sliced",
+        help="sliced, recursive: least squares on projections; atl: transport and location in "
+        "turn; kmeans; systematic, stratified, multinomial: resampling; top: highest weights.",
+    ),
+    option(
+        "--directions", type=_COUNT, metavar="V", show_default="32, from 3-D on 24 each",
+        help="Of sliced and recursive: projections.",
+    ),
+    option(
+        "--iterations", type=_COUNT, metavar="K", show_default="25",
+        help="Of the first four methods, at most.",
+    ),
+    option(
+        "--restarts", type=_COUNT, metavar="K", show_default="1",
+        help="Starts of these, of which the nearest result is kept.",
+    ),
+    option(
+        "--polish", type=click.IntRange(min=0), metavar="K", show_default="0",
+        help="Steps of atl after sliced and recursive.",
+    ),
+    option(
+        "--seed", type=click.IntRange(min=0), show_default="0",
+        help="Of what is random; equal clouds are reduced alike.",
+    ),
+)  # fmt: skip
+"""How clouds are reduced; without defaults, to see what was given."""
+
+PARTICLES = (
+    option(
+        "--cloud-order", type=click.IntRange(1, 2), show_default="2",
+        help="Order of cloud-wasserstein, whatever the order p.",
+    ),
+    option(
+        "--inner", type=click.Choice(("euclidean", "mahalanobis")), show_default="euclidean",
+        help="Of cloud-wasserstein: distance of particles.",
+    ),
+    option(
+        "--inner-cov", metavar="global|FILE", show_default="global",
+        help="Of --inner mahalanobis: its covariance, global: mean of all clouds; or a CSV matrix; "
+        "associate also pair: mean of the two.",
+    ),
+    option(
+        "--reduce", type=_COUNT, metavar="N",
+        help="Of cloud-wasserstein: clouds are reduced to N particles first.",
+    ),
+    *REDUCTION,
+    option(
+        "--no-gating", is_flag=True,
+        help="Of cloud-wasserstein: solve all pairs, to check the bounds.",
+    ),
+)  # fmt: skip
+"""Of clouds as states."""
+
 EVALUATION = (
     option(
         "-c", "--cutoff", type=float, default=CUTOFF, show_default="10.0, of iou 0.5",
@@ -70,8 +129,10 @@ EVALUATION = (
         "--distance", type=click.Choice(DISTANCES), default="euclidean", metavar="NAME",
         help="Base distance between two states: euclidean, manhattan, chebyshev, mahalanobis, "
         "haversine (metres from lat,lon), iou (boxes left,top,width,height), "
-        "gaussian-wasserstein (means and covariances).",
+        "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles with a "
+        "column weight).",
     ),
+    *PARTICLES,
     option(
         "--covariance", metavar="FILE", type=click.Path(),
         help="Of mahalanobis: CSV file with a matrix d x d, without header.",
@@ -97,6 +158,10 @@ EVALUATION = (
     option(
         "--missing-cov", type=click.Choice(("error", "zero")), default="error",
         help="Of gaussian-wasserstein: a row with blank covariance is wrong, or a point.",
+    ),
+    option(
+        "--mixed", type=click.Choice(("error", "moments")), default="error",
+        help="Of gaussian-wasserstein: clouds are wrong, or taken by mean and covariance.",
     ),
     option(
         "--solver", type=click.Choice(SOLVERS), default="certified",
@@ -236,9 +301,19 @@ SOLVING = {"switch-penalty", "solver", "gap", "epsilon", "time-limit", "jobs"}
 """What a verb that solves nothing does without."""
 
 
+def chosen_options(
+    command: Callable[..., Any], keys: tuple[str, ...], more: tuple[Callable[[Any], Any], ...] = ()
+) -> Callable[..., Any]:
+    """Add some of the options of everything that evaluates, and more."""
+    shared = [add for add in EVALUATION if KEYS[add][0] in keys]
+    for add in reversed((*shared, *more, CONFIG_FILE, QUIET)):
+        command = add(command)
+    return command
+
+
 def reading_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of everything that reads two files and measures distances."""
-    shared = [add for add in EVALUATION if KEYS[add][0] not in SOLVING]
+    shared = [add for add in EVALUATION if KEYS[add][0] not in SOLVING and add not in PARTICLES]
     for add in reversed((*shared, CONFIG_FILE, QUIET)):
         command = add(command)
     return command

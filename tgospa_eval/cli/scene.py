@@ -14,6 +14,9 @@ from tgospa_eval.reports.files import check_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.trajectories import Trajectories
 
+DISTANCES = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
+"""Distances of states that are more than points."""
+
 OPTION = "DIR"
 """What messages about the folder begin with."""
 
@@ -48,13 +51,13 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
 def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
     """The scene and the tracker that the options of `simulate` ask for."""
     boxes = options["format"] != "csv"
-    if boxes and options["state"] in ("point", "gaussian"):
+    if boxes and options["state"] not in (None, "box"):
         raise ConfigError(
             f"--state {options['state']}: {options['format']} files hold boxes; leave it out"
         )
     scene = Scene(
         state=options["state"] or ("box" if boxes else "point"),
-        **{name: options[name] for name in ("scenario", "targets", "steps", "area")},
+        **{name: options[name] for name in ("scenario", "targets", "steps", "area", "particles")},
     )
     scaled = {"noise": scene.area / 200, "near": scene.area / 20}
     given: dict[str, Any] = {field.name: options[field.name] for field in fields(Tracker)}
@@ -63,7 +66,8 @@ def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
 
 
 def _size(side: Trajectories, what: str) -> str:
-    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}"
+    clouds = "" if side.clouds is None else f" of {_count(len(side.clouds.points), 'particle')}"
+    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}{clouds}"
 
 
 def _count(number: int, what: str) -> str:
@@ -76,6 +80,6 @@ def _command(folder: str, names: tuple[str, str], options: dict[str, Any], track
     cutoff = max(options["area"] / 20, 5 * tracker.noise)
     format_ = options["format"]
     formats = f" --truth-format {format_} --estimate-format {format_}" if format_ != "csv" else ""
-    if options["state"] == "gaussian":
-        formats += " --distance gaussian-wasserstein"
+    if options["state"] in DISTANCES:
+        formats += f" --distance {DISTANCES[options['state']]}"
     return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"

@@ -53,8 +53,8 @@ class Settings:
             **dict(self.reading.covariances()),
         }
 
-    def read(self, *paths: str) -> tuple[Reading, ...]:
-        """The truth, and the estimate if there is one.
+    def read(self, *paths: str, roles: tuple[str, ...] = ROLES) -> tuple[Reading, ...]:
+        """The truth, and the estimate if there is one; or files in other roles.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class Settings:
         """
         sides = tuple(
             read(path, self.reading, role, format)
-            for path, role, format in zip(paths, ROLES, self.formats, strict=False)
+            for path, role, format in zip(paths, roles, self.formats, strict=False)
         )
         there = {name for side in sides for name in side.named}
         for name in self.reading.classes or ():
@@ -101,7 +101,7 @@ class Settings:
                 f"--grid {self.stamps.grid}: no step is left, none of {aligned.union} counts; "
                 "if the clocks differ, see --time-tolerance"
             )
-        return distance, aligned
+        return distance.fitted(aligned.truth, aligned.estimate), aligned
 
 
 def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
@@ -139,9 +139,10 @@ def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
             classes=None if classes is None else tuple(map(str.strip, classes.split(","))),
             region=options["region"],
             by_class=options["by"] == "class",
-            covariance=measure.named.uses_covariance,
+            covariance=bool(measure.named.kinds),
             fix_covariance=options["fix_cov"],
             missing_covariance=options["missing_cov"],
+            clouds="cloud" in measure.named.kinds,
             fault=measure.fault,
         ),
         formats=(options["truth_format"], options["estimate_format"]),

@@ -30,10 +30,11 @@ def _option(name: str, default: Any, text: str, **settings: Any) -> Callable[[An
 @_option("--steps", 60, "Length of the recording.", type=int)
 @_option("--area", 200.0, "Side of the square in which it happens; in state units.")
 @click.option(
-    "--state", type=click.Choice(("point", "gaussian", "box")),
-    help="x,y; x,y with covariances of the estimates; left,top,width,height.  [default: box for "
-    "motchallenge and kitti, else point]",
+    "--state", type=click.Choice(("point", "gaussian", "cloud", "box")),
+    help="x,y; x,y with covariances of the estimates; x,y of weighted particles in the estimate; "
+    "left,top,width,height.  [default: box for motchallenge and kitti, else point]",
 )  # fmt: skip
+@_option("--particles", 100, "Of each cloud.", type=click.IntRange(min=1))
 @click.option(
     "--noise", type=float,
     help="Standard deviation of each estimated coordinate.  [default: area / 200]",

@@ -63,6 +63,8 @@ def evaluate_files(
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
     stopwatch = Stopwatch()
+    if not quiet:
+        stopwatch.tell = say
 
     def work() -> Summary:
         with stopwatch.span("read"):
@@ -125,6 +127,7 @@ def evaluate_sides(
     for name in sorted({*truth.classes, *estimate.classes}, key=natural) or [""]:
         stopwatch.stage = f"class {name}"
         part = Stopwatch()
+        part.tell = stopwatch.tell
         results[name] = evaluate_trajectories(
             truth.of_class(name), estimate.of_class(name), stopwatch=part, **common
         )
@@ -177,8 +180,8 @@ def pair_remarks(
         if side.rows and not len(side.trajectories.step):
             yield f"warning: no row of the {name} takes part"
     truth, estimate = (side.trajectories for side in sides)
-    if distance.uses_covariance:
-        yield from _about_points(truth.covariance is None, estimate.covariance is None)
+    if "gaussian" in distance.kinds:
+        yield from _about_points(truth.kind == "point", estimate.kind == "point")
     said, warnings = remarks(
         (truth, estimate), aligned, settings.stamps, settings.parameters, distance
     )

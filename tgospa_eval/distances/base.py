@@ -2,12 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
@@ -17,6 +19,39 @@ Fault = tuple[int, str, str]
 
 ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pairs:
+    """Near pairs, sorted by (step, truth, estimate).
+
+    Parameters
+    ----------
+    truth_row, estimate_row : (N,) int32 arrays
+        Rows of the two tables; int64 for tables that need it.
+    distance : (N,) float array
+        Base distance, less than the cutoff.
+    """
+
+    truth_row: Ints
+    estimate_row: Ints
+    distance: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Effort:
+    """How to do what takes long.
+
+    Parameters
+    ----------
+    jobs : int, optional
+        Threads; all cores by default.
+    stopwatch : Stopwatch
+        Shows the stage, and tells the user.
+    """
+
+    jobs: int | None = None
+    stopwatch: Stopwatch = field(default_factory=Stopwatch)
 
 
 class Distance(ABC):
@@ -37,14 +72,11 @@ class Distance(ABC):
         State columns that it needs, in order; None if any will do.
     defaults : tuple of float
         Cutoff and switch penalty, if the user names none.
-    uses_covariance : bool
-        Whether it looks at covariances.
     """
 
     name: str
     columns: ClassVar[tuple[str, ...] | None] = None
     defaults: ClassVar[tuple[float, float]] = (10.0, 2.0)
-    uses_covariance: ClassVar[bool] = False
 
     def __call__(self, a: ArrayLike, b: ArrayLike) -> Floats:
         """Distance along the last axis of `a` and `b`, which broadcast."""
@@ -52,17 +84,61 @@ class Distance(ABC):
         with np.errstate(over="ignore", invalid="ignore"):
             return self.between(zip(a, b, strict=True))
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What it compares beside points, as `Trajectories.kind` calls it: gaussian, cloud.
+
+        To a distance that names none all states are points; others refuse what they do not name.
+        """
+        return ()
+
     def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
         """Components (d, R) of some rows, as `between` and `embed` take them."""
         return np.ascontiguousarray(side.state[rows].T)
 
-    def parts(self, components: Iterable[tuple[Floats, Floats]]) -> tuple[Floats, Floats] | None:
-        """Two distances whose squares add up to that of `between`: of means, and of spreads.
+    def parts(
+        self, pairs: Pairs, truth: Trajectories, estimate: Trajectories
+    ) -> tuple[Floats, Floats] | None:
+        """Of near pairs of prepared sides the distances of the means, and of what is around them.
 
-        None if there are no such.
+        Their squares add up to that of the distance; None if there are no such.
         """
-        del components
+        del pairs, truth, estimate
         return None
+
+    @property
+    def rough(self) -> "Distance":
+        """A distance of states alone that costs little and is no larger: for looking around."""
+        return self
+
+    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "Distance":
+        """With what settings leave to the data of the run."""
+        del truth, estimate
+        return self
+
+    def prepared(
+        self, truth: Trajectories, estimate: Trajectories, effort: Effort
+    ) -> tuple[Trajectories, Trajectories, "Distance"]:
+        """Both sides as they are compared, and the distance that compares those."""
+        del effort
+        return truth, estimate, self
+
+    def horizon(self, truth: Trajectories, estimate: Trajectories, cutoff: float) -> float:
+        """The search is for pairs whose `between` is less than this."""
+        del truth, estimate
+        return cutoff
+
+    def refined(
+        self,
+        pairs: Pairs,
+        truth: Trajectories,
+        estimate: Trajectories,
+        cutoff: float,
+        effort: Effort,
+    ) -> Pairs:
+        """Near pairs among those that the search found, where `between` is a bound."""
+        del truth, estimate, cutoff, effort
+        return pairs
 
     @property
     def tree_power(self) -> float:

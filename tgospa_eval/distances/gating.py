@@ -1,14 +1,14 @@
 """Which pairs of one step are nearer than the cutoff: time and memory for the near pairs only."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.distances.base import Distance, Floats
+from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.trajectories import Ints, Trajectories
 
@@ -19,29 +19,19 @@ SAMPLE = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Pairs:
-    """Near pairs, sorted by (step, truth, estimate).
-
-    Parameters
-    ----------
-    truth_row, estimate_row : (N,) int32 arrays
-        Rows of the two tables; int64 for tables that need it.
-    distance : (N,) float array
-        Base distance, less than the cutoff.
-    """
-
-    truth_row: Ints
-    estimate_row: Ints
-    distance: Floats
-
-
 # Differences and sums of huge coordinates may overflow: infinitely far is right.
 @np.errstate(over="ignore", invalid="ignore")
 def near_pairs(
-    truth: Trajectories, estimate: Trajectories, cutoff: float, distance: Distance
+    truth: Trajectories,
+    estimate: Trajectories,
+    cutoff: float,
+    distance: Distance,
+    effort: Effort | None = None,
 ) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
+    effort = effort or Effort()
+    truth, estimate, distance = distance.prepared(truth, estimate, effort)
+    horizon = distance.horizon(truth, estimate, cutoff)
     starts = _starts(truth), _starts(estimate)
     fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
     kind = np.int32 if fits else np.int64
@@ -49,17 +39,18 @@ def near_pairs(
     for begin, end in _together(starts[0] + starts[1]):
         a = _rows(truth, starts[0], begin, end, distance)
         b = _rows(estimate, starts[1], begin, end, distance)
-        for i, j in _search(a, b, cutoff, distance):
+        for i, j in _search(a, b, horizon, distance):
             value = distance.between((x[i], y[j]) for x, y in zip(a.axes, b.axes, strict=True))
-            near = np.flatnonzero(value < cutoff)
+            near = np.flatnonzero(value < horizon)
             truth_rows.add(i[near] + a.first)
             estimate_rows.add(j[near] + b.first)
             distances.add(value[near])
-    return Pairs(
+    found = Pairs(
         truth_row=truth_rows.done(),
         estimate_row=estimate_rows.done(),
         distance=distances.done(),
     )
+    return distance.refined(found, truth, estimate, cutoff, effort)
 
 
 def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tuple[Ints, Ints]]:
@@ -122,6 +113,7 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
 
     None if no step has both. Both sides must be on the same times.
     """
+    distance = distance.rough
     starts = [_starts(side) for side in (truth, estimate)]
     both = np.flatnonzero(np.diff(starts[0]) * np.diff(starts[1]))
     if not len(both):

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval import covariances
-from tgospa_eval.distances.base import Distance, Floats
+from tgospa_eval.distances.base import Distance, Floats, Pairs
 from tgospa_eval.distances.vector import Norm
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.trajectories import Ints, Trajectories
 
 BLOCK = 1 << 13
 """Pairs of more than two components that are decomposed at a time."""
+
+MIXED = ("error", "moments")
 
 Pair = tuple[Floats, Floats]
 
@@ -38,23 +40,34 @@ class GaussianWasserstein(Distance):
         State units per unit of each column, > 0; covariances are scaled along.
     period : sequence of float, optional
         Period of each column, > 0 in its unit; inf where it is not periodic.
+    mixed : {"error", "moments"}
+        What becomes of particle clouds: refused, or replaced by the normal law of their mean and
+        covariance. Clouds with equal moments are then at the distance 0: no metric on clouds, but a
+        lower bound of the Wasserstein distance.
 
     Raises
     ------
     ConfigError
-        A number is out of range.
+        A number is out of range, or a word is none of these.
     """
 
     scale: Sequence[float] | None = None
     period: Sequence[float] | None = None
+    mixed: str = "error"
     name = "gaussian-wasserstein"
-    uses_covariance = True
 
     def __post_init__(self) -> None:
+        if self.mixed not in MIXED:
+            raise ConfigError(f'mixed is "{self.mixed}": must be one of {", ".join(MIXED)}')
         norm = Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
         object.__setattr__(self, "_norm", norm)
         object.__setattr__(self, "scale", norm.scale)
         object.__setattr__(self, "period", norm.period)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Normal laws, and clouds if their moments will do."""
+        return ("gaussian", "cloud") if self.mixed == "moments" else ("gaussian",)
 
     @property
     def tree_power(self) -> float:
@@ -72,8 +85,13 @@ class GaussianWasserstein(Distance):
         d, count = means.shape
         found = np.zeros((d * (d + 3) // 2, count))
         found[:d] = means
-        if side.covariance is not None:
-            found[d:] = covariances.factor(np.ascontiguousarray(side.covariance[rows].T))
+        packed = None
+        if side.clouds is not None:
+            packed = covariances.pack(side.clouds.covariances[rows])
+        elif side.covariance is not None:
+            packed = np.ascontiguousarray(side.covariance[rows].T)
+        if packed is not None:
+            found[d:] = covariances.factor(packed)
             for row, scale in enumerate(self.scale or ()):
                 begin = d + row * (row + 1) // 2
                 found[begin : begin + row + 1] *= scale
@@ -81,10 +99,14 @@ class GaussianWasserstein(Distance):
 
     def between(self, components: Iterable[Pair]) -> Floats:
         """Distance of laws that are given component by component: means, then factors."""
-        return np.hypot(*self.parts(components))
+        return np.hypot(*self._parts(components))
 
-    def parts(self, components: Iterable[Pair]) -> Pair:
-        """Distance of the means, and of the covariances."""
+    def parts(self, pairs: Pairs, truth: Trajectories, estimate: Trajectories) -> Pair:
+        """Distances of the means, and of the covariances."""
+        a, b = self.axes(truth, pairs.truth_row), self.axes(estimate, pairs.estimate_row)
+        return self._parts(zip(a, b, strict=True))
+
+    def _parts(self, components: Iterable[Pair]) -> Pair:
         pairs = list(components)
         d = _dimension(len(pairs))
         return self._means.between(pairs[:d]), bures(pairs[d:])
@@ -102,8 +124,8 @@ class GaussianWasserstein(Distance):
         self._means.check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
-        """Periods and scales by the names of the columns."""
-        return self._means.settings(columns)
+        """Periods and scales by the names of the columns, and what becomes of clouds."""
+        return {**self._means.settings(columns), "mixed": self.mixed}
 
 
 def gaussian_wasserstein(

@@ -120,6 +120,21 @@ class Mahalanobis(Distance):
         return found
 
 
+def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
+    """Lower factor L of a covariance ``L L'``, of so many components if that is said.
+
+    Raises
+    ------
+    ConfigError
+        The matrix is not square, symmetric and positive definite, or of another size.
+    """
+    matrix = _matrix(covariance)
+    if size is not None and len(matrix) != size:
+        raise ConfigError(f"covariance is {len(matrix)} x {len(matrix)}: must be {size} x {size}")
+    deviation, factor = _factor(matrix)
+    return deviation[:, None] * factor
+
+
 def _matrix(covariance: ArrayLike) -> Floats:
     try:
         matrix = np.array(covariance, dtype=np.float64)

@@ -20,6 +20,7 @@ FORMATS = {
     "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
     "motchallenge": ("tgospa_eval.formats.motchallenge", "read_motchallenge"),
     "kitti": ("tgospa_eval.formats.kitti", "read_kitti"),
+    "npz": ("tgospa_eval.formats.npz", "read_npz"),
 }
 """Module and function that read each format; imported when used."""
 
@@ -100,6 +101,8 @@ class ReadOptions:
         Replace what is no covariance by the nearest matrix that is.
     missing_covariance : {"error", "zero"}
         What a row with blank covariance is, where there are columns: wrong, or a point.
+    clouds : bool
+        A column of weights makes rows particles, also where no (id, t) is repeated.
     fault : callable, optional
         Of names of state columns and states (d, R): the first that is out of range, its column, and
         what is wrong with it.
@@ -121,6 +124,7 @@ class ReadOptions:
     covariance: bool = False
     fix_covariance: bool = False
     missing_covariance: str = "error"
+    clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
 
     def __post_init__(self) -> None:
@@ -231,8 +235,11 @@ def read_trajectories(
     covariance: bool = True,
     fix_covariance: bool = False,
     missing_covariance: str = "error",
+    clouds: bool = False,
 ) -> Trajectories:
-    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge or KITTI.
+    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
+
+    Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
 
     Parameters
     ----------
@@ -240,13 +247,15 @@ def read_trajectories(
         The file.
     role : {"truth", "estimate"}
         What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
-    format : {"csv", "parquet", "motchallenge", "kitti"}, optional
+    format : {"csv", "parquet", "motchallenge", "kitti", "npz"}, optional
         Guessed by name and content if not given.
     covariance : bool
         Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
         std_y, rho_xy``; the distance says whether they are compared.
-    columns, decimal, on_duplicate, boxes, time, classes, region, fix_covariance, missing_covariance
+    columns, decimal, on_duplicate, boxes, time, classes, region
         As in `tgospa_eval.formats.ReadOptions`.
+    fix_covariance, missing_covariance, clouds
+        Likewise.
 
     Raises
     ------
@@ -266,6 +275,7 @@ def read_trajectories(
         covariance=covariance,
         fix_covariance=fix_covariance,
         missing_covariance=missing_covariance,
+        clouds=clouds,
     )
     return read(path, options, role, format).trajectories
 

@@ -12,6 +12,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.particles import gather
 from tgospa_eval.formats.spread import Cells, covariances_of
 from tgospa_eval.formats.times import Times, more, quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
@@ -94,19 +95,28 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         for name in sorted(names - set(rows.classes[0])):
             there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
             chosen.notices.append(f"no row of class {quoted(name)}; there are {there}")
+    track_ids, track = rows.ids
+    key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    particles = None
+    if roles.weight is not None:
+        particles = gather(rows, key, chosen.mask, always=options.clouds and roles.spread is None)
     if roles.region:
         values = roles.mixed(rows.numbers, tuple(roles.region.values()))
+        if particles is not None:  # a cloud is where its mean is
+            values = particles.means(values)
         inside = np.ones(len(state), bool)
         for column, (low, high) in zip(values.T, options.ranges.values(), strict=True):
             inside &= (column >= low) & (column <= high)
         chosen.keep(inside, "region", "left out by --region")
     _check_states(rows, state, chosen.mask, options)
 
-    track_ids, track = rows.ids
-    key = step.astype(np.int64) * max(len(track_ids), 1) + track
     taken, ordered = _by_key(key, None if chosen.all() else np.flatnonzero(chosen.mask))
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
-    if len(again):
+    clouds = None
+    if particles is not None:
+        clouds, taken, ordered = particles.clouds(state, taken, ordered)
+        chosen.notices += particles.notices(clouds, compared=options.clouds)
+    elif len(again):
         if options.on_duplicate == "error":
             raise InputError(_duplicate(taken, again, key, rows))
         drop = again + 1 if options.on_duplicate == "first" else again
@@ -125,7 +135,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         track_used = (np.cumsum(has_rows) - 1)[track_used]
     notices = chosen.notices
     covariance = None
-    if roles.spread is not None:
+    if roles.spread is not None and clouds is None:
         covariance, said = covariances_of(
             _cells(rows, taken),
             roles.spread,
@@ -136,7 +146,8 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     trajectories = Trajectories(
         step=step_used,
         track=track_used,
-        state=state.take(taken, axis=0),
+        state=state.take(taken, axis=0) if clouds is None else clouds.means,
+        clouds=clouds,
         ids=track_ids[used],
         times=cast(NDArray[np.float64], moments),
         columns=roles.names,
@@ -155,7 +166,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
             chosen.notices.append(f'{count} {what} no class: evaluated as a class named ""')
     if roles.centres:
         notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
-    notices = [*roles.notices(), *notices]
+    notices = [*roles.notices(clouds=clouds is not None), *notices]
     return Reading(
         trajectories=trajectories,
         rows=len(state),
@@ -292,5 +303,6 @@ def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows) -> str:
     return (
         f"{where(row)}: id {_name(rows, row)} at t {_moment(rows, row)} was given before, "
         f"{where(first)}{more(len(again))}; "
-        "one row per object and step, or --on-duplicate first or last"
+        "one row per object and step, or --on-duplicate first or last; particles of one object "
+        "need a column weight"
     )

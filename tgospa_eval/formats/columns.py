@@ -18,8 +18,12 @@ ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
     "t": ("t", "time", "timestamp", "frame", "step"),
     "class": ("class",),
+    "weight": ("weight", "w"),
 }
 """Headers under which the columns are found that are no numbers of a state."""
+
+WEIGHT = "weight"
+"""Of particles."""
 
 BOX = ("left", "top", "width", "height")
 EDGES = (*BOX, "right", "bottom")
@@ -50,10 +54,14 @@ class Roles:
         The states are the centres of boxes.
     unused : tuple of str
         Headers of all other columns.
+    weight : int, optional
+        Column of the weights of particles.
     spread : Spread, optional
         Columns of the covariances.
     asked : bool
         Whether covariances were asked for.
+    headers : tuple of str
+        All headers.
     """
 
     id: int
@@ -65,30 +73,42 @@ class Roles:
     sizes: tuple[Mix, ...]
     centres: bool
     unused: tuple[str, ...]
+    weight: int | None = None
     spread: Spread | None = None
     asked: bool = False
+    headers: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """Columns that are read as numbers, those of the state first."""
         mixes = (*self.state, *self.region.values(), *self.sizes)
         columns = [column for mix in mixes for column, _ in mix]
+        if self.weight is not None:
+            columns.append(self.weight)
         return tuple(dict.fromkeys([*columns, *(self.spread.columns if self.spread else ())]))
 
-    def notices(self) -> Iterator[str]:
-        """Columns that are passed over, and what becomes of covariances."""
+    def notices(self, *, clouds: bool) -> Iterator[str]:
+        """Columns that are passed over, and what becomes of covariances.
+
+        `clouds` says whether rows are particles: weights are for them alone, covariances are not.
+        """
         known = [
             spelt(first, second, deviations=deviations)
             for deviations in (False, True)
             for k, second in enumerate(self.names)
             for first in self.names[: k + 1]
         ]
-        if self.unused:
+        unused = list(self.unused)
+        if clouds and self.spread is not None:
+            unused += [self.headers[column] for column in self.spread.columns]
+        if not clouds and self.weight is not None:
+            unused.append(self.headers[self.weight])
+        if unused:
             folded = {name.casefold() for names in known for name in names}
-            there = any(name.casefold() in folded for name in self.unused) and not self.asked
+            there = any(name.casefold() in folded for name in unused) and not self.asked
             way = "; --distance gaussian-wasserstein compares covariances" if there else ""
-            yield f"columns not used: {', '.join(self.unused)}{way}"
-        if self.asked and self.spread is None:
+            yield f"columns not used: {', '.join(unused)}{way}"
+        if self.asked and self.spread is None and not clouds:
             shown = ", ".join([names[0] for names in known[:3]])
             yield f"no columns of covariances ({shown}): its states are points"
 
@@ -207,17 +227,19 @@ def find_roles(
         )
     if options.classes is None and not options.by_class:
         klass = None
-    spread = None
-    if options.covariance:
-        spread = find_spread(wanted, find, where)
-        for name in mapped if spread else ():
-            if name.startswith(PREFIXES) and find(name) is None:
-                raise _absent(name)
+    spread = find_spread(wanted, find, where) if options.covariance else None
+    weight = None if options.boxes else find(WEIGHT)
+    for name in mapped:
+        needed = spread is not None if name.startswith(PREFIXES) else name == WEIGHT
+        if needed and find(name) is None:
+            raise _absent(name)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (box["width"], box["height"]) if centres or options.boxes else ()
     mixes = (*state, *region.values(), *sizes)
     used = {identity, time, klass, *(k for mix in mixes for k, _ in mix)}
-    used.update(spread.columns if spread else ())
+    if weight in used:
+        weight = None
+    used |= {weight, *(spread.columns if spread else ())}
     return Roles(
         id=identity,
         time=time,
@@ -228,16 +250,18 @@ def find_roles(
         sizes=sizes,
         centres=centres,
         unused=tuple(name for k, name in enumerate(names) if k not in used),
+        weight=weight,
         spread=spread,
-        asked=options.covariance,
+        asked=options.covariance and not options.clouds,
+        headers=tuple(names),
     )
 
 
 def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
     """Header of each mapped name, and the names of the state columns, in order.
 
-    Edges of boxes and entries of covariances that are mapped are no state columns by that; named
-    without ``=`` they are.
+    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
+    named without ``=`` they are.
     """
     mapped: dict[str, str] = {}
     wanted: list[str] = []
@@ -249,9 +273,14 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
             raise ConfigError(f'columns: "{name}" is given twice')
         if equals:
             mapped[name] = header
-        if name not in ALIASES and not (equals and (name in EDGES or name.startswith(PREFIXES))):
+        if name not in ALIASES and not (equals and _is_beside(name)):
             wanted.append(name)
     return mapped, tuple(wanted)
+
+
+def _is_beside(name: str) -> bool:
+    """Whether a column is of the box around a state, its covariance or its weight."""
+    return name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
 
 
 def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:

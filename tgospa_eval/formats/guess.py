@@ -4,10 +4,11 @@ import re
 
 from tgospa_eval.formats.fields import is_number
 
-NAMES = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet"}
-"""What the end of a name says; only the magic bytes of Parquet know better."""
+NAMES = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet", ".npz": "npz"}
+"""What the end of a name says; only magic bytes know better."""
 
 MAGIC = b"PAR1"
+ZIP = b"PK\x03\x04"
 HEAD = 1 << 12
 
 
@@ -19,6 +20,8 @@ def guess(path: str, data: bytes) -> str:
     """
     if data[:4] == MAGIC:
         return "parquet"
+    if data[:4] == ZIP:
+        return "npz"
     suffix = re.search(r"\.[^./\\]*$", path.casefold())
     if suffix and suffix[0] in NAMES:
         return NAMES[suffix[0]]

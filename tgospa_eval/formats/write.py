@@ -3,8 +3,12 @@
 import csv
 import io
 from collections.abc import Callable, Iterator
+from typing import Any
 
-from tgospa_eval.errors import InputError
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX
 from tgospa_eval.formats.spread import spelt
 from tgospa_eval.trajectories import Trajectories
@@ -13,6 +17,8 @@ from tgospa_eval.trajectories import Trajectories
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
     """CSV ``id,t,...``, covariances behind the states; numbers are read back as the same doubles.
 
+    Clouds have a row for each particle, with its ``weight`` before the states.
+
     Parameters
     ----------
     trajectories : Trajectories
@@ -20,20 +26,78 @@ def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: A
     role : {"truth", "estimate"}
         Makes no difference here.
     """
+    columns = _columns(trajectories)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    columns, covariance = trajectories.columns, trajectories.covariance
-    if covariance is None:
-        writer.writerow(("id", "t", *columns))
-        writer.writerows((name, time, *state) for name, time, state in _rows(trajectories))
-        return text.getvalue()
-    entries = [spelt(one, two)[0] for k, two in enumerate(columns) for one in columns[: k + 1]]
-    writer.writerow(("id", "t", *columns, *entries))
-    writer.writerows(
-        (name, time, *state, *entry.tolist())
-        for (name, time, state), entry in zip(_rows(trajectories), covariance, strict=True)
-    )
+    writer.writerow(columns)
+    # As plain Python values: their text is the shortest exact.
+    writer.writerows(zip(*(values.tolist() for values in columns.values()), strict=True))
     return text.getvalue()
+
+
+def csv_bytes(trajectories: Trajectories) -> bytes:
+    """`csv_text` in UTF-8."""
+    return csv_text(trajectories).encode()
+
+
+def parquet_bytes(trajectories: Trajectories) -> bytes:
+    """The table of `csv_text` as Parquet.
+
+    Raises
+    ------
+    ConfigError
+        pyarrow is not installed.
+    """
+    try:
+        import pyarrow as pa  # here: the extra may be missing
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise ConfigError(
+            "Parquet files need the extra parquet: pip install 'tgospa-eval[parquet]'"
+        ) from None
+    buffer = io.BytesIO()
+    pq.write_table(pa.table(_columns(trajectories)), buffer)
+    return buffer.getvalue()
+
+
+def npz_bytes(trajectories: Trajectories) -> bytes:
+    """The columns of `csv_text` as arrays of an npz archive."""
+    buffer = io.BytesIO()
+    arrays: dict[str, Any] = {
+        name: array.astype(str) if array.dtype == object else array
+        for name, array in _columns(trajectories).items()
+    }
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+TABLES: dict[str, Callable[[Trajectories], bytes]] = {
+    ".csv": csv_bytes,
+    ".parquet": parquet_bytes,
+    ".pq": parquet_bytes,
+    ".npz": npz_bytes,
+}
+"""Writers by the end of a name."""
+
+
+def _columns(trajectories: Trajectories) -> dict[str, NDArray[Any]]:
+    """Id, time and state of each row, with its covariance; of clouds of each particle."""
+    clouds = trajectories.clouds
+    counts = 1 if clouds is None else clouds.counts
+    times = trajectories.shown[trajectories.step]
+    columns = {
+        "id": np.repeat(trajectories.ids[trajectories.track], counts),
+        "t": np.repeat(times, counts),
+    }
+    state = trajectories.state
+    if clouds is not None:
+        columns["weight"], state = clouds.weights, clouds.points
+    names = trajectories.columns
+    columns |= dict(zip(names, state.T, strict=True))
+    if trajectories.covariance is not None:
+        entries = [spelt(one, two)[0] for k, two in enumerate(names) for one in names[: k + 1]]
+        columns |= dict(zip(entries, trajectories.covariance.T, strict=True))
+    return columns
 
 
 def motchallenge_text(trajectories: Trajectories, role: str) -> str:

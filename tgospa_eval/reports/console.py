@@ -103,7 +103,7 @@ def _parts(result: Summary) -> Iterator[str]:
         share = result.share(cost)
         yield f"  {name:<14}{cost:>12.6g}{share:>9}{count:>10}  {notes[name]}".rstrip()
         if name == "localisation" and result.split is not None:
-            for part, half in zip(("means", "covariances"), result.split, strict=True):
+            for part, half in zip(("means", "spread"), result.split, strict=True):
                 yield f"    {part:<12}{half:>12.6g}{result.share(half):>9}"
     yield f"  {'total':<14}{total:>12.6g}{result.share(total):>9}{'':>10}  = TGOSPA^p".rstrip()
 

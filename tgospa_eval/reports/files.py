@@ -135,7 +135,23 @@ def write_texts(
             shutil.rmtree(beside, ignore_errors=True)
 
 
-def write_file(path: str, text: str, option: str) -> None:
+def check_file(path: str, *, force: bool, option: str) -> None:
+    """Whether a file may be written there.
+
+    Raises
+    ------
+    ConfigError
+        It exists, or its folder does not.
+    """
+    if Path(path).is_dir():
+        raise ConfigError(f"{option} {path}: is a folder; name a file")
+    if not force and Path(path).exists():
+        raise ConfigError(f"{option} {path}: exists; name another file, or --force")
+    if not Path(path).absolute().parent.is_dir():
+        raise ConfigError(f"{option} {path}: there is no such folder; make it first")
+
+
+def write_file(path: str, data: str | bytes, option: str) -> None:
     """Write a file beside first, then rename it; `option` is for messages.
 
     Raises
@@ -145,19 +161,20 @@ def write_file(path: str, text: str, option: str) -> None:
     """
     if not path:
         raise ConfigError(f"{option} is empty; name a file")
+    content = data.encode() if isinstance(data, str) else data
     target = Path(os.path.realpath(path))  # what a link points to, and not the link, is replaced
     beside = target.with_name(f".{target.name}-{os.getpid()}-{os.urandom(4).hex()}")
     try:
         if target.is_dir():
             raise ConfigError(f"{option} {path}: is a folder; name a file")
         if target.exists() and not target.is_file():  # a device or a pipe: nothing to rename over
-            target.write_text(text, encoding="utf-8", newline="")
+            target.write_bytes(content)
             return
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             # Not by tempfile, whose files nobody else may read: CI has many users.
-            with beside.open("x", encoding="utf-8", newline="") as file:
-                file.write(text)
+            with beside.open("xb") as file:
+                file.write(content)
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)

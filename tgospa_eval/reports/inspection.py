@@ -56,6 +56,9 @@ def _files(files: list[Document]) -> Iterator[str]:
     yield _row("  with holes", [_holes(file["holes"]) for file in files])
     yield _row("steps", [str(file["steps"]) for file in files])
     yield _row("  objects at", [_range(file["objects"], "") for file in files])
+    if any("particles" in file for file in files):
+        one = {"min": 1.0, "median": 1.0, "max": 1.0}
+        yield _row("  particles", [_range(file.get("particles", one), "") for file in files])
     yield _row("  first t", [_plain(file["time"]["first"]) for file in files])
     yield _row("  last t", [_plain(file["time"]["last"]) for file in files])
     second = " s" if any(file["time"]["kind"] != "number" for file in files) else ""

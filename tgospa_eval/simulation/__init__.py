@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import MOST, ConfigError, real_number
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.encounters import encounters
+from tgospa_eval.simulation.particles import particle_clouds
 from tgospa_eval.simulation.scenarios import SCENARIOS
 from tgospa_eval.trajectories import Trajectories
 
@@ -17,6 +18,7 @@ Floats = NDArray[np.float64]
 COLUMNS = {
     "point": ("x", "y"),
     "gaussian": ("x", "y"),
+    "cloud": ("x", "y"),
     "box": ("left", "top", "width", "height"),
 }
 
@@ -33,10 +35,13 @@ class Scene:
         How many; at least 0 and 1.
     area : float
         Side A of the square [0, A]^2, in state units; from 1e-6 to 1e12.
-    state : {"point", "gaussian", "box"}
-        ``x, y``; the same with the covariance of its error for each estimate; or ``left, top,
-        width, height`` of a box around that point; its height is uniform in [A/20, A/8] and
-        constant, its width 0.4 of that.
+    state : {"point", "gaussian", "cloud", "box"}
+        ``x, y``; the same with the covariance of its error for each estimate; points in the truth,
+        and every report a cloud of particles around the point that it would be, as wide as the
+        noise; or ``left, top, width, height`` of a box around that point; its height is uniform in
+        [A/20, A/8] and constant, its width 0.4 of that.
+    particles : int
+        Of a cloud; at least 1.
 
     Raises
     ------
@@ -49,6 +54,7 @@ class Scene:
     steps: int = 60
     area: float = 200.0
     state: str = "point"
+    particles: int = 100
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -59,6 +65,7 @@ class Scene:
                 raise ConfigError(f'{name} is "{value}": must be one of {", ".join(known)}')
         _check_integer("targets", self.targets, 0)
         _check_integer("steps", self.steps, 1)
+        _check_integer("particles", self.particles, 1)
         if self.targets * self.steps > MOST:
             raise ConfigError(
                 f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
@@ -167,7 +174,7 @@ def simulate(
     truth, estimate : Trajectories
         On the same times.
     """
-    streams = rng.spawn(8)
+    streams = rng.spawn(9)
     truth = SCENARIOS[scene.scenario](scene.targets, scene.steps, scene.area, streams[0])
     if scene.state == "box":
         truth = _with_sizes(truth, scene.area, streams[1])
@@ -183,10 +190,13 @@ def simulate(
     estimate = np.concatenate((real, false), axis=1)
     scale = min(scene.area, 200 * tracker.noise or np.inf)
     decimals = min(5 - math.floor(math.log10(scale)), 12)
-    return (
-        _trajectories(truth, scene, tracker, decimals, 0),
-        _trajectories(estimate, scene, tracker, decimals, 10 ** max(2, len(str(scene.targets)))),
-    )
+    before = 10 ** max(2, len(str(scene.targets)))
+    reported = _trajectories(estimate, scene, tracker, decimals, before)
+    if scene.state == "cloud":
+        reported = reported.with_clouds(
+            particle_clouds(reported.state, tracker.noise, scene.particles, decimals, streams[8])
+        )
+    return _trajectories(truth, scene, tracker, decimals, 0), reported
 
 
 def _tracks(

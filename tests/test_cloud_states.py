@@ -1,0 +1,580 @@
+"""Particle clouds as states: files, base distance of the metric, associate and reduce."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import Answer
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
+from tgospa_eval.alignment import Stamps, align
+from tgospa_eval.clouds import Clouds
+from tgospa_eval.distances import (
+    CloudWasserstein,
+    Effort,
+    GaussianWasserstein,
+    Pairs,
+    Reduction,
+    cloud_wasserstein,
+    near_pairs,
+)
+from tgospa_eval.distances import clouds as bounds
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats import ReadOptions, read
+from tgospa_eval.formats.write import TABLES
+from tgospa_eval.timing import Stopwatch
+
+Write = Callable[[str, str | bytes], str]
+Run = Callable[..., Answer]
+
+TRUTH = "id,t,weight,x,y\n1,0,.5,0,0\n1,0,.3,2,0\n1,0,.2,0,3\n2,0,1,50,50\n1,1,.5,9,9\n1,1,.5,7,9\n"
+ESTIMATE = "id,t,weight,x,y\na,0,.6,1,0\na,0,.4,0,2\nb,0,1,50,51\na,1,1,8,9\n"
+WHOLE = "--distance", "cloud-wasserstein"
+
+
+def scene(seed: int, tracks: int = 6, steps: int = 3, size: int = 2, most: int = 9) -> Trajectories:
+    """Clouds of one to nine particles, some with two modes; coincident particles and points."""
+    rng = np.random.default_rng(seed)
+    rows = tracks * steps
+    counts = rng.integers(1, most + 1, rows)
+    first = np.concatenate(([0], np.cumsum(counts)))
+    centre = np.repeat(rng.uniform(0, 20, (rows, size)), counts, axis=0)
+    modes = rng.integers(0, 2, (first[-1], 1)) * 4
+    points = np.round(centre + modes + rng.standard_normal((first[-1], size)))
+    weights = rng.integers(1, 5, first[-1]).astype(float)
+    weights /= np.repeat(np.add.reduceat(weights, first[:-1]), counts)
+    clouds = Clouds(points=points, weights=weights, first=first)
+    return Trajectories(
+        step=np.repeat(np.arange(steps), tracks),
+        track=np.tile(np.arange(tracks), steps),
+        state=clouds.means,
+        ids=np.array([str(k) for k in range(tracks)], dtype=object),
+        times=np.arange(steps),
+        columns=tuple(f"x{k}" for k in range(size)),
+        clouds=clouds,
+    )
+
+
+def one_by_one(a: Trajectories, b: Trajectories, cutoff: float, **settings: object) -> dict:
+    """Distances of all pairs of a step below the cutoff, each by itself."""
+    found = {}
+    for i, step in enumerate(a.step):
+        for j in np.flatnonzero(b.step == step):
+            value = cloud_wasserstein(*a.clouds[i], *b.clouds[int(j)], **settings)
+            if value < cutoff:
+                found[i, int(j)] = value
+    return found
+
+
+def as_dict(pairs: Pairs) -> dict:
+    keys = zip(pairs.truth_row.tolist(), pairs.estimate_row.tolist(), strict=True)
+    return dict(zip(keys, pairs.distance.tolist(), strict=True))
+
+
+# --- the base distance ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cutoff", [3.0, 8.0, 100.0])
+def test_gated_is_ungated_is_one_by_one(size: int, order: int, cutoff: float) -> None:
+    a, b = scene(1, size=size), scene(2, size=size)
+    gated, whole = (
+        near_pairs(a, b, cutoff, CloudWasserstein(order=order, gating=gating), Effort(jobs=jobs))
+        for gating, jobs in ((True, 1), (False, 3))
+    )
+    assert np.array_equal(gated.truth_row, whole.truth_row)
+    assert np.array_equal(gated.estimate_row, whole.estimate_row)
+    np.testing.assert_allclose(gated.distance, whole.distance, rtol=1e-12)
+    assert as_dict(gated) == pytest.approx(one_by_one(a, b, cutoff, order=order), rel=1e-9)
+
+
+def test_bounds_never_exceed_the_distance() -> None:
+    for seed in range(20):
+        a, b = scene(seed, size=1 + seed % 3), scene(seed + 100, size=1 + seed % 3)
+        moments = [bounds._Moments.of(side.clouds) for side in (a, b)]
+        rows = np.arange(len(a.step))
+        squares = ((a.state - b.state) ** 2).sum(axis=1)
+        bound = np.sqrt(squares + moments[0].spread(moments[1], rows, rows))
+        exact = [cloud_wasserstein(*a.clouds[i], *b.clouds[i]) for i in range(len(rows))]
+        assert (bound <= np.array(exact) * (1 + 1e-12) + 1e-12).all()
+        # Against a point it is exact.
+        points = np.flatnonzero((a.clouds.counts == 1) | (b.clouds.counts == 1))
+        np.testing.assert_allclose(bound[points], np.array(exact)[points], rtol=1e-9)
+
+
+def test_bounds_save_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved = []
+    whole = bounds.distance
+    monkeypatch.setattr(bounds, "distance", lambda *pair: solved.append(1) or whole(*pair))
+    a, b = scene(3, tracks=20), scene(4, tracks=20)
+    counts = []
+    for gating in (True, False):
+        near_pairs(a, b, 2.0, CloudWasserstein(gating=gating))
+        counts.append(len(solved))
+        solved.clear()
+    assert counts[0] * 5 < counts[1]
+
+
+def test_inner_mahalanobis_scale_and_large_coordinates() -> None:
+    a, b = scene(5), scene(6)
+    matrix = [[4.0, 1.0], [1.0, 2.0]]
+    near = near_pairs(a, b, 3, CloudWasserstein(inner="mahalanobis", covariance=matrix))
+    assert as_dict(near) == pytest.approx(one_by_one(a, b, 3, covariance=matrix), rel=1e-9)
+    near = near_pairs(a, b, 3, CloudWasserstein(scale=(0.5, 2.0)))
+    by_scale = [[4.0, 0], [0, 0.25]]
+    assert as_dict(near) == pytest.approx(one_by_one(a, b, 3, covariance=by_scale), rel=1e-9)
+    far = [side.with_clouds(side.clouds.moved(side.clouds.points + 5e6)) for side in (a, b)]
+    for distance in (CloudWasserstein(), CloudWasserstein(inner="mahalanobis", covariance=matrix)):
+        here, there = near_pairs(a, b, 6, distance), near_pairs(*far, 6, distance)
+        assert as_dict(there) == pytest.approx(as_dict(here), abs=1e-7)
+
+
+def test_global_covariance_is_the_mean_of_all_clouds() -> None:
+    a, b = scene(7), scene(8)
+    mean = np.concatenate((a.clouds.covariances, b.clouds.covariances)).mean(axis=0)
+    given_one = evaluate(a, b, distance=CloudWasserstein(inner="mahalanobis", covariance=mean))
+    by_itself = evaluate(a, b, distance=CloudWasserstein(inner="mahalanobis"))
+    assert by_itself.tgospa == given_one.tgospa
+    np.testing.assert_allclose(by_itself.parameters["inner_cov"], mean)
+    line = Trajectories.from_array(np.zeros((2, 1, 2)))
+    with pytest.raises(ConfigError, match="takes the mean covariance of the clouds, and there are"):
+        evaluate(line, line, distance=CloudWasserstein(inner="mahalanobis"))
+    flat = a.with_clouds(a.clouds.moved(a.clouds.points * np.array([1.0, 0.0])))
+    with pytest.raises(InputError, match="the mean covariance of the clouds is singular"):
+        evaluate(flat, flat, distance=CloudWasserstein(inner="mahalanobis"))
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.sampled_from([1.0, 2.0]))
+def test_tgospa_of_clouds_is_a_metric(seed: int, cloud_order: int, order: float) -> None:
+    sides = [scene(seed + k, tracks=3, most=4) for k in range(3)]
+    distance = CloudWasserstein(order=cloud_order)
+
+    def value(a: int, b: int) -> float:
+        return evaluate(sides[a], sides[b], 6, order, 2, distance=distance).tgospa
+
+    assert value(0, 0) <= 1e-6
+    assert value(0, 1) == pytest.approx(value(1, 0), rel=1e-9)
+    assert value(0, 2) <= value(0, 1) + value(1, 2) + 1e-7
+
+
+def test_reduction_belongs_to_the_distance() -> None:
+    a, b = scene(9, most=40), scene(10, most=40)
+    distance = CloudWasserstein(reduction=Reduction(size=5))
+    result = evaluate(a, b, distance=distance)
+    reduced = [side.with_clouds(side.clouds.changed(Reduction(size=5))) for side in (a, b)]
+    assert result.tgospa == evaluate(*reduced, distance=CloudWasserstein()).tgospa
+    assert result.parameters["reduce"] == 5
+    assert evaluate(a, a, distance=distance).tgospa <= 1e-6
+    drawn = CloudWasserstein(reduction=Reduction(size=5, method="multinomial"))
+    assert evaluate(a, a, distance=drawn).tgospa <= 1e-6
+
+
+def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounds, "PATIENCE", 0.0)
+    monkeypatch.setattr(bounds, "MANY", 5)
+    said: list[str] = []
+    stopwatch = Stopwatch()
+    stopwatch.tell = said.append
+    near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(stopwatch=stopwatch))
+    assert "transports of up to" in said[0]
+    assert said[0].endswith("--reduce 50 makes them small")
+    bounds.reduced(scene(11).clouds, Reduction(size=2), Effort(stopwatch=stopwatch))
+    assert "clouds to reduce, at most about " in said[1]
+    assert bounds.estimated_seconds(np.array([1000]), np.array([1000])) == pytest.approx(0.25, 0.2)
+
+
+def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bounds, "LARGEST", 5)
+    with pytest.raises(
+        InputError, match=r'id "\d" at t \d has \d+ particles, more than 5 take too'
+    ):
+        near_pairs(scene(13), scene(14), 100, CloudWasserstein())
+
+
+# --- the record -----------------------------------------------------------------------------------
+
+
+def test_chosen_rows_keep_their_particles() -> None:
+    side = scene(15)
+    rows = np.array([1, 4, 7])
+    part = side.chosen(rows, side.step[rows], side.times)
+    for k, row in enumerate(rows):
+        assert np.array_equal(part.clouds[k][0], side.clouds[row][0])
+    other = Trajectories.from_array(np.zeros((2, 1, 2)), side.columns)
+    aligned = align(side, other, Stamps(grid="common"))
+    assert len(aligned.truth.clouds) == len(aligned.truth.step) == 12
+
+
+def test_merging_changes_no_measure() -> None:
+    clouds = scene(16).clouds
+    merged = clouds.merged()
+    assert len(merged.points) < len(clouds.points)
+    for row in range(len(clouds)):
+        assert cloud_wasserstein(*clouds[row], *merged[row]) <= 1e-7
+    np.testing.assert_allclose(merged.covariances, clouds.covariances, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"points": np.zeros(3)}, "do not fit"),
+        ({"first": [0, 2, 2, 3]}, "first must increase strictly from 0 to the 3 particles"),
+        ({"first": [0, 2]}, "first must increase strictly from 0 to the 3 particles"),
+        ({"points": [[0, np.nan]] * 3}, "points must be finite"),
+        ({"weights": [2, -1, 1]}, "weights must be >= 0 and sum to 1"),
+        ({"weights": [0.5, 0.2, 1]}, "weights must be >= 0 and sum to 1"),
+    ],
+)
+def test_wrong_records(change: dict, message: str) -> None:
+    good = {"points": np.zeros((3, 2)), "weights": [0.5, 0.5, 1], "first": [0, 2, 3]}
+    with pytest.raises(InputError, match=message):
+        Clouds(**(good | change))
+
+
+def test_states_are_the_means() -> None:
+    side = scene(17)
+    with pytest.raises(InputError, match="states of clouds must be the means of their particles"):
+        Trajectories(**{**vars(side), "state": side.state + 1})
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def test_rows_of_one_id_and_time_are_a_cloud(write: Write) -> None:
+    side = read_trajectories(write("t.csv", TRUTH))
+    assert side.clouds.counts.tolist() == [3, 1, 2]
+    np.testing.assert_allclose(side.state, [(0.6, 0.6), (50, 50), (8, 9)])
+    points = read_trajectories(write("p.csv", "id,t,x,weight\n1,0,5,70\n"))
+    assert points.clouds is None  # a weight of another kind
+    single = read_trajectories(write("p.csv", "id,t,x,weight\n1,0,5,70\n"), clouds=True)
+    assert single.clouds.weights.tolist() == [1]
+
+
+def test_value_of_the_worked_example(write: Write, run: Run) -> None:
+    """Distances sqrt(1.6) and 1, then two particles at 1 from a point."""
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    status, out, _ = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    assert status == 0
+    assert json.loads(out)["total"] == pytest.approx(1.6 + 1 + 1, rel=1e-12)
+    status, out, _ = run(*paths, *WHOLE, "--cloud-order", "1", "-c", "10", "--format", "json")
+    result = json.loads(out)
+    assert result["total"] == pytest.approx(1.2**2 + 1 + 1, rel=1e-12)
+    assert result["parameters"]["cloud_order"] == 1
+    status, out, err = run(*paths, "-c", "10", "-g", "2", "--format", "json")
+    assert json.loads(out)["total"] == pytest.approx(0.2**2 + 1, rel=1e-12)
+    assert "3 clouds of 6 particles are compared by their means; whole: --distance cloud-w" in err
+    status, out, _ = run("inspect", *paths, *WHOLE, "--format", "json")
+    assert status == 0
+
+
+def test_formats_hold_the_same(write: Write, tmp_path: Path) -> None:
+    side = read_trajectories(write("t.csv", TRUTH))
+    for suffix, text in TABLES.items():
+        path = tmp_path / f"copy{suffix}"
+        path.write_bytes(text(side))
+        copy = read_trajectories(path)
+        assert np.array_equal(copy.clouds.points, side.clouds.points)
+        assert np.array_equal(copy.clouds.first, side.clouds.first)
+        assert copy.ids.tolist() == side.ids.tolist()
+    frame = pd.read_csv(write("t.csv", TRUTH))
+    result = evaluate(frame, frame, distance="cloud-wasserstein")
+    assert result.tgospa == 0
+    assert len(result.labels.truths) == 2
+
+
+def test_npz_with_one_array_of_positions(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.npz"
+    ids, weight, x = np.array([1, 1, 2]), np.array([0.5, 0.5, 1]), np.arange(12.0).reshape(3, 4)
+    np.savez(path, id=ids, t=np.zeros(3), weight=weight, x=x)
+    side = read_trajectories(path)
+    assert side.columns == ("x0", "x1", "x2", "x3")
+    assert side.clouds.counts.tolist() == [2, 1]
+    np.savez(path, id=ids, t=np.zeros(3), weight=weight, x=x[:, :2])
+    assert read_trajectories(path).columns == ("x", "y")
+    np.savez(path, id=ids, t=np.zeros(2), weight=weight, x=x)
+    with pytest.raises(InputError, match=r"they must be columns of one length, x may be \(P, d\)"):
+        read_trajectories(path)
+    for data in (b"PK\x03\x04 and no archive", b""):
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=r"cloud.npz: (no readable npz|the file is empty)"):
+            read_trajectories(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("1,0,.5,0,0\n1,0,-.5,1,1\n", 'line 3: the weight of a particle of id "1", t 0 is negativ'),
+        ("1,0,,0,0\n1,0,1,1,1\n", 'line 2: the weight of a particle of id "1", t 0 is blank; w'),
+        ("1,0,1,0,0\n2,5,0,0,0\n2,5,0,1,1\n", 'line 3: all weights of id "2", t 5 are zero; wei'),
+        ("1,0,inf,0,0\n1,0,1,1,1\n", 'column "weight": infinite: "inf"'),
+    ],
+)
+def test_wrong_weights(write: Write, run: Run, text: str, message: str) -> None:
+    path = write("t.csv", "id,t,weight,x,y\n" + text)
+    for options in ((), WHOLE):
+        status, _, err = run(path, path, "-c", "1", *options)
+        assert status == 3
+        assert message in err
+
+
+def test_repeated_rows_without_weight(write: Write, run: Run) -> None:
+    path = write("t.csv", "id,t,x\n1,0,1\n1,0,2\n")
+    status, _, err = run(path, path, *WHOLE)
+    assert status == 3
+    assert 'line 3: id "1" at t 0 was given before' in err
+    assert "particles of one object need a column weight" in err
+
+
+def test_what_is_normalised_and_left_out_is_said(write: Write) -> None:
+    text = "id,t,weight,x\n1,0,3,0\n1,0,4,1\n2,0,0,5\n2,0,1,6\n2,1,1,\n3,0,1,9\n"
+    reading = read(write("t.csv", text), ReadOptions(clouds=True))
+    assert reading.trajectories.clouds.counts.tolist() == [2, 1, 1]
+    assert reading.trajectories.state[:, 0].tolist() == [4 / 7, 6, 9]
+    said = "\n".join(reading.notices)
+    assert "1 cloud has weights that do not sum to 1 (the farthest to 7): normalised" in said
+    assert "1 particle of weight 0 left out" in said
+    assert reading.left_out == {"blank": 1}
+
+
+def test_a_cloud_is_inside_a_region_where_its_mean_is(write: Write) -> None:
+    reading = read(write("t.csv", TRUTH), ReadOptions(region="x=0.5:10"))
+    assert reading.trajectories.clouds.counts.tolist() == [3, 2]
+    assert reading.left_out == {"region": 1}
+
+
+def test_options_that_do_not_fit(write: Write, run: Run) -> None:
+    path = write("t.csv", TRUTH)
+    for options, message in (
+        (("--reduce", "5"), "--reduce is for cloud-wasserstein, not for euclidean"),
+        ((*WHOLE, "--polish", "1"), "--polish is for --reduce N, which is missing"),
+        (
+            (*WHOLE, "--reduce", "2", "--reduce-method", "top", "--seed", "1"),
+            "--seed is for the methods sliced, recursive, atl, kmeans, systematic, stratified, mul",
+        ),
+        ((*WHOLE, "--inner-cov", "global"), "--inner-cov is for --inner mahalanobis"),
+        ((*WHOLE, "--cloud-order", "3"), "3 is not in the range 1<=x<=2"),
+        ((*WHOLE, "--periodic", "x"), "--periodic is for the norms and gaussian-wasserstein"),
+    ):
+        status, _, err = run(path, path, *options)
+        assert status == 2
+        assert message in err
+    singular = write("p.csv", "1,1\n1,1\n")
+    status, _, err = run(path, path, *WHOLE, "--inner", "mahalanobis", "--inner-cov", singular)
+    assert status == 3
+    assert "p.csv: covariance is not positive definite" in err
+
+
+# --- verbs ----------------------------------------------------------------------------------------
+
+
+def test_associate(write: Write, run: Run, tmp_path: Path) -> None:
+    a = write("a.csv", TRUTH)
+    b = write("b.csv", ESTIMATE.replace("b,0,1,50,51", "b,0,1,90,90"))
+    files = "--cost-matrix", "costs.csv", "--cross-cov", "cross.csv"
+    status, out, err = run("associate", a, b, "-c", "4", *WHOLE, *files, "--format", "json")
+    assert status == 0, err
+    document = json.loads(out)
+    assert document["counts"] == {"steps": 2, "associated": 2, "alone_a": 1, "alone_b": 1}
+    assert document["total"] == pytest.approx(np.sqrt(1.6) + 1 + 4)
+    assert [(row["id_a"], row["id_b"]) for row in document["associations"]] == [
+        ("1", "a"),
+        ("2", None),
+        (None, "b"),
+        ("1", "a"),
+    ]
+    costs = pd.read_csv(tmp_path / "costs.csv")
+    np.testing.assert_allclose(costs["distance"], [np.sqrt(1.6), 1])
+    np.testing.assert_allclose(costs["mean_distance"], [0.2, 0], atol=1e-12)
+    cross = pd.read_csv(tmp_path / "cross.csv")
+    np.testing.assert_allclose(
+        cross.loc[0, ["cov_x_x", "cov_x_y", "cov_y_x", "cov_y_y"]].astype(float),
+        [0.24, -0.48, -0.36, 0.72],
+        atol=1e-12,
+    )
+    status, _, err = run("associate", a, b, "-c", "4", *WHOLE, *files)
+    assert (status, "costs.csv: exists; name another file, or --force" in err) == (2, True)
+
+
+def test_associate_says_what_a_filter_leaves(write: Write, run: Run) -> None:
+    path = write("a.csv", "id,t,class,weight,x\n1,0,car,.5,0\n1,0,car,.5,2\n2,0,van,1,9\n")
+    status, out, _ = run("associate", path, path, "-c", "1", "--class", "car", "--format", "csv")
+    assert (status, out.splitlines()[1:]) == (0, ["0,1,1,0.0,0.0"])
+    status, _, err = run("associate", path, path, "-c", "1", "--class", "bus")
+    assert (status, 'no row is of that class; there are "car", "van"' in err) == (2, True)
+
+
+def test_associate_with_a_covariance_of_each_pair(write: Write, run: Run) -> None:
+    paths = write("a.csv", TRUTH), write("b.csv", ESTIMATE)
+    pair = *WHOLE, "--inner", "mahalanobis", "--inner-cov", "pair"
+    for order, value in ((1, 1.5991335783), (2, 1.6345506187)):
+        options = *pair, "--cloud-order", str(order), "--time", "0:0", "--region", "x=:10"
+        status, out, _ = run("associate", *paths, "-c", "4", *options, "--format", "json")
+        assert status == 0
+        document = json.loads(out)
+        assert document["associations"][0]["distance"] == pytest.approx(value, rel=1e-9)
+        assert document["parameters"]["inner_cov"] == "pair"
+    status, _, err = run("associate", *paths, "-c", "4", *pair)
+    assert status == 3
+    assert 'id "1" and id "b" at t 0' not in err
+    assert "the covariance of the pair is singular, too few distinct particles" in err
+    status, _, err = run(*paths, *pair)
+    assert (status, "--inner-cov pair makes no metric, and is for associate" in err) == (2, True)
+
+
+def test_associate_points_takes_the_least_sum(write: Write, run: Run) -> None:
+    """The nearest pair, 2-3, would leave one of 2.5; 1 and 1 are less than 0.5 and 2.5."""
+    a = write("a.csv", "id,t,x\n1,0,0\n2,0,1.5\n")
+    b = write("b.csv", "id,t,x\n3,0,1\n4,0,2.5\n")
+    status, out, _ = run("associate", a, b, "-c", "4", "--format", "csv")
+    assert status == 0
+    rows = [line.split(",")[:4] for line in out.splitlines()]
+    assert rows == [
+        ["t", "id_a", "id_b", "distance"],
+        ["0", "1", "3", "1.0"],
+        ["0", "2", "4", "1.0"],
+    ]
+    status, out, _ = run("associate", a, b, "-c", "4")
+    assert "2 associated, 0 of A and 0 of B alone, in 1 step" in out
+    assert run("associate", a, b, "-c", "-1")[0] == 2
+    status, out, _ = run("associate", a, b, "-c", "0.1")
+    assert (status, "0 associated, 2 of A and 2 of B alone" in out) == (0, True)
+    nothing = write("none.csv", "id,t,x\n")
+    status, out, _ = run("associate", nothing, nothing, "-c", "1")
+    assert (status, "0 associated, 0 of A and 0 of B alone, in 0 steps" in out) == (0, True)
+    assert run("associate", a, b)[0] == 2
+    status, _, err = run("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
+    assert (status, "cross-covariances are those of particles" in err) == (3, True)
+
+
+def test_reduce(write: Write, run: Run, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    rows = "".join(f"7,3,.01,{x:.6f},{y:.6f}\n" for x, y in rng.standard_normal((100, 2)))
+    path = write("in.csv", "id,t,weight,x,y\n" + rows)
+    status, out, err = run("reduce", path, "out.parquet", "-n", "10", "--format", "json")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    assert document["counts"] == {"clouds": 1, "particles": 100, "kept": 10}
+    (row,) = document["clouds"]
+    assert row["mean_shift"] < 1e-12
+    before = read_trajectories(path)
+    after = read_trajectories(tmp_path / "out.parquet")
+    assert after.clouds.counts.tolist() == [10]
+    assert row["wasserstein"] == pytest.approx(
+        cloud_wasserstein(*before.clouds[0], *after.clouds[0])
+    )
+    assert run("reduce", path, "out.parquet", "-n", "10")[0] == 2
+    for target, text in (
+        ("out.txt", "must end in .csv"),
+        ("no/out.csv", "there is no such folder"),
+    ):
+        status, _, err = run("reduce", path, target, "-n", "10")
+        assert (status, text in err) == (2, True)
+    points = write("points.csv", "id,t,x\n1,0,1\n")
+    status, _, err = run("reduce", points, "o.csv", "-n", "2")
+    assert (status, "points.csv: no particles; a column weight makes" in err) == (3, True)
+    status, out, _ = run("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
+    assert "1 cloud, 100 particles -> 10" in out
+
+
+LAW = "id,t,x,y,cov_xx,cov_yy\n1,0,0.4,0.8,0.24,0.96\n"
+"""The mean of the first cloud of ESTIMATE, with other variances than its own."""
+NORMAL = ("--distance", "gaussian-wasserstein", "-c", "10", "-g", "2")
+
+
+def test_clouds_against_normal_laws_by_their_moments(write: Write, run: Run) -> None:
+    """The cloud has the covariance ((.24, -.48), (-.48, .96)), of rank one and trace 1.2.
+
+    So C2 = u u' and B^2 = tr C1 + 1.2 - 2 sqrt(u' C1 u), with u = (.24, -.48) / sqrt(.24) and
+    u' C1 u = .24 * .24 + .96 * .96.
+    """
+    law, cloud = write("law.csv", LAW), write("cloud.csv", CLOUD)
+    status, out, err = run(law, cloud, *NORMAL, "--mixed", "moments", "--format", "json")
+    assert status == 0
+    result = json.loads(out)
+    expected = 1.2 + 1.2 - 2 * (0.24 * 0.24 + 0.96 * 0.96) ** 0.5
+    assert result["total"] == pytest.approx(expected, rel=1e-12)
+    assert result["localisation_mean"] == pytest.approx(0, abs=1e-15)
+    assert result["localisation_spread"] == pytest.approx(expected, rel=1e-12)
+    assert result["parameters"]["mixed"] == "moments"
+    assert "by their means" not in err
+    both = json.loads(run(cloud, cloud, *NORMAL, "--mixed", "moments", "--format", "json")[1])
+    assert both["total"] == pytest.approx(0, abs=1e-13)
+
+
+CLOUD = "id,t,weight,x,y\na,0,0.6,0,1.6\na,0,0.4,1,-0.4\n"
+
+
+def test_kinds_that_do_not_fit(write: Write, run: Run) -> None:
+    law, cloud, point = write("law.csv", LAW), write("c.csv", CLOUD), write("p.csv", POINT)
+    whole = (*WHOLE, "-c", "10", "-g", "2")
+    for paths, options, message in (
+        ((law, cloud), NORMAL, "c.csv particles: the distance of a normal law from a cloud has"),
+        ((cloud, law), whole, "c.csv particles: the distance of a normal law from a cloud has"),
+        ((point, cloud), NORMAL, "c.csv has particles: clouds are no normal laws; take --distance"),
+        ((point, law), whole, "law.csv has covariances, not particles; take --distance gaussian"),
+    ):
+        status, out, err = run(*paths, *options)
+        assert (status, out) == (3, "")
+        assert message in err
+    status, _, err = run(cloud, cloud, *whole, "--mixed", "moments")
+    assert status == 2
+    assert "--mixed is for gaussian-wasserstein, not for cloud-wasserstein" in err
+    with pytest.raises(InputError, match="a covariance each, or a cloud, not both"):
+        replace(read_trajectories(cloud), covariance=np.zeros((1, 3)))
+    with pytest.raises(ConfigError, match='mixed is "mean": must be one of error, moments'):
+        GaussianWasserstein(mixed="mean")
+
+
+POINT = "id,t,x,y\n1,0,0,0\n"
+
+
+def test_covariances_of_particles_are_not_used(write: Write, run: Run) -> None:
+    """Rows of a cloud with covariances are components of a mixture, which nothing compares."""
+    mixture = write("m.csv", "id,t,weight,x,y,cov_xx,cov_yy\n1,0,.5,0,0,1,1\n1,0,.5,2,0,1,1\n")
+    status, out, err = run(mixture, mixture, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    assert (status, json.loads(out)["total"]) == (0, 0)
+    assert "columns not used: cov_xx, cov_yy" in err
+
+
+def test_localisation_of_clouds_in_parts(write: Write, run: Run) -> None:
+    """Squared distances 1.6 and 1 of pairs whose means are 0.2 and 1 apart."""
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    answer = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    result = json.loads(answer[1])
+    mean, spread = result["localisation_mean"], result["localisation_spread"]
+    assert mean + spread == pytest.approx(result["localisation"], rel=1e-12)
+    assert mean == pytest.approx(0.2**2 + 1, rel=1e-12)
+    first = json.loads(run(*paths, *WHOLE, "--cloud-order", "1", "--format", "json")[1])
+    assert "localisation_mean" not in first
+
+
+def test_associate_normal_laws(write: Write, run: Run, tmp_path: Path) -> None:
+    """W2 of N(0, 1) from N(3, 4) is sqrt(9 + 1), from N(2.9, 9) sqrt(8.41 + 4): not the nearest."""
+    a = write("a.csv", "id,t,x,cov_xx\n1,0,0,1\n")
+    b = write("b.csv", "id,t,x,cov_xx\nnear,0,2.9,9\nlike,0,3,4\n")
+    laws = ("--distance", "gaussian-wasserstein", "-c", "5")
+    status, out, _ = run("associate", a, b, *laws, "--format", "csv")
+    assert status == 0
+    row = out.splitlines()[1].split(",")
+    assert row[:3] == ["0", "1", "like"]
+    assert float(row[3]) == pytest.approx(10**0.5, rel=1e-14)
+    status, _, err = run("associate", a, b, *laws, "--cross-cov", "cross.csv")
+    assert status == 3
+    assert "cross-covariances are those of particles, and neither file has any" in err
+
+
+def test_compare_with_clouds(write: Write, run: Run) -> None:
+    """Solvers get prepared clouds; --seed is that of a study and not of a reduction."""
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    options = (*WHOLE, "-c", "10", "-g", "2", "--solvers", "certified", "--reduce", "2")
+    status, out, err = run("compare", *paths, *options, "--format", "json")
+    assert status == 0, err
+    assert json.loads(out)["agree"] is True

@@ -1,0 +1,87 @@
+"""From the options of particle clouds to records."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein, Reduction
+from tgospa_eval.errors import ConfigError, InputError
+
+REDUCTION = ("reduce_method", "directions", "iterations", "restarts", "polish", "seed")
+NAMES = ("cloud_order", "inner", "inner_cov", "reduce", *REDUCTION, "no_gating")
+
+ITERATED = ("sliced", "recursive", "atl", "kmeans")
+USED_BY = {
+    "directions": ITERATED[:2],
+    "iterations": ITERATED,
+    "restarts": ITERATED,
+    "polish": ITERATED[:2],
+    "seed": (*ITERATED, "systematic", "stratified", "multinomial"),
+}
+"""Methods that an option of the reduction is for."""
+
+
+def given_particles(options: dict[str, Any]) -> Iterator[str]:
+    """Options of clouds that were given, as they are spelt."""
+    yield from (_spelt(name) for name in NAMES if options.get(name))
+
+
+def reduction(options: dict[str, Any], size: int | None) -> Reduction | None:
+    """How to reduce; None without a size.
+
+    Raises
+    ------
+    ConfigError
+        An option needs ``--reduce``, or is not for the method.
+    """
+    given = {name: options[name] for name in REDUCTION if options.get(name) is not None}
+    if size is None:
+        if given:
+            raise ConfigError(f"--{_spelt(next(iter(given)))} is for --reduce N, which is missing")
+        return None
+    method = given.pop("reduce_method", "sliced")
+    for name in given:
+        if method not in USED_BY[name]:
+            raise ConfigError(
+                f"--{name} is for the methods {', '.join(USED_BY[name])}, not for {method}"
+            )
+    return Reduction(size=size, method=method, **given)
+
+
+def cloud_distance(
+    options: dict[str, Any], read_matrix: Callable[[str, str], list[list[float]]]
+) -> CloudWasserstein:
+    """The distance that the options ask for.
+
+    Raises
+    ------
+    ConfigError
+        They do not fit each other.
+    InputError
+        The file of a covariance is missing or wrong.
+    """
+    inner = options.get("inner") or "euclidean"
+    path = options.get("inner_cov")
+    if path and inner != "mahalanobis":
+        raise ConfigError("--inner-cov is for --inner mahalanobis")
+    matrix = None if path in (None, "global", "pair") else read_matrix(path, options["decimal"])
+    settings: dict[str, Any] = {
+        "order": options.get("cloud_order") or 2,
+        "reduction": reduction(options, options.get("reduce")),
+        "gating": not options.get("no_gating"),
+    }
+    if path == "pair":
+        if not options.get("pairwise"):
+            raise ConfigError(
+                "--inner-cov pair makes no metric, and is for associate; take global or a file"
+            )
+        return PairCloudWasserstein(**settings)
+    try:
+        return CloudWasserstein(inner=inner, covariance=matrix, **settings)
+    except ConfigError as error:
+        if matrix is None:
+            raise
+        raise InputError(f"{path}: {error}") from None
+
+
+def _spelt(name: str) -> str:
+    return name.replace("_", "-")

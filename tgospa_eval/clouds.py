@@ -1,0 +1,153 @@
+"""Weighted particles of many states in one flat table. Knows no file and no distance."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+
+Ints = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Cloud = tuple[Floats, Floats]
+"""Points (N, d) and weights (N,) of one of them."""
+
+UNEVEN = 1e-3
+"""Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clouds:
+    """A cloud of particles for each row of a table, one behind the other, never padded.
+
+    Parameters
+    ----------
+    points : (P, d) float array
+        Finite positions of all particles.
+    weights : (P,) float array
+        >= 0; those of a cloud sum to 1 but for rounding.
+    first : (R + 1,) int array
+        Where each cloud begins; the last is P. No cloud is empty.
+
+    Raises
+    ------
+    InputError
+        Shapes, bounds, a point or a weight are not like this.
+    """
+
+    points: Floats
+    weights: Floats
+    first: Ints
+
+    def __post_init__(self) -> None:
+        for name, kind in (("points", np.float64), ("weights", np.float64), ("first", np.int64)):
+            array = np.asarray(getattr(self, name), dtype=kind).view()
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        points, weights, first = self.points, self.weights, self.first
+        if points.ndim != 2 or weights.shape != points.shape[:1] or first.ndim != 1:
+            raise InputError(
+                f"clouds: points {points.shape}, weights {weights.shape} and first {first.shape} "
+                "do not fit; (P, d), (P,) and (R + 1,) would"
+            )
+        ends = len(first) and first[0] == 0 and first[-1] == len(points)
+        if not ends or not (np.diff(first) > 0).all():
+            raise InputError(
+                f"clouds: first must increase strictly from 0 to the {len(points)} particles"
+            )
+        if not np.isfinite(points).all():
+            raise InputError("clouds: points must be finite; leave particles out that are not")
+        if not (weights >= 0).all() or not np.all(np.abs(self.sums(weights) - 1) <= 1e-6):
+            raise InputError("clouds: weights must be >= 0 and sum to 1 in every cloud")
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    def __getitem__(self, row: int) -> Cloud:
+        part = slice(self.first[row], self.first[row + 1])
+        return self.points[part], self.weights[part]
+
+    @property
+    def counts(self) -> Ints:
+        """Particles of each cloud (R,)."""
+        return np.diff(self.first)
+
+    def sums(self, values: NDArray[np.float64]) -> Floats:
+        """Sums over each cloud (R, ...) of values of the particles (P, ...)."""
+        if not len(self):
+            return np.zeros((0, *values.shape[1:]))
+        return np.asarray(np.add.reduceat(values, self.first[:-1]))
+
+    @cached_property
+    def means(self) -> Floats:
+        """Weighted means (R, d), from differences to a particle of the cloud each."""
+        centre = self.points[self.first[:-1]]
+        apart = self.points - np.repeat(centre, self.counts, axis=0)
+        return np.asarray(centre + self.sums(self.weights[:, None] * apart))
+
+    @cached_property
+    def covariances(self) -> Floats:
+        """Weighted covariances (R, d, d), with the divisor 1."""
+        apart = self.points - np.repeat(self.means, self.counts, axis=0)
+        size = apart.shape[1]
+        found = np.empty((len(self), size, size))
+        for i in range(size):
+            for j in range(i + 1):
+                found[:, i, j] = found[:, j, i] = self.sums(
+                    self.weights * apart[:, i] * apart[:, j]
+                )
+        return found
+
+    def chosen(self, rows: Ints) -> "Clouds":
+        """Some of the clouds, in order."""
+        counts = self.counts[rows]
+        first = np.concatenate(([0], np.cumsum(counts)))
+        at = np.arange(first[-1]) + np.repeat(self.first[:-1][rows] - first[:-1], counts)
+        return Clouds(points=self.points[at], weights=self.weights[at], first=first)
+
+    def merged(self) -> "Clouds":
+        """The same measures, each particle of a cloud once and none without weight."""
+        if len(self.points) == len(self):
+            return self
+        row = np.repeat(np.arange(len(self)), self.counts)
+        order = np.lexsort((*self.points.T[::-1], row))
+        points, row = self.points[order], row[order]
+        fresh = np.ones(len(points), bool)
+        fresh[1:] = (row[1:] != row[:-1]) | (points[1:] != points[:-1]).any(axis=1)
+        begin = np.flatnonzero(fresh)
+        weights = np.add.reduceat(self.weights[order], begin)
+        kept = weights > 0
+        counts = np.bincount(row[begin[kept]], minlength=len(self))
+        return Clouds(
+            points=points[begin[kept]],
+            weights=weights[kept],
+            first=np.concatenate(([0], np.cumsum(counts))),
+        )
+
+    def moved(self, points: Floats) -> "Clouds":
+        """The same weights elsewhere."""
+        return replace(self, points=points)
+
+    def changed(self, change: Callable[[Cloud], Cloud], jobs: int | None = None) -> "Clouds":
+        """Each cloud changed by a function, in so many threads."""
+        with ThreadPoolExecutor(jobs) as pool:
+            return joined(list(pool.map(lambda row: change(self[row]), range(len(self)))), self)
+
+
+def joined(clouds: list[Cloud], like: Clouds) -> Clouds:
+    """Clouds one behind the other; `like` says how many components none have."""
+    if not clouds:
+        return like
+    return Clouds(
+        points=np.concatenate([points for points, _ in clouds]),
+        weights=np.concatenate([weights for _, weights in clouds]),
+        first=np.concatenate(([0], np.cumsum([len(weights) for _, weights in clouds]))),
+    )
+
+
+def single(state: Floats) -> Clouds:
+    """Points (R, d) as clouds of one particle each."""
+    return Clouds(points=state, weights=np.ones(len(state)), first=np.arange(len(state) + 1))

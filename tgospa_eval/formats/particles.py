@@ -1,0 +1,128 @@
+"""Rows with weights as particles: the rows of one (id, t) are one cloud."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.clouds import UNEVEN, Clouds
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.times import more, quoted
+from tgospa_eval.trajectories import Floats, Ints
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats.assemble import Rows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Particles:
+    """Which rows of a file make which cloud.
+
+    Parameters
+    ----------
+    weights : (R,) float array
+        Of each row, those of a cloud with the sum 1; 0 where it does not take part.
+    cloud : (R,) int array
+        Number of the cloud of each row; any where it does not take part.
+    uneven : int
+        Clouds whose weights as written do not sum to 1.
+    worst : float
+        That sum which is farthest from it.
+    idle : int
+        Rows of weight 0.
+    """
+
+    weights: Floats
+    cloud: Ints
+    uneven: int
+    worst: float
+    idle: int
+
+    def means(self, values: Floats) -> Floats:
+        """For each row the weighted mean (R, n) of its cloud, of values (R, n) of the rows."""
+        sums = [np.bincount(self.cloud, self.weights * np.nan_to_num(v)) for v in values.T]
+        return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
+
+    def clouds(self, state: Floats, taken: Ints, ordered: Ints) -> tuple[Clouds, Ints, Ints]:
+        """The clouds of some rows, the first row of each, and its key; rows sorted by key."""
+        weighs = self.weights[taken] > 0
+        taken, ordered = taken[weighs], ordered[weighs]
+        begin = np.flatnonzero(np.diff(ordered, prepend=-1))
+        found = Clouds(
+            points=state.take(taken, axis=0),
+            weights=self.weights[taken],
+            first=np.append(begin, len(taken)),
+        )
+        return found, taken[begin], ordered[begin]
+
+    def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
+        """What the user should know; `compared` says whether particles enter the distance."""
+        found = []
+        if not compared:
+            found.append(
+                f"{len(clouds)} clouds of {len(clouds.points)} particles are compared by their "
+                "means; whole: --distance cloud-wasserstein"
+            )
+        if self.uneven:
+            have = "clouds have" if self.uneven > 1 else "cloud has"
+            found.append(
+                f"{self.uneven} {have} weights that do not sum to 1 (the farthest to "
+                f"{self.worst:g}): normalised"
+            )
+        if self.idle:
+            particles = "particles" if self.idle > 1 else "particle"
+            found.append(f"{self.idle} {particles} of weight 0 left out")
+        return found
+
+
+def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles | None:
+    """Clouds of the rows that take part; None if none has two particles, unless `always`.
+
+    Raises
+    ------
+    InputError
+        A weight is blank, infinite or negative, or all weights of a cloud are zero.
+    """
+    used = np.flatnonzero(mask)
+    distinct, number = np.unique(key[used], return_inverse=True)
+    if len(distinct) == len(used) and not always:
+        return None
+    roles = rows.roles
+    given = rows.numbers[:, roles.numbers.index(roles.weight or 0)]
+    weights = np.zeros(len(given))
+    weights[used] = given[used]
+    for wrong, what in ((np.isnan(weights), "blank"), (weights < 0, "negative")):
+        at = np.flatnonzero(wrong)
+        if len(at):
+            text = what if what == "blank" else f"negative: {weights[at[0]]:g}"
+            raise InputError(
+                f"{rows.where(int(at[0]))}: the weight of a particle of {_name(rows, int(at[0]))} "
+                f"is {text}{more(len(at))}; weights must be >= 0 and not all zero"
+            )
+    sums = np.bincount(number, weights[used], minlength=len(distinct))
+    empty = np.flatnonzero(sums[number] == 0)
+    if len(empty):
+        row = int(used[empty[0]])
+        clouds = int(np.count_nonzero(sums == 0))
+        raise InputError(
+            f"{rows.where(row)}: all weights of {_name(rows, row)} are zero{more(clouds)}; weights "
+            "must be >= 0 and not all zero; leave out the rows of what does not exist"
+        )
+    cloud = np.zeros(len(given), np.int64)
+    cloud[used] = number
+    weights[used] /= sums[number]
+    off = np.abs(sums - 1)
+    return Particles(
+        weights=weights,
+        cloud=cloud,
+        uneven=int(np.count_nonzero(off > UNEVEN)),
+        worst=float(sums[off.argmax()]) if len(sums) else 1.0,
+        idle=int(np.count_nonzero(weights[used] == 0)),
+    )
+
+
+def _name(rows: "Rows", row: int) -> str:
+    times = rows.times
+    moment = times.text[row].strip() if times.text is not None else times.value[row].item()
+    return f"id {quoted(rows.ids[0][rows.ids[1][row]])}, t {moment}"

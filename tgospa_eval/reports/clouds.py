@@ -1,0 +1,98 @@
+"""What associate and reduce found, as tables, JSON and CSV."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+Table = dict[str, list[Any]]
+Document = dict[str, Any]
+
+ROWS = 40
+"""Rows that a table on stdout shows at most."""
+
+ROUNDING = 1e-9
+"""Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
+
+
+def json_text(document: Document) -> str:
+    """The document with sorted keys."""
+    return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
+
+
+def records(table: Table) -> list[dict[str, Any]]:
+    """A table as the rows of a JSON document."""
+    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+
+
+def association_text(document: Document) -> str:
+    """Counts, and the associations in columns."""
+    counts = document["counts"]
+    lines = [
+        f"{counts['associated']} associated, {counts['alone_a']} of A and {counts['alone_b']} of B "
+        f"alone, in {_count(counts['steps'], 'step')}",
+        f"sum {document['total']:.6g}: distances, and {document['parameters']['cutoff'] / 2:g} for "
+        "each state that stays alone",
+        "",
+    ]
+    rows = [
+        (row["t"], row["id_a"], row["id_b"], row["distance"], row["mean_distance"])
+        for row in document["associations"]
+    ]
+    return "\n".join(lines + _columns(("t", "A", "B", "distance", "of means"), rows)) + "\n"
+
+
+def reduction_text(document: Document) -> str:
+    """What changed, on the whole."""
+    counts, change = document["counts"], document["change"]
+    shown = {
+        "Wasserstein distance to the cloud": change["wasserstein"],
+        "sliced Wasserstein distance": change["sliced_wasserstein"],
+        "shift of the mean": change["mean_shift"],
+    }
+    rows = [(name, value["median"], value["max"]) for name, value in shown.items() if value]
+    lines = [
+        f"{_count(counts['clouds'], 'cloud')}, {_count(counts['particles'], 'particle')} -> "
+        f"{counts['kept']}",
+        "",
+    ]
+    if len(rows) > 1 and rows[-1][2] <= ROUNDING * rows[-2][2]:
+        lines += [*_columns(("", "median", "largest"), rows[:-1]), "means kept"]
+    else:
+        lines += _columns(("", "median", "largest"), rows)
+    kept = change["trace_kept"]
+    if kept:
+        lines.append(
+            f"kept of the trace of the covariance: {100 * kept['median']:.4g} %, at least "
+            f"{100 * kept['min']:.4g} %"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _columns(header: Sequence[str], rows: list[tuple[Any, ...]]) -> list[str]:
+    """Aligned columns; of many rows the first ones."""
+    if not rows:
+        return []
+    cells = [tuple(header), *(tuple(map(_cell, row)) for row in rows[:ROWS])]
+    width = [max(len(row[k]) for row in cells) for k in range(len(header))]
+    lines = [
+        "  ".join(
+            [
+                row[0].ljust(width[0]),
+                *(cell.rjust(w) for cell, w in zip(row[1:], width[1:], strict=True)),
+            ]
+        ).rstrip()
+        for row in cells
+    ]
+    if len(rows) > ROWS:
+        lines.append(f"and {len(rows) - ROWS} more; all of them: --format csv")
+    return lines
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
