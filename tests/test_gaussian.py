@@ -408,7 +408,7 @@ def test_by_hand(write: Write, invoke: Invoke) -> None:
     assert (parameters["fix_cov"], parameters["missing_cov"]) == (False, "error")
     assert "no column cov_xy: taken as 0" in done.err
     table = invoke(truth, estimate, *GAUSSIAN, "-c", "5", "-g", "2", "-q").out
-    assert re.search(r"means +1 +5.1 %\n +covariances +2 +10.3 %", table)
+    assert re.search(r"means +1 +5.1 %\n +spread +2 +10.3 %", table)
     first = json.loads(
         invoke(truth, estimate, *GAUSSIAN, "-c", "5", "-g", "2", "-p", "1", "--format", "json").out
     )
