@@ -251,7 +251,7 @@ def test_nearest_covariance(seed: int, d: int, exponent: float) -> None:
     assert ratio[0] == pytest.approx(values[-1] / largest, abs=2e-14 * d)
     lower = unpack(factor(mended), lower=True)[0]
     # Rounding of what the leading components leave is that of the matrix, times their condition.
-    rounding = 1e-14 * d * largest * (largest / values[:-1].min())
+    rounding = 1e-13 * d * largest * (largest / values[:-1].min())
     assert np.abs(lower @ lower.T - unpack(mended)[0]).max() <= rounding
     assert np.abs(lower @ lower.T - matrix).max() <= 10.0**exponent * largest + rounding
 
