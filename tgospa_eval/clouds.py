@@ -1,7 +1,6 @@
 """Weighted particles of many states in one flat table. Knows no file and no distance."""
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -133,6 +132,8 @@ class Clouds:
 
     def changed(self, change: Callable[[Cloud], Cloud], jobs: int | None = None) -> "Clouds":
         """Each cloud changed by a function, in so many threads."""
+        from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
+
         with ThreadPoolExecutor(jobs) as pool:
             return joined(list(pool.map(lambda row: change(self[row]), range(len(self)))), self)
 

@@ -12,7 +12,6 @@ the cutoff or beyond it gains nothing, so that only pairs whose bounds are below
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -369,6 +368,8 @@ def _solved(
         return begin + step
 
     solve(0)  # what cannot be imported says so before threads are made
+    from concurrent.futures import ThreadPoolExecutor  # here: most runs do without
+
     with ThreadPoolExecutor(jobs) as pool:
         for done in _while_shown(pool.map(solve, range(step, count, step)), effort):
             effort.stopwatch.stage = f"transports, {min(done, count):,} of {count:,}"

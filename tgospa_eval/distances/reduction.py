@@ -209,7 +209,7 @@ def sliced_wasserstein(a: Cloud, b: Cloud, directions: Floats) -> float:
     return float(np.sqrt(np.mean(squares)))
 
 
-def spread_directions(size: int, count: int | None, rng: np.random.Generator) -> Floats:
+def spread_directions(size: int, count: int | None, rng: "np.random.Generator") -> Floats:
     """Unit vectors (V, d), evenly spread: angles in the plane, else random orthonormal frames.
 
     In more than two dimensions V is rounded up to whole frames.
@@ -243,7 +243,7 @@ Improve = Callable[[Floats], Cloud]
 
 
 def _projections(
-    reduction: Reduction, cloud: Cloud, rng: np.random.Generator
+    reduction: Reduction, cloud: Cloud, rng: "np.random.Generator"
 ) -> tuple[Floats, Floats]:
     """Directions (V, d), and the slot means (V, n) of the projections of the cloud."""
     size = cloud[0].shape[1]
@@ -273,7 +273,7 @@ def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
     return matched
 
 
-def _sliced(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Improve:
+def _sliced(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
     v, b = _projections(reduction, cloud, rng)
     solve = np.linalg.solve(v.T @ v, v.T)
 
@@ -287,7 +287,7 @@ def _sliced(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Imp
     return improve
 
 
-def _recursive(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Improve:
+def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
     """[Prossel] equations 19 to 24, with the gain in equation 20.
 
     A sweep is the least-squares step with a weak pull to where it began. Ranks are those of its
@@ -322,7 +322,7 @@ def _relocated(cloud: Cloud, x: Floats) -> Floats:
     return np.asarray(len(x) * (plan(own, cloud, 2) @ cloud[0]))
 
 
-def _atl(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Improve:  # noqa: ARG001
+def _atl(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:  # noqa: ARG001
     def improve(x: Floats) -> Cloud:
         for _ in range(reduction.iterations):
             before, x = x, _relocated(cloud, x)
@@ -333,7 +333,7 @@ def _atl(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Improv
     return improve
 
 
-def _kmeans(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Improve:  # noqa: ARG001
+def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:  # noqa: ARG001
     """Lloyd's iteration; a centre without particles goes to the one that costs most."""
     from scipy.spatial.distance import cdist
 
@@ -360,7 +360,7 @@ def _kmeans(reduction: Reduction, cloud: Cloud, rng: np.random.Generator) -> Imp
     return improve
 
 
-_METHODS: dict[str, Callable[[Reduction, Cloud, np.random.Generator], Improve]] = {
+_METHODS: "dict[str, Callable[[Reduction, Cloud, np.random.Generator], Improve]]" = {
     "sliced": _sliced,
     "recursive": _recursive,
     "atl": _atl,

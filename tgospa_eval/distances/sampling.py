@@ -139,7 +139,7 @@ def resample_cloud(
     *,
     method: str = "systematic",
     offset: float | ArrayLike | None = None,
-    rng: np.random.Generator | None = None,
+    rng: "np.random.Generator | None" = None,
 ) -> tuple[Floats, Floats]:
     """Particles drawn with replacement, each with the weight ``1 / size``.
 
@@ -191,7 +191,7 @@ def drawn(
     size: int,
     method: str,
     offset: float | ArrayLike | None = None,
-    rng: np.random.Generator | None = None,
+    rng: "np.random.Generator | None" = None,
 ) -> NDArray[np.intp]:
     """Positions of the particles that are drawn; the weights sum to 1."""
     if method not in RESAMPLING:
