@@ -554,3 +554,68 @@ def test_suite_and_single_baselines_are_told_apart(suite: Invoke, invoke: Invoke
         answer = invoke(*single, *more)
         assert answer.status == 2
         assert "is the baseline of a suite (a, b)" in answer.err
+
+
+# --- what is no regression ------------------------------------------------------------------------
+
+
+def test_a_spurious_class_is_a_regression(invoke: Invoke, write: Write) -> None:
+    """The digest of the truth does not depend on the classes of the estimate."""
+    rows = [f"{k},{t},{t},0,{k}\n" for k in ("car", "van") for t in range(3)]
+    head = "id,t,x,y,class\n"
+    write("t.csv", head + "".join(rows))
+    write("e.csv", head + "".join(rows))
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    assert invoke(*common, *METRIC, "--by", "class", "--update-baseline").status == 0
+    write("e.csv", head + "".join(rows) + "9,1,50,50,bus\n")
+    answer = invoke(*common)
+    assert answer.status == 1, answer.out
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[options]\ncutoff = 1" + "0" * 400, "is no finite number"),
+        ("[options]\njobs = inf", "is no finite number"),
+        ("[options]\ncutoff = 1" + "0" * 5000, "not valid TOML"),
+        ("x = " + "[" * 20_000, "nested too deeply"),
+        ('[[pair]]\ntruth = "a\\u0000b"\nestimate = "e"', ""),
+    ],
+)
+def test_monstrous_numbers_are_no_regression(
+    suite: Invoke, invoke: Invoke, write: Write, text: str, said: str
+) -> None:
+    write("s/suite.toml", 'baseline = "base.json"\n' + text)
+    answer = suite()
+    assert answer.status in (2, 3)
+    assert said in answer.err
+    assert "Traceback" not in answer.err
+    if "[options]" in text:
+        write("c.toml", text.replace("[options]\n", ""))
+        answer = invoke("s/data/a/truth.csv", "s/out/a.csv", "--config", "c.toml")
+        assert answer.status == 2
+        assert said in answer.err
+
+
+def test_a_fault_of_ours_is_no_regression(gate: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("deep inside")
+
+    monkeypatch.setattr("tgospa_eval.cli.pairs.load", fails)
+    answer = gate()
+    assert answer.status == 4
+    assert "Traceback" in answer.err
+    assert "internal error: ZeroDivisionError: deep inside" in answer.err
+
+
+def test_whole_stamps_are_the_same_with_and_without_a_point(gate: Invoke, write: Write) -> None:
+    write("t.csv", "id,t,x,y\n" + "".join(f"a,{t}.0,{t},0\n" for t in range(5)))
+    assert gate().status == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no modes of files")
+def test_mode_of_a_file_is_kept(gate: Invoke, write: Write) -> None:
+    Path("b.json").chmod(0o640)
+    write("e.csv", estimate(0.5))
+    assert gate("--update-baseline").status == 0
+    assert Path("b.json").stat().st_mode & 0o777 == 0o640

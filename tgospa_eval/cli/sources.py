@@ -62,6 +62,8 @@ class Given:
                 )
             except click.BadParameter as error:
                 raise ConfigError(f'{where}: "{key}": {error.message}') from None
+            except (ValueError, OverflowError) as error:
+                raise ConfigError(f'{where}: "{key}": {error}') from None
         return values
 
     def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, dict[str, Any]]:

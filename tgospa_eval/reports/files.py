@@ -158,6 +158,8 @@ def write_file(path: str, text: str, option: str) -> None:
             # Not by tempfile, whose files nobody else may read: CI has many users.
             with beside.open("x", encoding="utf-8", newline="") as file:
                 file.write(text)
+            if target.exists():
+                beside.chmod(target.stat().st_mode & 0o7777)
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)
