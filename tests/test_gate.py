@@ -172,7 +172,6 @@ def test_by_class(invoke: Invoke, write: Write) -> None:
         (("--columns", "x"), 'columns is ["x"], in the baseline ["x", "y"]'),
         (("--grid", "common"), "grid"),
         (("--time", "0:3"), "time is \"0:3\", in the baseline not set"),
-        (("--unit", "m"), "unit"),
     ],
 )  # fmt: skip
 def test_given_options_that_differ(gate: Invoke, arguments: tuple[str, ...], said: str) -> None:
@@ -570,6 +569,10 @@ def test_a_spurious_class_is_a_regression(invoke: Invoke, write: Write) -> None:
     write("e.csv", head + "".join(rows) + "9,1,50,50,bus\n")
     answer = invoke(*common)
     assert answer.status == 1, answer.out
+    assert invoke(*common, "--update-baseline").status == 0
+    write("e.csv", head + "".join(rows))
+    answer = invoke(*common, "--fail-on", "by_class.bus.total:+0")  # a class that is gone costs 0
+    assert answer.status == 0, answer.out
 
 
 @pytest.mark.parametrize(
@@ -619,3 +622,93 @@ def test_mode_of_a_file_is_kept(gate: Invoke, write: Write) -> None:
     write("e.csv", estimate(0.5))
     assert gate("--update-baseline").status == 0
     assert Path("b.json").stat().st_mode & 0o777 == 0o640
+
+
+# --- rules that cannot be judged, values that contradict each other -------------------------------
+
+
+def test_a_rule_on_nothing_hides_no_regression(gate: Invoke, write: Write) -> None:
+    rules = ("--fail-on", "by_class.bus.total:+0", "--fail-on", "total:+0.001%")
+    assert gate(*rules).status == 2
+    write("e.csv", estimate(2))
+    answer = gate(*rules, "--format", "json", "--junit", "j.xml")
+    assert answer.status == 1
+    found = [rule["verdict"] for rule in pair(answer)["rules"]]
+    assert found == ["not comparable", "fail"]
+    assert "there is no by_class.bus.total" in Path("j.xml").read_text(encoding="utf-8")
+    for form in ("table", "markdown"):
+        assert "not comparable" in gate(*rules, "--format", form).out
+    write("e.csv", estimate(1))
+    answer = gate("--warn-on", "by_class.bus.total:+0")
+    assert answer.status == 0
+    assert "the result has no by_class.bus.total" in answer.out
+
+
+def test_names_of_classes_with_dots_and_commas(invoke: Invoke, write: Write) -> None:
+    """Class a has 3 misses, class a.counts none: by_class.a.counts.missed is the former."""
+    rows = [f'{k},{t},{t},0,"{k}"\n' for k in ("a", "a.counts") for t in range(3)]
+    rows += [f'9,{t},{t},0,"b,c"\n' for t in range(3)]
+    write("t.csv", "id,t,x,y,class\n" + "".join(rows))
+    write("e.csv", "id,t,x,y,class\n" + "".join(rows[3:]))
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    assert invoke(*common, *METRIC, "--by", "class", "--update-baseline").status == 0
+    values = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["values"]
+    assert values["by_class"]["a"]["counts"]["missed"] == 3
+    assert values["by_class"]["a.counts"]["missed"] == 0
+    answer = invoke(
+        *common, "--max", "by_class.a.counts.missed=2", "--fail-on",
+        "by_class.b,c.total:+1,total:+2%", "--format", "json",
+    )  # fmt: skip
+    assert answer.status == 1
+    found = [rule["rule"] for rule in pair(answer)["rules"]]
+    assert found == ["by_class.b,c.total:+1", "total:+2%", "by_class.a.counts.missed<=2"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (spoil("values", "total", value=50), "total is not tgospa to the power of the order"),
+        (spoil("values", "lower_bound", value=6), "lower_bound is above upper_bound"),
+        (spoil("values", "tgospa", value=6), "tgospa is not upper_bound"),
+        (spoil("values", "missed", value=6), "do not add up"),
+        (spoil("values", "counts.missed", value=6), '"counts.missed" among the values has a dot'),
+    ],
+)
+def test_badly_merged(gate: Invoke, change: Callable[[Any], None], said: str) -> None:
+    edit("b.json", change)
+    answer = gate()
+    assert answer.status == 2
+    assert said in answer.err
+
+
+def test_unit_and_decimal_compare(gate: Invoke) -> None:
+    assert gate("--unit", "m").status == 0
+
+
+def test_an_undecided_warning_is_a_warning(
+    gate: Invoke, crowd: tuple[str, str], write: Write
+) -> None:
+    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
+        shutil.copy(path, name)
+    coarse = ("--solver", "sinkhorn", "--epsilon", "0.5", "-c", "5", "-g", "2", "-p", "2")
+    assert gate(*coarse, "--update-baseline").status == 0
+    values = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["values"]
+    limit = (values["total"] + values["lower_bound"] ** 2) / 2 - values["total"]
+    assert limit < 0
+    edit("b.json", lambda entry: entry["values"].update(half(entry["values"], limit)))
+    answer = gate("--warn-on", "total:+0", "--fail-on", "total:+900%", "--github")
+    assert answer.status == 0
+    assert " warning" in answer.out
+    assert "::warning" in answer.err
+    assert "the bracket of the baseline is open" in answer.out
+
+
+def half(values: dict[str, Any], change: float) -> dict[str, Any]:
+    """The values with a total that is changed by so much, and nothing that contradicts it."""
+    total = values["total"] + change
+    parts = {
+        name: values[name] * total / values["total"]
+        for name in ("localisation", "missed", "false", "switch")
+    }
+    root = dict.fromkeys(("tgospa", "upper_bound"), total**0.5)
+    return {"total": total, **root, **parts, "lower_bound": values["lower_bound"]}

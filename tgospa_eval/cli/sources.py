@@ -11,7 +11,7 @@ from tgospa_eval.cli.options import EVALUATION, KEYS
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import Entry
-from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule
+from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
 
 KNOWN = dict(KEYS[add] for add in EVALUATION)
@@ -91,8 +91,10 @@ class Given:
         """The rules of a pair."""
         found: list[Rule] = []
         for key, name in RULES.items():
-            own = [part for text in self.options[name] for part in text.split(",") if part.strip()]
-            suite = [part for text in pair.rules.get(key, ()) for part in text.split(",")]
+            own = [part for text in self.options[name] for part in split_rules(text)]
+            suite = [
+                part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]
+            ]
             if key == "fail-on":
                 texts = own if own and (self.strong(name) or not suite) else suite
                 found += [parse_rule(text) for text in texts] or [DEFAULT]

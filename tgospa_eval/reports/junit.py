@@ -50,11 +50,13 @@ def _cases(suite: ET.Element, outcome: Outcome) -> None:
         mark = "" if finding.now.proven else " (split, not proven)"
         lower, upper, limit = texts(finding.now.lower, finding.now.upper, finding.limit)
         about = f"{finding.rule.path} is between {lower} and {upper}, allowed is {limit}{mark}"
+        if finding.verdict is Verdict.INCOMPARABLE:
+            about = f"there is no {finding.rule.path}"
         if finding.rule.warns and verdict != Verdict.PASS:
             ET.SubElement(case, "system-out").text = _clean(f"{verdict}: {about}")
         elif verdict == Verdict.FAIL:
             _result(case, "failure", verdict, text, about)
-        elif verdict == Verdict.UNDECIDED:
+        elif verdict != Verdict.PASS:
             _result(case, "error", verdict, text, about)
 
 
