@@ -712,3 +712,138 @@ def half(values: dict[str, Any], change: float) -> dict[str, Any]:
     }
     root = dict.fromkeys(("tgospa", "upper_bound"), total**0.5)
     return {"total": total, **root, **parts, "lower_bound": values["lower_bound"]}
+
+
+# --- nothing hides a regression, and every failure is reported ------------------------------------
+
+
+def test_a_pattern_without_a_file_does_not_stop_the_others(suite: Invoke, write: Write) -> None:
+    more = '[[pair]]\ntruth = "no/{name}.csv"\nestimate = "{name}"\n'
+    write("s/suite.toml", SUITE + more)
+    answer = suite("--format", "json")
+    assert answer.status == 3
+    assert verdicts(answer) == {"a": "pass", "b": "pass", "{name}": "error"}
+    assert "no file is like" in answer.err
+    write("s/out/b.csv", estimate(2))
+    assert suite().status == 1
+    assert suite("--update-baseline").status == 3
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no full device")
+def test_a_full_disk_hides_no_regression(
+    gate: Invoke, write: Write, environment: dict[str, str]
+) -> None:
+    write("e.csv", estimate(2))
+    command = [
+        *(sys.executable, "-m", "tgospa_eval", "gate", "t.csv", "e.csv", "-q"),
+        *("--baseline", "b.json", "--junit", "j.xml"),
+    ]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command, env=environment, stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 1
+    assert b"stdout cannot be written" in done.stderr
+    assert "<failure" in Path("j.xml").read_text(encoding="utf-8")
+
+
+def test_wrong_usage_is_published(invoke: Invoke) -> None:
+    answer = invoke("gate", "t.csv", "--junit", "j.xml", "--github")
+    assert answer.status == 2
+    assert "needed are TRUTH and ESTIMATE" in answer.err
+    assert "::error" in answer.err
+    assert "<error" in Path("j.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", ["./t.csv", "e.csv", "b.json"])
+def test_junit_is_not_written_over_an_input(gate: Invoke, path: str) -> None:
+    before = Path(path).read_bytes()
+    answer = gate("--junit", path)
+    assert answer.status == 2
+    assert "is an input of the gate" in answer.err
+    assert Path(path).read_bytes() == before
+
+
+def test_junit_is_not_written_over_a_suite(suite: Invoke) -> None:
+    for path in ("s/suite.toml", "s/base.json", "s/out/a.csv"):
+        before = Path(path).read_bytes()
+        assert "is an input of the gate" in suite("--junit", path).err
+        assert Path(path).read_bytes() == before
+
+
+def test_arguments_beat_a_suite_of_the_environment(
+    gate: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TGOSPA_EVAL_SUITE", "other.toml")
+    assert gate().status == 0
+
+
+def test_an_unreached_accuracy_is_not_inherited(gate: Invoke, crowd: tuple[str, str]) -> None:
+    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
+        shutil.copy(path, name)
+    late = ("--time-limit", "1e-9", "--gap", "1e-8", "-c", "5", "-g", "2", "-p", "2")
+    answer = gate(*late, "--update-baseline")
+    assert answer.status == 0
+    assert "the bracket is open" in answer.out
+    options = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["options"]
+    assert not {"time-limit", "gap", "solver", "epsilon"} & options.keys()
+    answer = gate()
+    assert answer.status == 0
+    assert "the bracket of the baseline is open" in answer.out
+    answer = gate("--max", "total=0.5", "--time-limit", "1e-9")
+    assert answer.status == 1 or "a larger --time-limit than 1e-09" in answer.out
+
+
+def test_covariance_is_found_from_any_folder(
+    invoke: Invoke, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("in").mkdir()
+    Path("run").mkdir()
+    write("t.csv", TRUTH)
+    write("in/cov.csv", "4,0\n0,1\n")
+    given = ("--distance", "mahalanobis", "--covariance", "in/cov.csv", "--update-baseline", "-q")
+    assert invoke("gate", "t.csv", "t.csv", "--baseline", "in/b.json", *given).status == 0
+    options = json.loads(Path("in/b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["options"]
+    assert options["covariance"] == "cov.csv"
+    monkeypatch.chdir("run")
+    answer = invoke("gate", "../t.csv", "../t.csv", "--baseline", "../in/b.json", "-q")
+    assert answer.status == 0, answer.err
+
+
+# --- the action -----------------------------------------------------------------------------------
+
+ACTION = Path(__file__).parents[1] / ".github" / "actions" / "gate" / "action.yml"
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="has no bash")
+@pytest.mark.parametrize(
+    ("inputs", "passed"),
+    [
+        ({"SUITE": "s.toml"}, ["--suite", "s.toml"]),
+        ({"SUITE": "s.toml", "TRUTH": "t"}, ["--suite", "s.toml", "--", "t"]),
+        ({}, []),
+        ({"TRUTH": "-t", "ESTIMATE": "a b"}, ["--", "-t", "a b"]),
+        ({"ARGUMENTS": "  --max\n  tgospa=50\r\n\n"}, ["--max", "tgospa=50"]),
+        ({"ARGUMENTS": "$(touch pwned)"}, ["$(touch pwned)"]),
+    ],
+)
+def test_action_passes_its_inputs_on(
+    inputs: dict[str, str], passed: list[str], write: Write, monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    script = ACTION.read_text(encoding="utf-8").rpartition("run: |\n")[2]
+    Path("tgospa-eval/bin").mkdir(parents=True)
+    write("tgospa-eval/bin/tgospa-eval", '#!/bin/sh\nprintf "%s\\n" "$@"\nexit 4\n')
+    Path("tgospa-eval/bin/tgospa-eval").chmod(0o755)
+    names = ("SUITE", "TRUTH", "ESTIMATE", "BASELINE", "JUNIT", "ARGUMENTS")
+    places = {"RUNNER_TEMP": ".", "GITHUB_OUTPUT": "out"}
+    done = subprocess.run(
+        ["bash", "-e", "-o", "pipefail", "-c", script],
+        env={**os.environ, **dict.fromkeys(names, ""), **places, **inputs},
+        stdout=subprocess.PIPE, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout.splitlines() == ["gate", "--github", *passed]
+    assert done.returncode == 4
+    assert Path("out").read_text(encoding="utf-8") == "status=4\n"
+    assert not Path("pwned").exists()
