@@ -172,7 +172,6 @@ def test_by_class(invoke: Invoke, write: Write) -> None:
         (("--columns", "x"), 'columns is ["x"], in the baseline ["x", "y"]'),
         (("--grid", "common"), "grid"),
         (("--time", "0:3"), "time is \"0:3\", in the baseline not set"),
-        (("--unit", "m"), "unit"),
     ],
 )  # fmt: skip
 def test_given_options_that_differ(gate: Invoke, arguments: tuple[str, ...], said: str) -> None:
@@ -554,3 +553,297 @@ def test_suite_and_single_baselines_are_told_apart(suite: Invoke, invoke: Invoke
         answer = invoke(*single, *more)
         assert answer.status == 2
         assert "is the baseline of a suite (a, b)" in answer.err
+
+
+# --- what is no regression ------------------------------------------------------------------------
+
+
+def test_a_spurious_class_is_a_regression(invoke: Invoke, write: Write) -> None:
+    """The digest of the truth does not depend on the classes of the estimate."""
+    rows = [f"{k},{t},{t},0,{k}\n" for k in ("car", "van") for t in range(3)]
+    head = "id,t,x,y,class\n"
+    write("t.csv", head + "".join(rows))
+    write("e.csv", head + "".join(rows))
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    assert invoke(*common, *METRIC, "--by", "class", "--update-baseline").status == 0
+    write("e.csv", head + "".join(rows) + "9,1,50,50,bus\n")
+    answer = invoke(*common)
+    assert answer.status == 1, answer.out
+    assert invoke(*common, "--update-baseline").status == 0
+    write("e.csv", head + "".join(rows))
+    answer = invoke(*common, "--fail-on", "by_class.bus.total:+0")  # a class that is gone costs 0
+    assert answer.status == 0, answer.out
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[options]\ncutoff = 1" + "0" * 400, "is no finite number"),
+        ("[options]\njobs = inf", "is no finite number"),
+        ("[options]\ncutoff = 1" + "0" * 5000, "not valid TOML"),
+        ("x = " + "[" * 20_000, "nested too deeply"),
+        ('[[pair]]\ntruth = "a\\u0000b"\nestimate = "e"', ""),
+    ],
+)
+def test_monstrous_numbers_are_no_regression(
+    suite: Invoke, invoke: Invoke, write: Write, text: str, said: str
+) -> None:
+    write("s/suite.toml", 'baseline = "base.json"\n' + text)
+    answer = suite()
+    assert answer.status in (2, 3)
+    assert said in answer.err
+    assert "Traceback" not in answer.err
+    if "[options]" in text:
+        write("c.toml", text.replace("[options]\n", ""))
+        answer = invoke("s/data/a/truth.csv", "s/out/a.csv", "--config", "c.toml")
+        assert answer.status == 2
+        assert said in answer.err
+
+
+def test_a_fault_of_ours_is_no_regression(gate: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: Any, **__: Any) -> None:
+        raise ZeroDivisionError("deep inside")
+
+    monkeypatch.setattr("tgospa_eval.cli.pairs.load", fails)
+    answer = gate()
+    assert answer.status == 4
+    assert "Traceback" in answer.err
+    assert "internal error: ZeroDivisionError: deep inside" in answer.err
+
+
+def test_whole_stamps_are_the_same_with_and_without_a_point(gate: Invoke, write: Write) -> None:
+    write("t.csv", "id,t,x,y\n" + "".join(f"a,{t}.0,{t},0\n" for t in range(5)))
+    assert gate().status == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no modes of files")
+def test_mode_of_a_file_is_kept(gate: Invoke, write: Write) -> None:
+    Path("b.json").chmod(0o640)
+    write("e.csv", estimate(0.5))
+    assert gate("--update-baseline").status == 0
+    assert Path("b.json").stat().st_mode & 0o777 == 0o640
+
+
+# --- rules that cannot be judged, values that contradict each other -------------------------------
+
+
+def test_a_rule_on_nothing_hides_no_regression(gate: Invoke, write: Write) -> None:
+    rules = ("--fail-on", "by_class.bus.total:+0", "--fail-on", "total:+0.001%")
+    assert gate(*rules).status == 2
+    write("e.csv", estimate(2))
+    answer = gate(*rules, "--format", "json", "--junit", "j.xml")
+    assert answer.status == 1
+    found = [rule["verdict"] for rule in pair(answer)["rules"]]
+    assert found == ["not comparable", "fail"]
+    assert "there is no by_class.bus.total" in Path("j.xml").read_text(encoding="utf-8")
+    for form in ("table", "markdown"):
+        assert "not comparable" in gate(*rules, "--format", form).out
+    write("e.csv", estimate(1))
+    answer = gate("--warn-on", "by_class.bus.total:+0")
+    assert answer.status == 0
+    assert "the result has no by_class.bus.total" in answer.out
+
+
+def test_names_of_classes_with_dots_and_commas(invoke: Invoke, write: Write) -> None:
+    """Class a has 3 misses, class a.counts none: by_class.a.counts.missed is the former."""
+    rows = [f'{k},{t},{t},0,"{k}"\n' for k in ("a", "a.counts") for t in range(3)]
+    rows += [f'9,{t},{t},0,"b,c"\n' for t in range(3)]
+    write("t.csv", "id,t,x,y,class\n" + "".join(rows))
+    write("e.csv", "id,t,x,y,class\n" + "".join(rows[3:]))
+    common = ("gate", "t.csv", "e.csv", "--baseline", "b.json", "-q")
+    assert invoke(*common, *METRIC, "--by", "class", "--update-baseline").status == 0
+    values = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["values"]
+    assert values["by_class"]["a"]["counts"]["missed"] == 3
+    assert values["by_class"]["a.counts"]["missed"] == 0
+    answer = invoke(
+        *common, "--max", "by_class.a.counts.missed=2", "--fail-on",
+        "by_class.b,c.total:+1,total:+2%", "--format", "json",
+    )  # fmt: skip
+    assert answer.status == 1
+    found = [rule["rule"] for rule in pair(answer)["rules"]]
+    assert found == ["by_class.b,c.total:+1", "total:+2%", "by_class.a.counts.missed<=2"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (spoil("values", "total", value=50), "total is not tgospa to the power of the order"),
+        (spoil("values", "lower_bound", value=6), "lower_bound is above upper_bound"),
+        (spoil("values", "tgospa", value=6), "tgospa is not upper_bound"),
+        (spoil("values", "missed", value=6), "do not add up"),
+        (spoil("values", "counts.missed", value=6), '"counts.missed" among the values has a dot'),
+    ],
+)
+def test_badly_merged(gate: Invoke, change: Callable[[Any], None], said: str) -> None:
+    edit("b.json", change)
+    answer = gate()
+    assert answer.status == 2
+    assert said in answer.err
+
+
+def test_unit_and_decimal_compare(gate: Invoke) -> None:
+    assert gate("--unit", "m").status == 0
+
+
+def test_an_undecided_warning_is_a_warning(
+    gate: Invoke, crowd: tuple[str, str], write: Write
+) -> None:
+    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
+        shutil.copy(path, name)
+    coarse = ("--solver", "sinkhorn", "--epsilon", "0.5", "-c", "5", "-g", "2", "-p", "2")
+    assert gate(*coarse, "--update-baseline").status == 0
+    values = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["values"]
+    limit = (values["total"] + values["lower_bound"] ** 2) / 2 - values["total"]
+    assert limit < 0
+    edit("b.json", lambda entry: entry["values"].update(half(entry["values"], limit)))
+    answer = gate("--warn-on", "total:+0", "--fail-on", "total:+900%", "--github")
+    assert answer.status == 0
+    assert " warning" in answer.out
+    assert "::warning" in answer.err
+    assert "the bracket of the baseline is open" in answer.out
+
+
+def half(values: dict[str, Any], change: float) -> dict[str, Any]:
+    """The values with a total that is changed by so much, and nothing that contradicts it."""
+    total = values["total"] + change
+    parts = {
+        name: values[name] * total / values["total"]
+        for name in ("localisation", "missed", "false", "switch")
+    }
+    root = dict.fromkeys(("tgospa", "upper_bound"), total**0.5)
+    return {"total": total, **root, **parts, "lower_bound": values["lower_bound"]}
+
+
+# --- nothing hides a regression, and every failure is reported ------------------------------------
+
+
+def test_a_pattern_without_a_file_does_not_stop_the_others(suite: Invoke, write: Write) -> None:
+    more = '[[pair]]\ntruth = "no/{name}.csv"\nestimate = "{name}"\n'
+    write("s/suite.toml", SUITE + more)
+    answer = suite("--format", "json")
+    assert answer.status == 3
+    assert verdicts(answer) == {"a": "pass", "b": "pass", "{name}": "error"}
+    assert "no file is like" in answer.err
+    write("s/out/b.csv", estimate(2))
+    assert suite().status == 1
+    assert suite("--update-baseline").status == 3
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no full device")
+def test_a_full_disk_hides_no_regression(
+    gate: Invoke, write: Write, environment: dict[str, str]
+) -> None:
+    write("e.csv", estimate(2))
+    command = [
+        *(sys.executable, "-m", "tgospa_eval", "gate", "t.csv", "e.csv", "-q"),
+        *("--baseline", "b.json", "--junit", "j.xml"),
+    ]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command, env=environment, stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.returncode == 1
+    assert b"stdout cannot be written" in done.stderr
+    assert "<failure" in Path("j.xml").read_text(encoding="utf-8")
+
+
+def test_wrong_usage_is_published(invoke: Invoke) -> None:
+    answer = invoke("gate", "t.csv", "--junit", "j.xml", "--github")
+    assert answer.status == 2
+    assert "needed are TRUTH and ESTIMATE" in answer.err
+    assert "::error" in answer.err
+    assert "<error" in Path("j.xml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", ["./t.csv", "e.csv", "b.json"])
+def test_junit_is_not_written_over_an_input(gate: Invoke, path: str) -> None:
+    before = Path(path).read_bytes()
+    answer = gate("--junit", path)
+    assert answer.status == 2
+    assert "is an input of the gate" in answer.err
+    assert Path(path).read_bytes() == before
+
+
+def test_junit_is_not_written_over_a_suite(suite: Invoke) -> None:
+    for path in ("s/suite.toml", "s/base.json", "s/out/a.csv"):
+        before = Path(path).read_bytes()
+        assert "is an input of the gate" in suite("--junit", path).err
+        assert Path(path).read_bytes() == before
+
+
+def test_arguments_beat_a_suite_of_the_environment(
+    gate: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TGOSPA_EVAL_SUITE", "other.toml")
+    assert gate().status == 0
+
+
+def test_an_unreached_accuracy_is_not_inherited(gate: Invoke, crowd: tuple[str, str]) -> None:
+    for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
+        shutil.copy(path, name)
+    late = ("--time-limit", "1e-9", "--gap", "1e-8", "-c", "5", "-g", "2", "-p", "2")
+    answer = gate(*late, "--update-baseline")
+    assert answer.status == 0
+    assert "the bracket is open" in answer.out
+    options = json.loads(Path("b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["options"]
+    assert not {"time-limit", "gap", "solver", "epsilon"} & options.keys()
+    answer = gate()
+    assert answer.status == 0
+    assert "the bracket of the baseline is open" in answer.out
+    answer = gate("--max", "total=0.5", "--time-limit", "1e-9")
+    assert answer.status == 1 or "a larger --time-limit than 1e-09" in answer.out
+
+
+def test_covariance_is_found_from_any_folder(
+    invoke: Invoke, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("in").mkdir()
+    Path("run").mkdir()
+    write("t.csv", TRUTH)
+    write("in/cov.csv", "4,0\n0,1\n")
+    given = ("--distance", "mahalanobis", "--covariance", "in/cov.csv", "--update-baseline", "-q")
+    assert invoke("gate", "t.csv", "t.csv", "--baseline", "in/b.json", *given).status == 0
+    options = json.loads(Path("in/b.json").read_text(encoding="utf-8"))["pairs"]["pair"]["options"]
+    assert options["covariance"] == "cov.csv"
+    monkeypatch.chdir("run")
+    answer = invoke("gate", "../t.csv", "../t.csv", "--baseline", "../in/b.json", "-q")
+    assert answer.status == 0, answer.err
+
+
+# --- the action -----------------------------------------------------------------------------------
+
+ACTION = Path(__file__).parents[1] / ".github" / "actions" / "gate" / "action.yml"
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="has no bash")
+@pytest.mark.parametrize(
+    ("inputs", "passed"),
+    [
+        ({"SUITE": "s.toml"}, ["--suite", "s.toml"]),
+        ({"SUITE": "s.toml", "TRUTH": "t"}, ["--suite", "s.toml", "--", "t"]),
+        ({}, []),
+        ({"TRUTH": "-t", "ESTIMATE": "a b"}, ["--", "-t", "a b"]),
+        ({"ARGUMENTS": "  --max\n  tgospa=50\r\n\n"}, ["--max", "tgospa=50"]),
+        ({"ARGUMENTS": "$(touch pwned)"}, ["$(touch pwned)"]),
+    ],
+)
+def test_action_passes_its_inputs_on(
+    inputs: dict[str, str], passed: list[str], write: Write, monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    script = ACTION.read_text(encoding="utf-8").rpartition("run: |\n")[2]
+    Path("tgospa-eval/bin").mkdir(parents=True)
+    write("tgospa-eval/bin/tgospa-eval", '#!/bin/sh\nprintf "%s\\n" "$@"\nexit 4\n')
+    Path("tgospa-eval/bin/tgospa-eval").chmod(0o755)
+    names = ("SUITE", "TRUTH", "ESTIMATE", "BASELINE", "JUNIT", "ARGUMENTS")
+    places = {"RUNNER_TEMP": ".", "GITHUB_OUTPUT": "out"}
+    done = subprocess.run(
+        ["bash", "-e", "-o", "pipefail", "-c", script],
+        env={**os.environ, **dict.fromkeys(names, ""), **places, **inputs},
+        stdout=subprocess.PIPE, text=True, check=False,
+    )  # fmt: skip
+    assert done.stdout.splitlines() == ["gate", "--github", *passed]
+    assert done.returncode == 4
+    assert Path("out").read_text(encoding="utf-8") == "status=4\n"
+    assert not Path("pwned").exists()

@@ -146,8 +146,9 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
 
 
 def _joined_input(told: dict[str, Any], inputs: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """What is told of a file, with the rows that the grid left out and a digest of all classes."""
-    digests = [(name, part["sha256"]) for name, part in inputs.items()]
+    """What is told of a file, with the rows that the grid left out and a digest of its classes."""
+    # Those of the other file alone are left out: the digest of the truth tells of the truth.
+    digests = [(name, part["sha256"]) for name, part in inputs.items() if part["rows"]]
     off_grid = sum(part["left_out"].get("grid", 0) for part in inputs.values())
     return {
         **told,

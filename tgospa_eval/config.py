@@ -1,5 +1,6 @@
 """Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from tgospa_eval.errors import ConfigError
 
 FILE = "tgospa-eval.toml"
 TABLE = "tgospa-eval"
+MOST = sys.float_info.max
 
 
 def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[str, Any]]:
@@ -57,6 +59,11 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
         name = key.replace("_", "-")
         if name not in known:
             raise ConfigError(f'{path}: unknown key "{key}"; known are {", ".join(sorted(known))}')
+        for number in value if isinstance(value, list) else [value]:
+            if isinstance(number, int | float) and abs(number) > MOST:
+                raise ConfigError(
+                    f'{path}: "{key}" is no finite number, or beyond those of a double'
+                )
         if isinstance(value, list):
             value = ",".join(map(str, value))
         if not isinstance(value, str | int | float):
@@ -110,9 +117,13 @@ def read_toml(path: str) -> dict[str, Any]:
     import tomllib  # here: most runs have no such file
 
     try:
-        with Path(path).open("rb") as file:
-            return tomllib.load(file)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ConfigError(f"{path}: cannot be read: {reason}") from None
+    try:
+        return tomllib.loads(content.decode())
+    except RecursionError:
+        raise ConfigError(f"{path}: not valid TOML: nested too deeply") from None
+    except ValueError as error:  # of TOML, of UTF-8, of integers with thousands of digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from None

@@ -13,7 +13,8 @@ MOST = 2**31 - 2
 class TgospaError(Exception):
     """Base of everything that this package raises on purpose."""
 
-    exit_status = 1
+    exit_status = 4
+    """Never 1: of the gate that is a regression."""
 
 
 class ConfigError(TgospaError, ValueError):

@@ -480,13 +480,20 @@ def digest(side: Trajectories) -> str:
     sha = hashlib.sha256()
     for texts in (side.columns, side.ids.tolist()):
         sha.update(repr(list(texts)).encode())
-    arrays = [side.times[side.step], side.track, side.state]
+    arrays = [_whole(side.times)[side.step], side.track, side.state]
     arrays += side.beside
     for array in arrays:
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())
         sha.update(np.ascontiguousarray(array, dtype=kind).data)
     return sha.hexdigest()
+
+
+def _whole(times: NDArray[Any]) -> NDArray[Any]:
+    """Times as integers where all are whole: the stamps 0 and 0.0 are the same."""
+    if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
+        return times
+    return times.astype(np.int64)
 
 
 def solver_settings(solver: Solver) -> dict[str, Any]:

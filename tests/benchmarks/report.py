@@ -320,6 +320,11 @@ def of_startup(store: Store) -> list[Table]:
             found["gate"],
             found["gate_imports"],
         ),
+        *(
+            [("the same with --junit and --github", found["gate_reports"], found["gate_imports"])]
+            if "gate_reports" in found
+            else []
+        ),
         ("tgospa-eval --help", found["help"], found["python"]),
     ]
     return [

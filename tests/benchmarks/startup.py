@@ -58,10 +58,12 @@ def _measure(gating: list[str]) -> dict[str, Any]:
     # PYTHONDONTWRITEBYTECODE is set.
     compileall.compile_dir(HERE.parents[1] / "tgospa_eval", quiet=1)
     needs, gate_needs = libraries(ARGUMENTS), libraries(gating)
+    reporting = [*gating, "--junit", str(Path(gating[1]).with_name("junit.xml")), "--github"]
     commands = {
         "evaluate": [COMMAND, *ARGUMENTS],
         "imports": [sys.executable, "-c", f"import {', '.join(needs)}"],
         "gate": [COMMAND, *gating],
+        "gate_reports": [COMMAND, *reporting],
         "gate_imports": [sys.executable, "-c", f"import {', '.join(gate_needs)}"],
         "help": [COMMAND, "--help"],
         "python": [sys.executable, "-c", "pass"],

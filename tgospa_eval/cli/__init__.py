@@ -5,6 +5,7 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 
 import click
@@ -24,6 +25,9 @@ VERBS = {
 """Module and summary of each verb; the module's command is called `command`."""
 
 INTERRUPTED = 130
+INTERNAL = 4
+"""Of faults of ours, as of solvers: neither passed nor failed, nothing is known."""
+
 CONFIG = "tgospa_eval.config"
 """Under this name the context keeps the configuration file in use."""
 
@@ -112,11 +116,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # a small evaluation.
     atexit.register(gc.freeze)
     try:
+        status = _run(arguments)
+    except Exception as error:
+        status = INTERNAL
+        with suppress(OSError, ValueError):  # stderr itself may be what fails
+            _say_internal(error)
+    sys.exit(status)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run the command line; the exit status."""
+    status: int | None
+    try:
         status = cli.main(
             args=None if arguments is None else list(arguments),
             prog_name="tgospa-eval",
             standalone_mode=False,
         )
+    except SystemExit:  # click's own, with 1, where a pipe has no reader
+        status = INTERNAL
     except TgospaError as error:
         click.echo(str(error), err=True)
         status = error.exit_status
@@ -125,12 +143,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if context is not None and context.meta.get(CONFIG):
             click.echo(f"settings from {context.meta[CONFIG]}", err=True)
         error.show()
-        status = error.exit_code
+        status = max(error.exit_code, 2)  # 1 is a regression, and nothing else
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         sys.stderr.flush()
         os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
     except MemoryError:
         click.echo("out of memory; a smaller cutoff leaves fewer pairs", err=True)
-        status = 4
-    sys.exit(status or 0)
+        status = INTERNAL
+    return status or 0
+
+
+def _say_internal(error: Exception) -> None:
+    """The traceback of a fault of ours, and a sentence."""
+    import traceback  # here: there should be none
+
+    click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
+    click.echo(f"internal error: {type(error).__name__}: {error}; please report it", err=True)

@@ -3,15 +3,17 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from tgospa_eval import __version__
 from tgospa_eval.cli.gate import TYPED
 from tgospa_eval.cli.sources import KNOWN, Given
 from tgospa_eval.cli.work import emit, evaluate_files
-from tgospa_eval.errors import ConfigError, TgospaError
+from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
 from tgospa_eval.gate.outcome import Change, Outcome, Report, change, compare
@@ -34,7 +36,8 @@ def run_gate(
     """
     given = Given(context=context, options=options)
     if options["config"] and not options["quiet"]:
-        click.echo(f"settings from {options['config']}", err=True)
+        _say(f"settings from {options['config']}")
+    _check_junit(options, truth, estimate)
     try:
         report = _judge(given, truth, estimate)
     except TgospaError as error:
@@ -47,15 +50,47 @@ def run_gate(
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
             said = (f"{outcome.name}: " if options["suite"] else "") + " ".join(outcome.notes)
-            click.echo(plain(said), err=True)
-    emit(GATE_REPORTS[options["format_"]](report))
-    return worst((report.status, _publish(report, options)))
+            _say(plain(said))
+    # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
+    status = worst((report.status, _publish(report, options)))
+    try:
+        emit(GATE_REPORTS[options["format_"]](report))
+    except ConfigError as error:
+        _say(str(error))
+        status = worst((status, error.exit_status))
+    return status
+
+
+def _say(text: str) -> None:
+    """Print a line to stderr; a stderr that is gone changes no verdict."""
+    with suppress(OSError, ValueError):
+        click.echo(text, err=True)
+
+
+def _check_junit(options: dict[str, Any], *sides: str | None) -> None:
+    """Whether the JUnit report would be written over what is read.
+
+    Raises
+    ------
+    ConfigError
+        It would.
+    """
+    if not options["junit"]:
+        return
+    target = os.path.realpath(options["junit"])
+    for path in (*sides, options["suite"], options["baseline"], options["config"]):
+        if path and os.path.realpath(path) == target:
+            name, options["junit"] = options["junit"], None
+            raise ConfigError(f"--junit {name}: is an input of the gate; name another file")
 
 
 def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     """All pairs, and the new baseline if one is asked for."""
     options = given.options
     suite = _suite(given, truth, estimate)
+    if options["junit"]:
+        for pair in suite.pairs:
+            _check_junit(options, pair.truth, pair.estimate, suite.baseline)
     path = options["baseline"] if given.strong("baseline") or not suite.baseline else suite.baseline
     if not path:
         raise ConfigError("no baseline: name it with --baseline FILE")
@@ -64,12 +99,16 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     alone = suite.pairs[0].name == ALONE and not options["suite"]
     if alone and old and ALONE not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
-    rules = {pair.name: given.rules(pair) for pair in suite.pairs}  # wrong ones before any work
+    rules = {
+        p.name: given.rules(p) for p in suite.pairs if not p.fault
+    }  # wrong ones before any work
     if update:
         return _update(given, suite, old or {}, path)
     missing = f"no such file: {path}" if old is None else f"not in {path}"
     outcomes = [
-        _outcome(given, pair, old[pair.name], rules[pair.name], path)
+        _failed(pair)
+        if pair.fault
+        else _outcome(given, pair, old[pair.name], rules[pair.name], path)
         if old and pair.name in old
         else _absent(pair, missing)
         for pair in suite.pairs
@@ -92,12 +131,13 @@ def _report(path: str, outcomes: list[Outcome], again: tuple[str, ...] = ()) -> 
 def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
     path = given.options["suite"]
     if truth is not None and estimate is not None:
-        if path and given.strong("suite"):
+        source = given.context.get_parameter_source("suite")
+        if path and source is ParameterSource.COMMANDLINE:
             raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
         given.options["suite"] = None
         return Suite(pairs=(Pair(name=ALONE, truth=truth, estimate=estimate),), baseline=None)
     if truth is not None or not path:
-        raise click.UsageError("needed are TRUTH and ESTIMATE, or --suite FILE", given.context)
+        raise ConfigError("needed are TRUTH and ESTIMATE, or --suite FILE")
     return load_suite(path, KNOWN)
 
 
@@ -108,6 +148,13 @@ def _absent(pair: Pair, why: str) -> Outcome:
     )  # fmt: skip
 
 
+def _failed(pair: Pair) -> Outcome:
+    return Outcome(
+        name=pair.name, truth=pair.truth, estimate=pair.estimate, verdict=Verdict.ERROR,
+        status=STATUS[Verdict.ERROR], notes=(pair.fault,),
+    )  # fmt: skip
+
+
 def _evaluate(
     given: Given, pair: Pair, entry: Entry | None, path: str
 ) -> tuple[Summary, dict[str, Any]]:
@@ -115,14 +162,14 @@ def _evaluate(
     resolved = given.resolve(pair, entry, path)
     defaults = {name: name in resolved["given"] for name in ("cutoff", "switch_penalty")}
     prefix = f"{pair.name}: " if given.options["suite"] else ""
-    result, _ = evaluate_files(
+    result, finished = evaluate_files(
         pair.truth, pair.estimate, resolved["values"], defaults, _sayer(prefix)
     )
-    return result, given.kept(resolved["given"], result)
+    return result, given.kept(resolved["given"], result, path, finished=finished)
 
 
 def _sayer(prefix: str) -> Callable[[str], None]:
-    return lambda text: click.echo(plain(prefix + text), err=True)
+    return lambda text: _say(plain(prefix + text))
 
 
 def _outcome(given: Given, pair: Pair, entry: Entry, rules: list[Rule], path: str) -> Outcome:
@@ -148,6 +195,8 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
     new: Baseline = {}
     outcomes = []
     for pair in suite.pairs:
+        if pair.fault:
+            raise InputError(pair.fault)
         begin = time.monotonic()
         before = old.get(pair.name)
         try:
@@ -204,16 +253,16 @@ def _publish(report: Report, options: dict[str, Any]) -> int:
         try:
             write_file(options["junit"], junit(report), "--junit")
         except ConfigError as error:
-            click.echo(str(error), err=True)
+            _say(str(error))
             status = error.exit_status
     if options["github"]:
         from tgospa_eval.reports.github import annotations, append_summary
 
         for line in annotations(report):
-            click.echo(line, err=True)
+            _say(line)
         try:
             append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY"))
         except ConfigError as error:
-            click.echo(str(error), err=True)
+            _say(str(error))
             status = error.exit_status
     return status

@@ -1,5 +1,6 @@
 """Where the values of a gate come from: defaults, baseline, files, environment, flags."""
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,8 @@ from tgospa_eval import config
 from tgospa_eval.cli.options import EVALUATION, KEYS
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
-from tgospa_eval.gate.baseline import Entry
-from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule
+from tgospa_eval.gate.baseline import SOLVING, Entry
+from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
 
 KNOWN = dict(KEYS[add] for add in EVALUATION)
@@ -20,6 +21,8 @@ NOT_KEPT = "jobs"
 
 RULES = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
+
+SOLVING_KEYS = tuple(name.replace("_", "-") for name in SOLVING)
 
 STRONG = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
 
@@ -62,26 +65,39 @@ class Given:
                 )
             except click.BadParameter as error:
                 raise ConfigError(f'{where}: "{key}": {error.message}') from None
+            except (ValueError, OverflowError) as error:
+                raise ConfigError(f'{where}: "{key}": {error}') from None
         return values
 
     def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, dict[str, Any]]:
         """All values, and those that are no defaults, by parameter."""
         names = [str(item.name) for item in self.parameters().values()]
         given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
+        if given.get("covariance"):
+            given["covariance"] = os.path.join(os.path.dirname(path), given["covariance"])
         given |= {name: self.options[name] for name in names if self.weak(name)}
         given |= self.typed(dict(pair.options), f'pair "{pair.name}", options')
         given |= {name: self.options[name] for name in names if self.strong(name)}
         silent = {"output": None, "config": None}
         return {"values": {**self.options, **silent, **given}, "given": given}
 
-    def kept(self, given: dict[str, Any], result: Summary) -> dict[str, Any]:
-        """What a baseline keeps of the options: those given, and c and gamma in any case."""
+    def kept(
+        self, given: dict[str, Any], result: Summary, path: str, *, finished: bool
+    ) -> dict[str, Any]:
+        """What the baseline keeps of the options: those given, and c and gamma in any case.
+
+        Those of a solver that did not reach its accuracy are left out, a later run would inherit
+        them; the path of a covariance is relative to the folder of the baseline.
+        """
         keys = {str(item.name): key for key, item in self.parameters().items()}
         kept = {
             keys[name]: ",".join(value) if isinstance(value, tuple) else value
             for name, value in given.items()
             if keys[name] != NOT_KEPT and value not in (None, ())
+            if finished or keys[name] not in SOLVING_KEYS
         }
+        if "covariance" in kept:
+            kept["covariance"] = _relative(kept["covariance"], os.path.dirname(path))
         used = result.proof.parameters
         return {**kept, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
 
@@ -89,8 +105,10 @@ class Given:
         """The rules of a pair."""
         found: list[Rule] = []
         for key, name in RULES.items():
-            own = [part for text in self.options[name] for part in text.split(",") if part.strip()]
-            suite = [part for text in pair.rules.get(key, ()) for part in text.split(",")]
+            own = [part for text in self.options[name] for part in split_rules(text)]
+            suite = [
+                part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]
+            ]
             if key == "fail-on":
                 texts = own if own and (self.strong(name) or not suite) else suite
                 found += [parse_rule(text) for text in texts] or [DEFAULT]
@@ -99,3 +117,11 @@ class Given:
             else:
                 found += [parse_maximum(text) for text in (*suite, *own)]
         return found
+
+
+def _relative(path: str, folder: str) -> str:
+    """The path from a folder, with slashes; from another drive there is none but the whole."""
+    try:
+        return os.path.relpath(path, folder or os.curdir).replace(os.sep, "/")
+    except ValueError:
+        return os.path.abspath(path)

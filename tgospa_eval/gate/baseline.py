@@ -7,16 +7,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.evaluation import Summary
-from tgospa_eval.gate.rules import BY_CLASS, PROVEN, SPLIT, TAILS, Value
+from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
 
 SCHEMA = "tgospa-eval/baseline/1"
 SOLVING = ("solver", "gap", "epsilon", "time_limit")
 """Parameters that change the bracket and not the metric: those of two runs may differ."""
 
+NEUTRAL = ("unit", "decimal")
+"""Parameters that change neither: how the files are written, and what is printed."""
+
 BOUNDS = ("lower_bound", "upper_bound")
-VALUES = (*PROVEN, *SPLIT, *BOUNDS)
+MEASURED = (*PROVEN, *SPLIT)
+VALUES = (*MEASURED, *BOUNDS)
+AGREE, ADD_UP = 1e-9, 1e-6
+"""Relative tolerances of values that are the same, and of parts that were summed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +31,7 @@ class Entry:
 
     Parameters
     ----------
-    values : dict of str to float
+    values : dict of str, or of class and str, to float
         By path: `upper_bound` and what follows from it, the split, `lower_bound`.
     options : dict
         Options that were given, by their names in a configuration file.
@@ -37,7 +43,7 @@ class Entry:
         Version of the program that made it.
     """
 
-    values: Mapping[str, float]
+    values: Mapping[Key, float]
     options: Mapping[str, Any]
     parameters: Mapping[str, Any]
     truth: str
@@ -48,7 +54,7 @@ Baseline = dict[str, Entry]
 """By name of the pair."""
 
 
-def measure(result: Summary) -> dict[str, Value]:
+def measure(result: Summary) -> dict[Key, Value]:
     """The values of a result that rules can name, with what is known of them."""
     found = _measure(result)
     if result.per_class_table():
@@ -56,11 +62,11 @@ def measure(result: Summary) -> dict[str, Value]:
 
         assert isinstance(result, ByClass)
         for name, part in result.results.items():
-            found |= {f"{BY_CLASS}{name}.{path}": value for path, value in _measure(part).items()}
+            found |= _measure(part, name)
     return found
 
 
-def _measure(result: Summary) -> dict[str, Value]:
+def _measure(result: Summary, klass: str | None = None) -> dict[Key, Value]:
     lower = result.scale * result.proof.bounds.lower
     normalised = result.normalised["tgospa"]
     share = normalised / result.upper_bound if result.upper_bound > 0 else 0.0
@@ -78,13 +84,21 @@ def _measure(result: Summary) -> dict[str, Value]:
         number = result.counts[count] if count else getattr(result, kind)
         unit = 1.0 if count else result.scale
         found[path] = Value(lower=number, upper=number, proven=False, unit=unit)
-    return found
+    return {path if klass is None else (klass, path): value for path, value in found.items()}
 
 
 def make_entry(result: Summary, options: Mapping[str, Any]) -> Entry:
-    """What a baseline keeps of a result that was made with these options."""
-    values = {path: value.upper for path, value in measure(result).items()}
+    """What a baseline keeps of a result that was made with these options.
+
+    Raises
+    ------
+    SolverError
+        A value is not finite.
+    """
+    values = {key: value.upper for key, value in measure(result).items()}
     values |= {"lower_bound": result.lower_bound, "upper_bound": result.upper_bound}
+    if not all(map(math.isfinite, values.values())):
+        raise SolverError("the bracket is not finite; no baseline can be made of it")
     return Entry(
         values=values,
         options=dict(options),
@@ -99,7 +113,7 @@ def differences(entry: Entry, result: Summary) -> list[str]:
     ours, theirs = _plain(result.parameters), entry.parameters
     found = [
         f"{name} is {_shown(ours, name)}, in the baseline {_shown(theirs, name)}"
-        for name in sorted({*ours, *theirs} - {*SOLVING})
+        for name in sorted({*ours, *theirs} - {*SOLVING, *NEUTRAL})
         if ours.get(name) != theirs.get(name)
     ]
     if result.input["truth"]["sha256"] != entry.truth:
@@ -195,10 +209,17 @@ def _read(document: Any, path: str) -> Baseline:
 
 
 def _entry(table: dict[str, Any], where: str) -> Entry:
-    values = _flat(_table(table, "values", where), where)
-    missing = [path for path in VALUES if path not in values]
-    if missing:
-        raise ConfigError(f"{where}: values.{missing[0]} is missing; {REMEDY}")
+    groups = _values(_table(table, "values", where), where)
+    order = _table(table, "parameters", where).get("order")
+    for name, group in groups.items():
+        about = where if name is None else f'{where}, class "{name}"'
+        missing = [path for path in (VALUES if name is None else MEASURED) if path not in group]
+        if missing:
+            raise ConfigError(f"{about}: values.{missing[0]} is missing; {REMEDY}")
+        _agree(group, order, about)
+    values: dict[Key, float] = {}
+    for name, group in groups.items():
+        values |= {(path if name is None else (name, path)): v for path, v in group.items()}
     truth = _table(table, "truth", where).get("sha256")
     if not isinstance(truth, str) or not isinstance(table.get("version"), str):
         raise ConfigError(f"{where}: truth.sha256 or version is no text; {REMEDY}")
@@ -221,11 +242,58 @@ def _table(parent: dict[str, Any], name: str, where: str) -> dict[str, Any]:
     return table
 
 
+def _values(table: dict[str, Any], where: str) -> dict[str | None, dict[str, float]]:
+    """The values by class and path; of all classes together under None."""
+    groups: dict[str | None, dict[str, float]] = {
+        None: _flat({name: value for name, value in table.items() if name != "by_class"}, where)
+    }
+    classes = _table(table, "by_class", where) if "by_class" in table else {}
+    for name in classes:
+        groups[name] = _flat(_table(classes, name, where), where, f"by_class.{name}.")
+        groups[name] = {k[len(f"by_class.{name}.") :]: v for k, v in groups[name].items()}
+    return groups
+
+
+def _agree(values: dict[str, float], order: Any, where: str) -> None:
+    """Whether the values do not contradict each other, as after a careless merge.
+
+    Raises
+    ------
+    ConfigError
+        They do.
+    """
+    total = values["total"]
+    upper = values.get("upper_bound", values["tgospa"])
+    if values["tgospa"] != upper:
+        wrong = "tgospa is not upper_bound"
+    elif values.get("lower_bound", 0.0) > upper:
+        wrong = "lower_bound is above upper_bound"
+    elif not _is_power(total, upper, order):
+        wrong = "total is not tgospa to the power of the order"
+    elif not math.isclose(sum(values[part] for part in COSTS), total, rel_tol=ADD_UP):
+        wrong = f"{', '.join(COSTS)} do not add up to total"
+    else:
+        return
+    raise ConfigError(f"{where}: values contradict each other: {wrong}; {REMEDY}")
+
+
+def _is_power(total: float, value: float, order: Any) -> bool:
+    """Whether the total is the value to the power of the order, as far as that is a number."""
+    if isinstance(order, bool) or not isinstance(order, int | float):
+        return True  # which makes the pair not comparable
+    try:
+        return math.isclose(total, value**order, rel_tol=AGREE * max(order, 1), abs_tol=1e-300)
+    except (OverflowError, ZeroDivisionError):
+        return False
+
+
 def _flat(values: dict[str, Any], where: str, prefix: str = "") -> dict[str, float]:
     """Numbers by path."""
     found: dict[str, float] = {}
     for name, value in values.items():
         path = f"{prefix}{name}"
+        if "." in name:
+            raise ConfigError(f'{where}: "{name}" among the values has a dot; {REMEDY}')
         if isinstance(value, dict):
             found |= _flat(value, where, f"{path}.")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
@@ -245,20 +313,17 @@ def _finite(value: float) -> bool:
         return False
 
 
-def _nested(values: Mapping[str, float]) -> dict[str, Any]:
+def _nested(values: Mapping[Key, float]) -> dict[str, Any]:
     """The values as in the JSON of a result."""
     nested: dict[str, Any] = {}
-    for path, value in values.items():
-        inner, name = nested, path
-        if path.startswith(BY_CLASS):
-            # The name of a class may have dots itself.
-            tail = next(tail for tail in TAILS if path.endswith(f".{tail}"))
-            klass = path[len(BY_CLASS) : -len(tail) - 1]
-            inner = nested.setdefault("by_class", {}).setdefault(klass, {})
-            name = tail
-        head, dot, rest = name.partition(".")
+    for key, value in values.items():
+        inner, path = nested, key
+        if isinstance(path, tuple):
+            inner = nested.setdefault("by_class", {}).setdefault(path[0], {})
+            path = path[1]
+        head, dot, rest = path.partition(".")
         if dot:
             inner.setdefault(head, {})[rest] = value
         else:
-            inner[name] = value
+            inner[head] = value
     return nested

@@ -1,11 +1,27 @@
 """What a gate found: one outcome for each pair, and what it says to the user."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
-from tgospa_eval.gate.rules import COSTS, Finding, Rule, Value, Verdict, judge, worst
+from tgospa_eval.gate.rules import (
+    COSTS,
+    Finding,
+    Key,
+    Rule,
+    Value,
+    Verdict,
+    judge,
+    keys,
+    name_of,
+    worst,
+)
+
+WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
+OPEN = 1e-6
+"""Relative gap of a total from which on a baseline is called open."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +67,8 @@ class Outcome:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Rules of ``--warn-on`` that are broken."""
-        return tuple(f for f in self.findings if f.rule.warns and f.verdict is Verdict.FAIL)
+        """Rules of ``--warn-on`` that are broken, or not known to be kept."""
+        return tuple(f for f in self.findings if f.warning)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,39 +126,45 @@ def compare(
     if apart:
         return Verdict.INCOMPARABLE, (), tuple(apart)
     values = measure(result)
-    findings = []
-    for rule in rules:
-        if rule.path not in values:
-            return Verdict.INCOMPARABLE, (), (f"{rule.text}: the result has no {rule.path}",)
-        if not rule.maximum and rule.path not in entry.values:
-            return Verdict.INCOMPARABLE, (), (f"{rule.text}: the baseline has no {rule.path}",)
-        findings.append(judge(rule, values[rule.path], entry.values.get(rule.path)))
+    findings = [_judged(rule, values, entry) for rule in rules]
     binding = [finding.verdict for finding in findings if not finding.rule.warns]
-    verdict = min(
-        binding, key=lambda one: (Verdict.FAIL, Verdict.UNDECIDED, Verdict.PASS).index(one)
-    )
-    return verdict, tuple(findings), tuple(_notes(findings, result, entry))
+    verdict = min(binding, key=WORST_FIRST.index)
+    return verdict, tuple(findings), tuple(_notes(findings, values, result, entry))
+
+
+def _judged(rule: Rule, values: Mapping[Key, Value], entry: Entry) -> Finding:
+    """What a rule finds; a class that is on one side only costs 0 on the other."""
+    key = next((key for key in keys(rule.path) if key in values or key in entry.values), None)
+    if key is None:
+        unknown = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
+        return Finding(
+            rule=rule, base=None, limit=math.nan, now=unknown, verdict=Verdict.INCOMPARABLE
+        )
+    now = values.get(key) or replace(values[key[1]], lower=0.0, upper=0.0)
+    return judge(rule, now, entry.values.get(key, 0.0))
 
 
 def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
     """Values that differ between two entries, bounds left out: `tgospa` is the upper one."""
     before, after = (entry.values if entry else {} for entry in (old, new))
     return tuple(
-        Change(path=path, old=before.get(path), new=after.get(path))
-        for path in (*VALUES, *sorted({*before, *after} - {*VALUES}))
-        if path not in ("lower_bound", "upper_bound") and before.get(path) != after.get(path)
+        Change(path=name_of(key), old=before.get(key), new=after.get(key))
+        for key in (*VALUES, *sorted({*before, *after} - {*VALUES}))
+        if key not in ("lower_bound", "upper_bound") and before.get(key) != after.get(key)
     )
 
 
-def _notes(findings: list[Finding], result: Summary, entry: Entry) -> Iterator[str]:
+def _notes(
+    findings: list[Finding], values: Mapping[Key, Value], result: Summary, entry: Entry
+) -> Iterator[str]:
     for finding in findings:
         yield from _sentences(finding)
     if any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
-        yield from _parts(measure(result), entry)
+        yield from _parts(values, entry)
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
         yield f"undecided: {_remedy(result)}"
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
-    if moved and measure(result)["total"].lower <= entry.values["total"] * (1 + 1e-9):
+    if moved and values["total"].lower <= entry.values["total"] * (1 + 1e-9):
         yield (
             "the total is not proven to be worse: where optima tie, another one splits the same "
             "total in another way"
@@ -153,22 +175,31 @@ def _notes(findings: list[Finding], result: Summary, entry: Entry) -> Iterator[s
             f"baseline can be tightened: {', '.join(dict.fromkeys(better))} improved by more than "
             "the slack"
         )
+    lower, upper = (entry.values[f"{side}_bound"] for side in ("lower", "upper"))
+    gap = 1 - (lower / upper) ** result.proof.parameters.order if upper else 0.0
+    if gap > OPEN:
+        yield (
+            f"the bracket of the baseline is open, relative gap {gap:.2g}: the gate is as loose as "
+            "its upper bound"
+        )
 
 
 def _sentences(finding: Finding) -> Iterator[str]:
     rule, now = finding.rule, finding.now
     lower, upper, limit = texts(now.lower, now.upper, finding.limit)
     allowed = f"{limit} allowed by {rule.text}"
-    if finding.verdict is Verdict.UNDECIDED:
-        yield f"{rule.path} is between {lower} and {upper}, {allowed}"
+    warning = "warning: " if rule.warns else ""
+    if finding.verdict is Verdict.INCOMPARABLE:
+        yield f"{warning}{rule.text}: the result has no {rule.path}, nor has the baseline"
+    elif finding.verdict is Verdict.UNDECIDED:
+        yield f"{warning}{rule.path} is between {lower} and {upper}, {allowed}"
     elif finding.verdict is Verdict.FAIL:
         known = f"at least {lower}, proven" if now.proven else lower
         mark = "" if now.proven else " (split, not proven)"
-        warning = "warning: " if rule.warns else ""
         yield f"{warning}{rule.path} is {known}, {allowed}{mark}"
 
 
-def _parts(values: dict[str, Value], entry: Entry) -> Iterator[str]:
+def _parts(values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
     """Where the cost went, as far as the split tells."""
     moved = [
         " -> ".join((f"{path} {entry.values[path]:.7g}", f"{values[path].upper:.7g}"))
@@ -189,14 +220,18 @@ def texts(*numbers: float) -> list[str]:
 
 
 def _remedy(result: Summary) -> str:
-    """Which option makes the bracket narrower."""
-    if result.certified and result.solver["name"] == "certified" and result.gap <= 1e-9:
-        return "the bracket is about as narrow as rounding; let the rule allow more"
-    settings = result.parameters
-    if result.solver["name"] == "sinkhorn":
-        return f"a smaller --epsilon than {settings['epsilon']:g}, or --solver certified"
-    if result.solver["name"] == "exact":
-        return "--solver certified narrows the bracket"
-    if "time_limit" in settings:
+    """Which option makes the bracket narrower, by how the solver ended."""
+    name, status, settings = result.solver["name"], result.solver["status"], result.parameters
+    if "time limit" in status and "time_limit" in settings:
         return f"a larger --time-limit than {settings['time_limit']:g}"
+    if name == "sinkhorn":
+        if "bracket is met" in status:
+            return f"a smaller --gap than {settings['gap']:g}, or --solver certified"
+        return f"a smaller --epsilon than {settings['epsilon']:g}, or --solver certified"
+    if name == "exact":
+        return "--solver certified narrows the bracket"
+    if not result.certified:
+        return f'the solver ended with "{status}"; let the rule allow more, or try --solver exact'
+    if result.gap <= 1e-9:
+        return "the bracket is about as narrow as rounding; let the rule allow more"
     return f"a smaller --gap than {settings['gap']:g}"

@@ -23,6 +23,9 @@ BY_CLASS = "by_class."
 TAILS = tuple(sorted((*PROVEN, *SPLIT), key=len, reverse=True))
 """How a path may end, the longer of two first: ``counts.missed`` before ``missed``."""
 
+Key = str | tuple[str, str]
+"""A value: a path, or a class and a path of its own; the name of a class may have dots."""
+
 TOLERANCE = 1e-6
 """Of rules on the split: in counts, or in units of c^p."""
 
@@ -163,6 +166,11 @@ class Finding:
     verdict: Verdict
 
     @property
+    def warning(self) -> bool:
+        """Whether it is a rule that only warns, and is not known to be kept."""
+        return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
+
+    @property
     def improved(self) -> bool:
         """Whether the value is better than the baseline by more than the rule's slack."""
         if self.base is None or self.rule.maximum:
@@ -228,6 +236,29 @@ def parse_maximum(text: str) -> Rule:
     return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, maximum=True)
 
 
+def keys(path: str) -> list[Key]:
+    """What a path may name, with the longer tail first: ``counts.missed`` before ``missed``."""
+    if not path.startswith(BY_CLASS):
+        return [path]
+    rest = path[len(BY_CLASS) :]
+    return [(rest[: -len(tail) - 1], tail) for tail in TAILS if rest.endswith(f".{tail}")]
+
+
+def name_of(key: Key) -> str:
+    """The path of a value in one text."""
+    return key if isinstance(key, str) else f"{BY_CLASS}{key[0]}.{key[1]}"
+
+
+def split_rules(text: str) -> list[str]:
+    """The rules of a list with commas.
+
+    Only a comma after the number ends a rule: the name of a class may have commas itself.
+    """
+    parts = re.split(r"(:\+[^,]*|=[^,=]*)(?:,|$)", text)
+    found = [head + end for head, end in zip(parts[::2], (*parts[1::2], ""), strict=True)]
+    return [rule for rule in found if rule.strip()]
+
+
 def _number(text: str) -> float | None:
     """A finite number that is not negative."""
     try:
@@ -240,7 +271,7 @@ def _number(text: str) -> float | None:
 def _path(path: str, option: str, text: str) -> str:
     name = path
     if path.startswith(BY_CLASS):
-        name = next((tail for tail in TAILS if path.endswith(f".{tail}")), "")
+        name = next((key[1] for key in keys(path)), "")
     if name not in PROVEN and name not in SPLIT:
         raise ConfigError(
             f'--{option} "{text}": "{path}" cannot be judged; there are '

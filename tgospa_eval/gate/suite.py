@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tgospa_eval import config
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import ConfigError
 
 RULES = ("fail-on", "warn-on", "max")
 PAIR = ("name", "truth", "estimate", "options", *RULES)
@@ -32,6 +32,8 @@ class Pair:
         Options of the evaluation that the suite sets, by their names in a configuration file.
     rules : dict of str to tuple of str
         Of ``fail-on``, ``warn-on`` and ``max`` those that the suite sets.
+    fault : str
+        Why there are no such files: the pattern finds none.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Pair:
     estimate: str
     options: Mapping[str, Any] = field(default_factory=dict)
     rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    fault: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +74,6 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
     ------
     ConfigError
         It cannot be read, has an unknown key, no pair, or two of one name.
-    InputError
-        A pattern finds no file.
     """
     document = config.read_toml(path)
     folder = os.path.dirname(path)
@@ -90,6 +91,8 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
         raise ConfigError(f"{path}: no pair to judge; add [[pair]] with truth and estimate")
     seen: dict[str, Pair] = {}
     for pair in pairs:
+        if pair.fault:
+            continue
         if pair.name in seen:
             raise ConfigError(
                 f'{path}: the name "{pair.name}" is there twice, for {seen[pair.name].truth} and '
@@ -124,7 +127,11 @@ def _pairs(
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
     found = [{}] if not words else list(_matches(truth, folder))
     if not found:
-        raise InputError(f'{where}: no file is like "{os.path.join(folder, truth)}"')
+        pattern = os.path.join(folder, truth)
+        yield Pair(
+            name=name, truth=pattern, estimate=os.path.join(folder, estimate),
+            fault=f'{where}: no file is like "{pattern}"',
+        )  # fmt: skip
     for values in found:
         yield Pair(
             name=_fill(name, values) or ALONE,

@@ -175,6 +175,8 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
             # Not by tempfile, whose files nobody else may read: CI has many users.
             with beside.open("xb") as file:
                 file.write(content)
+            if target.exists():
+                beside.chmod(target.stat().st_mode & 0o7777)
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)

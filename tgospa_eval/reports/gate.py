@@ -99,8 +99,8 @@ def _findings(outcome: Outcome) -> Iterator[str]:
 
 
 def said(finding: Finding) -> str:
-    """The verdict of a rule; a broken one that only warns is a warning."""
-    return "warning" if finding.rule.warns and finding.verdict is Verdict.FAIL else finding.verdict
+    """The verdict of a rule; one that only warns and is not known to be kept is a warning."""
+    return "warning" if finding.warning else finding.verdict
 
 
 def deciding(finding: Finding) -> float:
@@ -115,7 +115,9 @@ def _changes(outcome: Outcome) -> Iterator[str]:
 
 
 def number_of(value: float) -> str:
-    """A number in its column."""
+    """A number in its column; what is not known is a dash."""
+    if math.isnan(value):
+        return "-"
     text = f"{value:.7g}"
     return text if len(text) < NUMBER else f"{value:.4g}"
 
@@ -154,13 +156,18 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "warns": finding.rule.warns,
         "path": finding.rule.path,
         "baseline": None if finding.rule.maximum else finding.base,
-        "limit": finding.limit if math.isfinite(finding.limit) else None,
-        "lower": finding.now.lower,
-        "upper": finding.now.upper,
+        "limit": _finite(finding.limit),
+        "lower": _finite(finding.now.lower),
+        "upper": _finite(finding.now.upper),
         "proven": finding.now.proven,
         "improved": finding.improved,
         "verdict": finding.verdict,
     }
+
+
+def _finite(value: float) -> float | None:
+    """The number, if JSON can express it."""
+    return value if math.isfinite(value) else None
 
 
 def markdown(report: Report) -> str:
@@ -203,9 +210,13 @@ def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
         verdict = said(finding)
         shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
         yield (
-            f"| {name} | {code(finding.rule.text)} | {base} | {finding.limit:.7g} | "
-            f"{deciding(finding):.7g} | {shown}{mark} |"
+            f"| {name} | {code(finding.rule.text)} | {base} | {_cell(finding.limit)} | "
+            f"{_cell(deciding(finding))} | {shown}{mark} |"
         )
+
+
+def _cell(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.7g}"
 
 
 def code(text: str) -> str:

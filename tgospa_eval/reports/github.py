@@ -42,7 +42,7 @@ def _error(outcome: Outcome) -> tuple[str, str]:
 
 def _warning(outcome: Outcome) -> tuple[str, str]:
     broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warnings)
-    return title(outcome), f"broken, for a warning only: {broken}"
+    return title(outcome), f"broken or undecided, for a warning only: {broken}"
 
 
 def _command(kind: str, heading: str, text: str) -> str:
