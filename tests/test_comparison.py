@@ -170,15 +170,14 @@ def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
     first = {(p["first"], p["second"]): p for p in document["pairs"]}
     assert first["good", "twin"]["verdict"] == "not separated"
     assert first["good", "bad"]["verdict"] == "less"
-    assert first["good", "bad"]["total"] == pytest.approx([11, 11])
+    assert first["good", "bad"]["per_step"]["total"] == pytest.approx([11 / 3, 11 / 3])
     assert first["good", "bad"]["steps"] == {"better": 0, "worse": 3}
-    assert first["good", "lost"]["missed"] == pytest.approx(25)
+    assert first["good", "lost"]["per_step"]["missed"] == pytest.approx(25 / 3)
     rows = list(csv.DictReader(io.StringIO((folder / "per_step.csv").read_text())))
     difference = [float(r["difference"]) for r in rows if r["estimate"] == "bad"]
     assert difference == pytest.approx([4, 3, 4])
-    assert "No estimate is proven best: good, twin" in invoke(
-        "compare", truth, *paths, "-c", "5", "-g", "1", "-q"
-    ).out  # fmt: skip
+    shown = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q").out
+    assert "No estimate is proven best by TGOSPA per step: it may be any of good, twin" in shown
 
 
 def test_wide_brackets_prove_no_order(invoke: Invoke, crowd, tmp_path: Path) -> None:
@@ -223,6 +222,47 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     latex = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "latex").out
     assert r"per step, RMS of 2 & TGOSPA & localisation & missed & false & switch \\" in latex
     assert rf"\textbf{{{(5 / 3) ** 0.5:.6g}}}" in latex
+
+
+def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -> None:
+    """Runs of 1 and 4 steps. Costs of a: 4 and 0, of b: 0 and 8 = 4 * 2.
+
+    Per step, mean of runs: a (4/1 + 0/4) / 2 = 2, b (0/1 + 8/4) / 2 = 1; mean totals 2 and 4.
+    """
+    for k, lengths in ((1, 1), (2, 4)):
+        (tmp_path / f"{k}").mkdir()
+        write(f"{k}/gt.csv", track(*[0] * lengths))
+    for name, short, long in (("a", 2, 0), ("b", 0, 2**0.5)):
+        write(f"1/{name}.csv", track(short))
+        write(f"2/{name}.csv", track(*[long] * 4))
+    call = ("compare", "*/gt.csv", "*/a.csv", "*/b.csv", "-c", "5", "-g", "1")
+    answer = invoke(*call, "--format", "json")
+    document = json.loads(answer.out)
+    best, other = document["estimates"]
+    assert (best["name"], best["total"], other["total"]) == ("b", *map(pytest.approx, (4, 2)))
+    assert document["ranked_by"] == "normalised.tgospa"
+    pair = document["pairs"][0]
+    assert pair["per_step"]["total"] == pytest.approx([1, 1])
+    assert (pair["verdict"], pair["opposed"]) == ("less", True)
+    warning = "warning: b is before a by TGOSPA per step, in which each run counts the same"
+    assert warning in answer.err
+    lines = invoke(*call, "-q").out.splitlines()
+    head = next(line for line in lines if "place" in line)
+    assert head.split()[:6] == ["per", "step,", "RMS", "of", "2", "place"]
+    assert lines[lines.index(head) + 1].split()[:3] == ["b", "1", "1"]
+
+
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+def test_grids_of_the_estimate_rank_nothing(grid: str, write: Write, invoke: Invoke) -> None:
+    """One that stops after a perfect step would win."""
+    paths = [write("t.csv", TRUTH), write("early.csv", track(0)), write("e.csv", track(0, 1, 0))]
+    answer = invoke("compare", *paths, "--grid", grid, "-q")
+    assert (answer.status, answer.out) == (2, "")
+    assert f"--grid {grid}: gives each estimate steps of its own" in answer.err
+    assert invoke("compare", *paths[:2], "--grid", grid, "-q", "--against", "per-step-gospa",
+                  "-c", "5").status == 0  # fmt: skip
+    ranked = invoke("compare", *paths, "--grid", "truth", "-q", "-c", "5").out
+    assert "best first: e, early" in ranked
 
 
 @pytest.mark.parametrize(

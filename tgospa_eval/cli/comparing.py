@@ -26,6 +26,7 @@ from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, stu
 from tgospa_eval.reports.comparison import (
     Document,
     json_text,
+    opposed,
     pairs_table,
     render,
     study_report,
@@ -38,6 +39,8 @@ from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.timing import Stopwatch
 
 GIVEN = ("cutoff", "switch_penalty")
+OWN_STEPS = ("estimate", "common")
+"""Grids that depend on the estimate. With the others every row of the truth counts for all."""
 
 
 def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set[str]) -> bool:
@@ -105,6 +108,11 @@ def compare_estimates(
             "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
             "one --epsilon; several solvers are compared on one estimate, without --against"
         )
+    if len(estimates) > 1 and options["grid"] in OWN_STEPS:
+        raise ConfigError(
+            f"--grid {options['grid']}: gives each estimate steps of its own, and one that stops "
+            "early leaves out what it misses; to rank estimates choose --grid truth or union"
+        )
     settings = _settings(options, given)
     runs = expand(truth, estimates)
     names = short_names(estimates)
@@ -140,6 +148,8 @@ def compare_estimates(
         for path, made in zip(item["paths"], item["runs"], strict=True)
         if not made["finished"]
     ]
+    for text in () if options["quiet"] else opposed(answer):
+        say(text)
     for path, status in unfinished:
         say(f"accuracy not reached: {path}: {status}")
     return not unfinished

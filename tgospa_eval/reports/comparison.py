@@ -141,27 +141,24 @@ TIES = (
 def estimates_page(document: Document) -> Page:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     estimates, parameters = document["estimates"], document["parameters"]
-    proven = frozenset({(0, 0), (0, 1), (0, 2), (0, 3)} if _leads(document) else ())
     return Page(
         title=_order(document),
         lines=[_runs(document), _parameters(parameters)],
         sheets=[
+            _paper_sheet(document, places=True),
+            *_pair_sheets(document),
             Sheet(
-                head=("costs", "place", "TGOSPA", "total", "local.", "missed", "false", "switch"),
+                head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
                 rows=[
                     (
                         item["name"],
-                        _place(item["place"]),
                         _between(item["lower_bound"], item["tgospa"]),
                         _between(item["total_lower"], item["total"]),
                         *(f"{item[name]:.5g}" for name in PARTS),
                     )
                     for item in estimates
                 ],
-                bold=proven,
             ),
-            _paper_sheet(document),
-            *_pair_sheets(document),
             *_against_sheets(document),
         ],
         remarks=list(_estimate_remarks(document)),
@@ -177,13 +174,15 @@ def estimates_paper(document: Document) -> Page:
 def estimates_table(document: Document) -> Table:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
-    names = ("name", "tgospa", "lower_bound", "total", "total_lower", *PARTS)
-    table: Table = {name: [item[name] for item in items] for name in names}
+    table: Table = {"name": [item["name"] for item in items]}
     table |= {f"place_{end}": [item["place"][k] for item in items]
               for k, end in enumerate(("best", "worst"))}  # fmt: skip
-    for group, prefix in (("counts", "count"), ("normalised", "normalised")):
-        for name in items[0][group]:
-            table[f"{prefix}_{name}"] = [item[group][name] for item in items]
+    for name in items[0]["normalised"]:
+        table[f"normalised_{name}"] = [item["normalised"][name] for item in items]
+    for name in ("tgospa", "lower_bound", "total", "total_lower", *PARTS):
+        table[name] = [item[name] for item in items]
+    for name in items[0]["counts"]:
+        table[f"count_{name}"] = [item["counts"][name] for item in items]
     if items[0]["per_step_gospa"] is not None:
         steps = [item["per_step_gospa"] for item in items]
         table["gospa_total"] = [step["total"] for step in steps]
@@ -194,12 +193,13 @@ def estimates_table(document: Document) -> Table:
 
 
 def pairs_table(document: Document) -> Table:
-    """A row for each pair of estimates: the second less the first."""
+    """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
-    table: Table = {name: [pair[name] for pair in pairs] for name in ("first", "second", "verdict")}
+    names = ("first", "second", "verdict", "opposed")
+    table: Table = {name: [pair[name] for pair in pairs] for name in names}
     for k, end in enumerate(("lower", "upper")):
-        table[f"total_{end}"] = [pair["total"][k] for pair in pairs]
-    table |= {name: [pair[name] for pair in pairs] for name in PARTS}
+        table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
+    table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
     for group, names in (
         ("steps", ("better", "worse")),
         ("per_run", ("mean", "standard_error", "first_less", "second_less")),
@@ -214,17 +214,20 @@ def _order(document: Document) -> str:
     if len(estimates) == 1:
         item = estimates[0]
         value = _between(item["lower_bound"], item["tgospa"])
-        mean = "" if document["runs"] == 1 else f", RMS over {document['runs']} runs"
+        mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
     names = [item["name"] for item in estimates]
     steps = itertools.pairwise(names)
     verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
     if all(verdicts[step] == "less" for step in steps):
-        return "Proven order, best first: " + ", ".join(names)
+        return "Proven order by TGOSPA per step, best first: " + ", ".join(names)
     if _leads(document):
-        return f"Proven best: {names[0]}; the brackets of others overlap, their order is open"
+        return (
+            f"Proven best by TGOSPA per step: {names[0]}; the order of the others is not proven "
+            "throughout"
+        )
     tied = [name for name, item in zip(names, estimates, strict=True) if item["place"][0] == 1]
-    return f"No estimate is proven best: {', '.join(tied)} are not separated by their brackets"
+    return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
 
 
 def _leads(document: Document) -> bool:
@@ -247,38 +250,45 @@ def _shortened(paths: list[str]) -> str:
     return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
 
 
-def _paper_sheet(document: Document) -> Sheet:
+def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
+    """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
+    places = places and len(document["estimates"]) > 1
     mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
     return Sheet(
-        head=(f"per step{mean}", "TGOSPA", "localisation", "missed", "false", "switch"),
+        head=(
+            f"per step{mean}",
+            *(["place"] if places else []),
+            *("TGOSPA", "localisation", "missed", "false", "switch"),
+        ),
         rows=[
             (
                 item["name"],
+                *([_place(item["place"])] if places else []),
                 _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
                 *(f"{item['normalised'][name]:.4g}" for name in PARTS),
             )
             for item in document["estimates"]
         ],
-        bold=frozenset({(0, 0), (0, 1)} if _leads(document) else ()),
+        bold=frozenset((0, k) for k in range(2 + places) if _leads(document)),
     )
 
 
 def _pair_sheets(document: Document) -> Iterator[Sheet]:
-    """Differences to the first estimate."""
+    """Differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
         return
     several = document["runs"] > 1
-    head = ["total", "local.", "missed", "false", "switch", "steps -/+"]
+    head = ["cost/step", "local.", "missed", "false", "switch", "steps -/+"]
     yield Sheet(
         head=(f"less {first}", *head, *(["runs -/+"] if several else []), "order"),
         rows=[
             (
                 pair["second"],
-                _between(pair["total"][0], pair["total"][1], "+"),
-                *(f"{pair[name]:+.4g}" for name in PARTS),
+                _between(*pair["per_step"]["total"], "+"),
+                *(f"{pair['per_step'][name]:+.4g}" for name in PARTS),
                 f"{pair['steps']['better']}/{pair['steps']['worse']}",
                 *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
                   if several else []),
@@ -287,6 +297,17 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
             for pair in pairs
         ],
     )  # fmt: skip
+
+
+def opposed(document: Document) -> Iterator[str]:
+    """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
+    for pair in document["pairs"]:
+        if pair["opposed"]:
+            yield (
+                f"warning: {pair['first']} is before {pair['second']} by TGOSPA per step, in "
+                "which each run counts the same, but has the larger mean total, in which long runs "
+                "count more"
+            )
 
 
 def _against_sheets(document: Document) -> Iterator[Sheet]:
@@ -331,6 +352,11 @@ def _estimate_remarks(document: Document) -> Iterator[str]:
             "proven: the upper bound of the one is below the lower bound of the other; "
             "steps -/+: at how many the estimate costs less or more than the first"
         )
+    yield (
+        "localisation, missed, false and switch are those of the assignment that was found: only "
+        "the brackets of TGOSPA and of the total are proven, the split is not"
+    )
+    yield from opposed(document)
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence
