@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from conftest import Answer
 
-from tgospa_eval.comparison.log import NAME
+from tgospa_eval.comparison.log import NAME, Log
 from tgospa_eval.comparison.study import spread
+from tgospa_eval.errors import ConfigError
 
 Invoke = Callable[..., Answer]
 SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
@@ -91,7 +92,7 @@ def test_another_setting_is_refused(
     folder = str(tmp_path / "study")
     small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
     assert invoke(*small).status == 0
-    assert "1 runs are there, going on" in invoke(*small).err
+    assert "1 scene is there, going on" in invoke(*small).err
     answer = invoke(*small, *options)
     assert answer.status == 2
     assert f"is of a study with another {name} (" in answer.err
@@ -109,8 +110,39 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
     with (tmp_path / NAME).open("a", encoding="utf-8") as file:
         file.write("garbage\n")
     answer = invoke(*small)
-    assert (answer.status, "line 3: no record of a study" in answer.err) == (2, True)
+    assert (answer.status, "line 3: no record of this study" in answer.err) == (2, True)
+    # a record that lacks something, and one whose run is no whole run
+    header, whole = (tmp_path / NAME).read_text(encoding="utf-8").splitlines()[:2]
+    for name in ("runs", "occupied", "sizes"):
+        lacking = {key: value for key, value in json.loads(whole).items() if key != name}
+        (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+        answer = invoke(*small)
+        assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
+    lacking = json.loads(whole)
+    lacking["runs"][0].pop("upper")
+    (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+    assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.parametrize("content", ["mine, without an end of line", "{'", "\x00\x01"])
+def test_foreign_files_are_left_as_they_are(content: str, tmp_path: Path) -> None:
+    """Not even what has no line of its own is cut off; the begin of our own first line is."""
+    (tmp_path / NAME).write_text(content, encoding="utf-8")
+    with pytest.raises(ConfigError, match="not the file of a study"):
+        Log(str(tmp_path), {"solvers": []})
+    assert (tmp_path / NAME).read_text(encoding="utf-8") == content
+    (tmp_path / NAME).write_text('{"mach', encoding="utf-8")
+    with Log(str(tmp_path), {"solvers": []}):
+        assert json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["settings"]
+
+
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    with Log(str(tmp_path), {"solvers": []}) as log:
+        with pytest.raises(ConfigError, match="another process is at this study"):
+            Log(str(tmp_path), {"solvers": []})
+        assert log.known == {}
+    Log(str(tmp_path), {"solvers": []}).close()
 
 
 def test_report(tmp_path: Path, invoke: Invoke) -> None:

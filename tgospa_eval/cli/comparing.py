@@ -2,6 +2,7 @@
 
 import glob
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -180,25 +181,24 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
         steps=numbers("steps", options["steps"], int),
         runs=options["runs"],
     )
-    log = None if folder is None else Log(folder, study.settings)
     stopwatch = Stopwatch()
-
-    def work() -> Document:
-        def tell(text: str) -> None:
-            stopwatch.stage = text
-
-        known = {} if log is None else log.known
-        keep = (lambda _: None) if log is None else log.keep
-        return summary(study, carry_out(study, known, keep, tell), machine())
-
     if not options["quiet"]:
         say_if_slow()
-        if log is not None and log.known:
-            say(f"{log.path}: {len(log.known)} runs are there, going on")
-    answer = run(work, stopwatch, show=not options["quiet"])
-    pictures = list(study_pictures(answer)) if plots.available() else []
-    texts = {"report.md": study_report(answer, pictures)}
-    show(answer, options | {"force": True}, texts, study_pictures)
+    with nullcontext() if folder is None else Log(folder, study.settings) as log:
+
+        def work() -> Document:
+            def tell(text: str) -> None:
+                stopwatch.stage = text
+
+            known = {} if log is None else log.known
+            keep = (lambda _: None) if log is None else log.keep
+            return summary(study, carry_out(study, known, keep, tell), machine())
+
+        if not options["quiet"] and log is not None and log.known:
+            count = len(log.known)
+            say(f"{log.path}: {count} {'scene is' if count == 1 else 'scenes are'} there, going on")
+        answer = run(work, stopwatch, show=not options["quiet"])
+        show(answer, options | {"force": True}, {}, study_pictures)
     for targets, steps, number, *pair in answer["contradictions"]:
         say(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
@@ -412,15 +412,32 @@ def show(
     draw : callable
         Makes figures by name of the document; it is called where matplotlib is there.
     """
-    if options["output"] is not None:
-        files: dict[str, str | bytes] = {
-            "compare.json": json_text(answer),
-            "compare.csv": render(answer, "csv"),
-            **tables,
-        }
-        if plots.available():
-            files |= plots.pictures(draw, answer)
-        elif not options["quiet"]:
-            say(plots.MISSING)
-        write_texts(files, options["output"], force=options["force"])
-    emit(render(answer, options["format_"]))
+    try:
+        emit(render(answer, options["format_"]))
+    finally:  # the one is not lost where the other fails
+        if options["output"] is not None:
+            _write(answer, options, tables, draw)
+
+
+def _write(
+    answer: Document,
+    options: dict[str, Any],
+    tables: dict[str, str],
+    draw: Callable[[Document], dict[str, Any]],
+) -> None:
+    """The folder; parameters as of `show`."""
+    pictures: dict[str, bytes] = {}
+    if plots.available():
+        pictures = plots.pictures(draw, answer)
+    elif not options["quiet"]:
+        say(plots.MISSING)
+    files: dict[str, str | bytes] = {
+        "compare.json": json_text(answer),
+        "compare.csv": render(answer, "csv"),
+        **tables,
+        **pictures,
+    }
+    if answer["kind"] == "study":
+        names = [name.removesuffix(".png") for name in pictures]
+        files["report.md"] = study_report(answer, names)
+    write_texts(files, options["output"], force=options["force"])
