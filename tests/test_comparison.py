@@ -9,12 +9,17 @@ from pathlib import Path
 
 import pytest
 from conftest import Answer
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tgospa_eval.comparison import runs, solvers
 from tgospa_eval.comparison.brackets import Bracket, excess, less, narrowest, overlap, places
+from tgospa_eval.comparison.runs import Run
 from tgospa_eval.comparison.solvers import Comparison
-from tgospa_eval.reports.comparison import solvers_page
+from tgospa_eval.errors import SolverError
+from tgospa_eval.pipeline import Prepared
 from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+from tgospa_eval.solvers import Solver
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
 Write = Callable[[str, str], str]
@@ -75,20 +80,52 @@ def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
         assert memory["peak"] >= memory["before"] > 1e6
 
 
-def test_wrong_solver_is_found(write: Write, invoke: Invoke, monkeypatch) -> None:
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Run solvers in this process, with a change to what they answer."""
+
+    def here(change: Callable[[Solver, Run], Run] = lambda _, made: made) -> None:
+        def run(prepared: Prepared, solver: Solver) -> Run:
+            return change(solver, runs.run_here(prepared, solver))
+
+        monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
+
+    return here
+
+
+def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Path) -> None:
     """A solver whose proof says 0 to 3 of a total that the others prove to be 4."""
-
-    def run(prepared, solver):
-        made = runs.run_here(prepared, solver)
-        wrong = Bracket(lower=0.0, upper=3.0, allowance=1e-12)
-        return replace(made, bracket=wrong) if solver.name == "exact" else made
-
-    monkeypatch.setattr(solvers, "run_apart", run)
-    monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
+    wrong = Bracket(lower=0.0, upper=3.0, allowance=1e-12)
+    here(lambda solver, made: replace(made, bracket=wrong) if solver.name == "exact" else made)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
-    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1")
+    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1", "-o", "out")
     assert answer.status == 4
     assert "The brackets of certified and exact; exact and sinkhorn 0.1 do not" in answer.out
+    document = json.loads((tmp_path / "out" / "compare.json").read_text(encoding="utf-8"))
+    assert document["referee"] is None  # nothing is proven, so there is no error to show
+    assert [run["error"] for run in document["runs"]] == [None] * 3
+    assert not list((tmp_path / "out").glob("*.png"))
+
+
+def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) -> None:
+    def change(solver: Solver, made: Run) -> Run:
+        if solver.name == "exact":
+            raise ZeroDivisionError("by nothing")
+        return made
+
+    here(change)
+    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    call = ("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1", "-q")
+    answer = invoke(*call, "--format", "json")
+    told = "failed: ZeroDivisionError: by nothing; this is an error of this program"
+    assert (answer.status, answer.err.startswith(f"exact: {told}")) == (4, True)
+    certified, exact, _ = json.loads(answer.out)["runs"]
+    assert certified["total"] == pytest.approx(4)
+    assert (exact["total"], exact["error"], exact["seconds"]) == (None, None, None)
+    assert exact["status"].startswith(told)
+    assert "All 2 brackets overlap" in invoke(*call).out
+    assert invoke(*call, "--solvers", "exact").out.startswith("No solver has an answer")
+    assert "exact" in invoke(*call, "--format", "csv").out
 
 
 def test_errors_are_against_what_all_prove() -> None:
@@ -103,9 +140,12 @@ def test_errors_are_against_what_all_prove() -> None:
     assert not comparison.contradictions
 
 
-def test_exact_is_left_out_where_it_is_slow(write: Write, invoke: Invoke, monkeypatch) -> None:
+def test_exact_is_left_out_where_it_is_slow(
+    write: Write, invoke: Invoke, monkeypatch, here
+) -> None:
     from tgospa_eval.cli import comparing
 
+    here()
     monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "--epsilon", "0.1")
@@ -119,7 +159,16 @@ def test_a_process_that_dies_is_told(write: Write, invoke: Invoke, monkeypatch) 
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "--solvers", "certified", "-q")
     assert answer.status == 4
-    assert answer.err == ("certified: its process ended without an answer; out of memory perhaps\n")
+    assert answer.err == (
+        "certified: failed: its process ended without an answer; out of memory perhaps\n"
+    )
+    assert "No solver has an answer" in answer.out
+
+
+def test_what_nobody_expects_in_a_process_is_told_as_such(monkeypatch) -> None:
+    """The worker asks the solver for its name, which this one has not."""
+    with pytest.raises(SolverError, match=r"AttributeError: .*; this is an error of this program"):
+        runs.run_apart(None, object())
 
 
 @pytest.mark.parametrize(
@@ -332,10 +381,36 @@ def test_sheets_escape_everything() -> None:
     assert as_csv({"a": ["@x", -1.0, None, "-1"]}) == "a\n'@x\n-1.0\n\"\"\n'-1\n"
 
 
-def test_tables_have_80_columns(write: Write, invoke: Invoke) -> None:
+def test_tables_have_80_columns_and_every_cell(write: Write, invoke: Invoke) -> None:
     truth = write("t.csv", TRUTH)
     paths = [write(f"{'long' * 20}{k}.csv", track(0, k, 1e3)) for k in range(3)]
     for extra in ([], ["--against", "per-step-gospa"]):
         out = invoke("compare", truth, *paths, "-c", "123456.7", "-q", *extra).out
         assert max(map(len, out.splitlines())) <= 80
-    assert solvers_page.__doc__
+        assert out.count("proven\n") + out.count("open\n") >= 2
+
+
+@given(
+    st.lists(st.integers(1, 30), min_size=1, max_size=12),
+    st.lists(st.integers(1, 60), min_size=1, max_size=4),
+)
+def test_no_cell_is_cut(widths: list[int], names: list[int]) -> None:
+    head = ("name", *(f"h{k}" for k in range(len(widths))))
+    rows = [
+        (f"n{'-' * size}{k}", *(f"{k}x{at}".rjust(w, "_") for at, w in enumerate(widths)))
+        for k, size in enumerate(names)
+    ]
+    text = as_text(Page(title="t", lines=[], sheets=[Sheet(head=head, rows=rows)]))
+    assert max(map(len, text.splitlines())) <= 80
+    words = text.split()
+    for row in rows:
+        assert set(row[1:]) <= set(words)
+        assert any(word.endswith(row[0][-5:]) for word in words)
+
+
+def test_rows_of_latex_begin_with_no_setting() -> None:
+    page = Page(
+        title="t", lines=[], sheets=[Sheet(head=("a", "b"), rows=[("[x]", "1"), ("*", "2")])]
+    )
+    assert "\n{}[x] & 1" in as_latex(page)
+    assert "\n{}* & 2" in as_latex(page)

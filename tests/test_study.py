@@ -7,14 +7,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from conftest import Answer
 
+from tgospa_eval.comparison import study
+from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.comparison.log import NAME, Log
 from tgospa_eval.comparison.study import spread
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, SolverError
 
 Invoke = Callable[..., Answer]
 SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
@@ -123,6 +126,48 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
     (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
     assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_failing_and_contradicting_scenes_are_counted(
+    tmp_path: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
+    kept = {"prepare": study.prepare, "run_here": study.run_here}
+    scenes = iter(range(1, 5))
+    at = [0]
+
+    def prepare(*sides, **options):
+        at[0] = next(scenes)
+        if at[0] == 1:
+            raise MemoryError
+        return kept["prepare"](*sides, **options)
+
+    def run_here(prepared, solver):
+        made = kept["run_here"](prepared, solver)
+        if solver.name == "sinkhorn" and at[0] == 2:
+            raise SolverError("gave up")
+        if solver.name == "sinkhorn" and at[0] == 3:
+            return replace(made, bracket=Bracket(lower=0.0, upper=1e-3))
+        return made
+
+    monkeypatch.setattr(study, "prepare", prepare)
+    monkeypatch.setattr(study, "run_here", run_here)
+    call = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "4", "--epsilon",
+            "0.1", "-q", "-o", str(tmp_path), "--format", "json")  # fmt: skip
+    answer = invoke(*call)
+    assert answer.status == 4
+    document = json.loads(answer.out)
+    assert document["contradictions"] == [[2, 5, 3, "certified", "sinkhorn 0.1"]]
+    size = document["sizes"][0]
+    assert size["left_out"] == 2
+    certified, sinkhorn = size["solvers"]
+    assert (certified["failed"], sinkhorn["failed"]) == (1, 2)
+    assert size["normalised"]["tgospa"] > 1
+    statuses = [record["runs"][1]["status"] for record in records(tmp_path)]
+    assert statuses[:2] == ["failed: out of memory", "failed: gave up"]
+    again = invoke(*call)  # records of failures are records, too
+    assert json.loads(again.out) == document
+    assert "2 scenes left out" in " ".join(invoke(*call[:-2]).out.split())
 
 
 @pytest.mark.parametrize("content", ["mine, without an end of line", "{'", "\x00\x01"])

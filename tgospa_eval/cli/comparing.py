@@ -87,7 +87,8 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
         say("brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"])))
     unfinished = [made for made in answer["runs"] if not made["finished"]]
     for made in unfinished:
-        say(f"accuracy not reached: {made['name']}: {made['status']}")
+        missed = "" if made["total"] is None else "accuracy not reached: "
+        say(f"{missed}{made['name']}: {made['status']}")
     return bool(answer["agree"]) and not unfinished
 
 
@@ -204,9 +205,10 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
             f"{steps} steps"
         )
-    late = sum(made["unfinished"] for size in answer["sizes"] for made in size["solvers"])
+    made = [made for size in answer["sizes"] for made in size["solvers"]]
+    late = sum(item["unfinished"] + item["failed"] for item in made)
     if late:
-        say(f"accuracy not reached: {late} runs of solvers")
+        say(f"failed, or accuracy not reached: {late} {'run' if late == 1 else 'runs'} of solvers")
     return not answer["contradictions"] and not late
 
 

@@ -27,20 +27,21 @@ NAME = "runs.jsonl"
 FAR = 1 << 40
 """A byte that no file of ours reaches, for locking."""
 
-MISSING = object()
 NUMBER = (int, float)
 RECORD = {
-    "targets": int, "steps": int, "run": int, "occupied": int, "sizes": dict,
-    "prepare_seconds": NUMBER, "runs": list,
-}  # fmt: skip
+    **dict.fromkeys(("targets", "steps", "run"), int),
+    **dict.fromkeys(("occupied", "sizes", "prepare_seconds"), object),
+    "runs": list,
+}
+MADE = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
 RUN = {
     **dict.fromkeys(("name", "solver", "status"), str),
-    **dict.fromkeys(("lower", "upper", "allowance", "iterations", "seconds"), NUMBER),
-    **dict.fromkeys(PARTS, NUMBER),
     "epsilon": (*NUMBER, type(None)),
     "finished": bool,
 }
-"""What a record and each run in it must hold."""
+PROVEN = dict.fromkeys(("lower", "upper", "allowance", "iterations", "seconds", *PARTS), NUMBER)
+FAILED = dict.fromkeys(PROVEN, type(None))
+"""What a record must hold, that of a scene that could be made, each run, one with a bracket."""
 
 
 def machine() -> str:
@@ -184,15 +185,25 @@ def is_record(document: Any, solvers: int) -> bool:
     """Whether this has everything that a record of so many solvers needs."""
     return (
         _has(document, RECORD)
-        and all(isinstance(document["sizes"].get(name), int) for name in ("states",))
         and len(document["runs"]) == solvers
         and all(_has(run, RUN) for run in document["runs"])
+        and (
+            (
+                _has(document, MADE)
+                and isinstance(document["sizes"].get("states"), int)
+                and all(_has(run, PROVEN) or _has(run, FAILED) for run in document["runs"])
+            )
+            or (
+                all(document[name] is None for name in MADE)
+                and all(_has(run, FAILED) for run in document["runs"])
+            )
+        )
     )
 
 
 def _has(document: Any, fields: dict[str, Any]) -> bool:
     return isinstance(document, dict) and all(
-        isinstance(document.get(name, MISSING), kind) for name, kind in fields.items()
+        name in document and isinstance(document[name], kind) for name, kind in fields.items()
     )
 
 

@@ -49,11 +49,11 @@ def solvers_page(document: Document) -> Page:
                 rows=[
                     (
                         run["name"],
-                        f"{run['tgospa']:.9g}",
-                        f"{run['lower_bound']:.9g}",
+                        _number(run["tgospa"], ".9g"),
+                        _number(run["lower_bound"], ".9g"),
                         _error(run["error"]),
                         _error(run["lower_error"]),
-                        str(run["iterations"]),
+                        _number(run["iterations"], "d"),
                     )
                     for run in runs
                 ],
@@ -61,7 +61,11 @@ def solvers_page(document: Document) -> Page:
             Sheet(
                 head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
                 rows=[
-                    (run["name"], *(f"{s:.4f}" for s in _split(run["seconds"])), _memory(run))
+                    (
+                        run["name"],
+                        *(_number(s, ".4f") for s in _split(run["seconds"])),
+                        _memory(run),
+                    )
                     for run in runs
                 ],
             ),
@@ -94,7 +98,9 @@ def _agreement(document: Document) -> str:
             f"The brackets of {pairs} do not overlap: one of these proofs is wrong. This is an "
             "error of this program or of its arithmetic, not of your data; please report it"
         )
-    count = len(document["runs"])
+    if referee is None:
+        return "No solver has an answer"
+    count = sum(run["total"] is not None for run in document["runs"])
     told = "The bracket" if count == 1 else f"All {count} brackets overlap; together they"
     verb = "says" if count == 1 else "say"
     low, high = (f"{referee[name]:.9g}" for name in ("lower_bound", "upper_bound"))
@@ -113,8 +119,10 @@ def _solver_remarks(document: Document) -> Iterator[str]:
         yield f"{name} left out: {reason}"
 
 
-def _split(seconds: Document) -> tuple[float, ...]:
+def _split(seconds: Document | None) -> tuple[float | None, ...]:
     """Solving and proof together, and what they consist of."""
+    if seconds is None:
+        return (None,) * 6
     stages = seconds["stages"]
     named = [
         stages.get("preparation", 0.0) + stages.get("build", 0.0),
@@ -195,8 +203,8 @@ def estimates_table(document: Document) -> Table:
 def pairs_table(document: Document) -> Table:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
-    names = ("first", "second", "verdict", "opposed")
-    table: Table = {name: [pair[name] for pair in pairs] for name in names}
+    own = ("first", "second", "verdict", "opposed")
+    table: Table = {name: [pair[name] for pair in pairs] for name in own}
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
     table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
@@ -287,7 +295,7 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
         rows=[
             (
                 pair["second"],
-                _between(*pair["per_step"]["total"], "+"),
+                _between(pair["per_step"]["total"][0], pair["per_step"]["total"][1], "+"),
                 *(f"{pair['per_step'][name]:+.4g}" for name in PARTS),
                 f"{pair['steps']['better']}/{pair['steps']['worse']}",
                 *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
@@ -416,7 +424,9 @@ def study_table(document: Document) -> Table:
     for name in ("seconds", "error", "lower_error", "iterations"):
         for kind in ("mean", "deviation", "max"):
             table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
-    return table | {"unfinished": [made["unfinished"] for _, made in rows]}
+    for name in ("infinite_errors", "failed", "unfinished"):
+        table[name] = [made[name] for _, made in rows]
+    return table | {"left_out": [size["left_out"] for size, _ in rows]}
 
 
 def _study_title(document: Document) -> str:
@@ -428,10 +438,13 @@ def _study_title(document: Document) -> str:
             f"{steps} steps, and there may be more: one of these proofs is wrong. This is an error "
             "of this program; please report it"
         )
-    return (
+    done = (
         f"{_count(len(sizes) * runs, 'scene')} of {_count(len(sizes), 'size')}, "
-        f"{_count(runs, 'run')} each: all brackets overlap"
+        f"{_count(runs, 'run')}{' each' if len(sizes) > 1 else ''}"
     )
+    if any(made["failed"] for size in sizes for made in size["solvers"]):
+        return f"{done}: solvers failed, all brackets that there are overlap"
+    return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
 
 
 def _study_lines(document: Document) -> Iterator[str]:
@@ -454,12 +467,12 @@ def _study_sheet(document: Document) -> Sheet:
             rows.append((
                 made["name"],
                 *((str(size["targets"]), str(size["steps"])) if not k else ("", "")),
-                _mean(made["seconds"], ".3g"),
+                _number(made["seconds"]["mean"], ".3g"),
                 _deviation(made["seconds"], ".2g"),
                 _error(made["error"]["mean"]),
                 _deviation(made["error"], ".0e"),
                 _error(made["lower_error"]["mean"]),
-                _mean(made["iterations"], ".0f"),
+                _number(made["iterations"]["mean"], ".0f"),
             ))  # fmt: skip
     return Sheet(
         head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
@@ -474,7 +487,7 @@ def _study_rms(document: Document) -> Sheet:
         rows=[
             (
                 f"m = {size['targets']}, T = {size['steps']}",
-                *(f"{size['normalised'][name]:.5g}" for name in ("tgospa", *PARTS)),
+                *(_number(size["normalised"][name], ".5g") for name in ("tgospa", *PARTS)),
             )
             for size in document["sizes"]
         ],
@@ -488,16 +501,22 @@ def _study_remarks(document: Document) -> Iterator[str]:
         "+- one standard deviation over the runs"
     )
     for size in document["sizes"]:
+        where = f"{_count(size['targets'], 'target')}, {_count(size['steps'], 'step')}"
+        if size["left_out"]:
+            yield (
+                f"{where}: {_count(size['left_out'], 'scene')} left out of the values per step, "
+                "for brackets contradict each other or there is none; contradicting ones are left "
+                "out of times and errors too"
+            )
         for made in size["solvers"]:
-            if made["unfinished"]:
-                yield (
-                    f"{made['name']}, {size['targets']} targets, {size['steps']} steps: not "
-                    f"finished in {_count(made['unfinished'], 'run')}"
-                )
-
-
-def _mean(values: Document, form: str) -> str:
-    return "-" if values["mean"] is None else f"{values['mean']:{form}}"
+            kinds = (
+                ("failed", "failed"),
+                ("unfinished", "not finished"),
+                ("infinite_errors", "error without bound, not in its mean,"),
+            )
+            for name, fact in kinds:
+                if made[name]:
+                    yield f"{made['name']}, {where}: {fact} in {_count(made[name], 'run')}"
 
 
 def _deviation(values: Document, form: str) -> str:
@@ -506,6 +525,10 @@ def _deviation(values: Document, form: str) -> str:
 
 
 # --- words ----------------------------------------------------------------------------------------
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else f"{value:{form}}"
 
 
 def _error(value: float | None) -> str:
