@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.comparison import runs, solvers
 from tgospa_eval.comparison.brackets import Bracket, excess, less, narrowest, overlap, places
-from tgospa_eval.comparison.runs import Run
+from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
 from tgospa_eval.pipeline import Prepared
@@ -123,7 +123,7 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
     assert certified["total"] == pytest.approx(4)
     assert (exact["total"], exact["error"], exact["seconds"]) == (None, None, None)
     assert exact["status"].startswith(told)
-    assert "All 2 brackets overlap" in invoke(*call).out
+    assert "Both brackets overlap" in invoke(*call).out
     assert invoke(*call, "--solvers", "exact").out.startswith("No solver has an answer")
     assert "exact" in invoke(*call, "--format", "csv").out
 
@@ -178,11 +178,19 @@ def test_what_nobody_expects_in_a_process_is_told_as_such(monkeypatch) -> None:
         (["--epsilon", "0.1,x"], 2, '--epsilon "x": must be numbers with commas'),
         (["--epsilon", "0.1,0.1"], 2, "sinkhorn 0.1 is given twice"),
         (["--epsilon", "0"], 2, "epsilon is 0: must be finite and more than 0"),
+        (["--solvers", ""], 2, '--solvers "": must be of certified, exact, sinkhorn'),
         (["--by", "class"], 2, "choose one class by --class NAME"),
+        (["--by", "class", "--simulate"], 2, "--by is for files, not for --simulate"),
         (["--runs", "3"], 2, "--runs is for --simulate"),
         (["--simulate"], 2, "--simulate makes its scenes"),
         (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "by one solver"),
         (["missing.csv"], 3, "missing.csv: no such file"),
+        (["."], 3, ".: is a folder, not a file"),
+        (["/"], 3, "/: is a folder, not a file"),
+        ([""], 3, '"": no such file'),
+        (["./e.csv"], 2, "./e.csv: is the same as "),
+        (["-o", "t.csv/x"], 2, "--output t.csv/x: "),
+        (["-o", "/proc/x/y"], 2, "--output /proc/x/y: cannot be written: "),
     ],
 )
 def test_wrong_use(
@@ -312,6 +320,31 @@ def test_grids_of_the_estimate_rank_nothing(grid: str, write: Write, invoke: Inv
                   "-c", "5").status == 0  # fmt: skip
     ranked = invoke("compare", *paths, "--grid", "truth", "-q", "-c", "5").out
     assert "best first: e, early" in ranked
+
+
+def test_nothing_is_read_where_a_file_is_missing(write: Write, invoke: Invoke) -> None:
+    """The first file is wrong, too; that is told when it is read."""
+    answer = invoke("compare", write("t.csv", "nonsense"), write("e.csv", TRUTH), "none.csv")
+    assert (answer.status, answer.err) == (3, "none.csv: no such file\n")
+
+
+def test_a_star_may_be_part_of_a_name(write: Write, invoke: Invoke) -> None:
+    answer = invoke("compare", write("t.csv", TRUTH), write("x*y.csv", track(0, 1, 0)), "-c", "5",
+                    "--solvers", "certified", "--format", "json")  # fmt: skip
+    assert json.loads(answer.out)["kind"] == "solvers"
+
+
+def test_temperatures_are_told_apart() -> None:
+    names = [called("sinkhorn", epsilon) for epsilon in (0.1, 0.100000000001, 1.0)]
+    assert names == ["sinkhorn 0.1", "sinkhorn 0.100000000001", "sinkhorn 1"]
+
+
+def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) -> None:
+    paths = write("t.csv", TRUTH), write("a.csv", TRUTH), write("b.csv", track(0, 1, 0))
+    config = write("tgospa-eval.toml", 'by = "class"\n')
+    answer = invoke("compare", *paths, "-c", "5", "--config", config)
+    assert answer.status == 0
+    assert "by = class of the settings is left aside" in answer.err
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The scaling study: seeded, resumable, mean and spread."""
 
+import itertools
 import json
 import os
 import signal
@@ -18,6 +19,7 @@ from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.comparison.log import NAME, Log
 from tgospa_eval.comparison.study import spread
 from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.simulation import Scene, Tracker
 
 Invoke = Callable[..., Answer]
 SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
@@ -38,6 +40,13 @@ def timeless(folder: Path) -> list[dict]:
             run.pop("seconds")
         found.append(record)
     return found
+
+
+@pytest.fixture(autouse=True)
+def _no_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take most of the time, and are looked at in one test."""
+    if request.node.name != "test_report":
+        monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
 
 
 def test_spread() -> None:
@@ -80,26 +89,47 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
     assert os.listdir(killed) == os.listdir(whole)
 
 
-@pytest.mark.parametrize(
-    ("options", "name"),
-    [
+def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
+    folder = str(tmp_path / "study")
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
+    assert invoke(*small).status == 0
+    for options, name in (
         (["--seed", "1"], "seed"),
         (["-c", "5"], "parameters.cutoff"),
         (["--scenario", "crossing"], "scene.scenario"),
         (["--epsilon", "0.1"], "solvers"),
+    ):
+        answer = invoke(*small, *options)
+        assert answer.status == 2
+        assert f"is of a study with another {name} (" in answer.err
+    assert "1 scene is there, going on" in invoke(*small).err
+    assert len(records(tmp_path / "study")) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ["--targets", "1,100000", "--steps", "1,100000"],
+            "100000 targets in 100000 steps are too",
+        ),
+        (["--targets", "0,3"], "targets is 0: must be 1 or more"),
+        (["--steps", "5,5"], "steps: a number is given twice"),
     ],
 )
-def test_another_setting_is_refused(
-    options: list[str], name: str, tmp_path: Path, invoke: Invoke
-) -> None:
-    folder = str(tmp_path / "study")
-    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
-    assert invoke(*small).status == 0
-    assert "1 scene is there, going on" in invoke(*small).err
-    answer = invoke(*small, *options)
-    assert answer.status == 2
-    assert f"is of a study with another {name} (" in answer.err
-    assert len(records(tmp_path / "study")) == 1
+def test_sizes_are_checked_together(options: list[str], message: str, invoke: Invoke) -> None:
+    answer = invoke("compare", "--simulate", "-q", *options)
+    assert (answer.status, answer.out) == (2, "")
+    assert message in answer.err
+
+
+def test_scenes_are_counted_one_by_one() -> None:
+    """A list of so many would not fit into memory."""
+    made = study.Study(
+        scene=Scene(), tracker=Tracker(), seed=0, parameters=None, distance=None, solvers=(),
+        targets=(2,), steps=(5,), runs=10**12,
+    )  # fmt: skip
+    assert list(itertools.islice(made.wanted(), 2)) == [(2, 5, 1), (2, 5, 2)]
 
 
 def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -> None:

@@ -101,7 +101,8 @@ def _agreement(document: Document) -> str:
     if referee is None:
         return "No solver has an answer"
     count = sum(run["total"] is not None for run in document["runs"])
-    told = "The bracket" if count == 1 else f"All {count} brackets overlap; together they"
+    which = "Both" if count == 2 else f"All {count}"
+    told = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
     verb = "says" if count == 1 else "say"
     low, high = (f"{referee[name]:.9g}" for name in ("lower_bound", "upper_bound"))
     if low == high:
@@ -245,11 +246,15 @@ def _leads(document: Document) -> bool:
 
 def _runs(document: Document) -> str:
     steps = sorted(set(document["steps"]))
-    length = f"{steps[0]}" if len(steps) == 1 else f"{steps[0]} to {steps[-1]}"
+    length = (
+        _count(steps[0], "step")
+        if len(steps) == 1
+        else f"{steps[0]:,} to {_count(steps[-1], 'step')}"
+    )
     if document["runs"] == 1:
-        return f"truth {document['truth'][0]}; {length} steps at which something exists"
+        return f"truth {document['truth'][0]}; {length} at which something exists"
     return (
-        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} steps each at "
+        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} each at "
         "which something exists; costs are means over runs, roots are taken last"
     )
 
