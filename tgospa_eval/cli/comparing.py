@@ -239,7 +239,7 @@ def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]
             raise ConfigError(f"{path}: one * is needed, it stands for the run")
         if not is_marked and path != truth:
             raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
-    keys = [_matches(path) for path, is_marked in zip(paths, marked, strict=True) if is_pattern]
+    keys = [_matches(path) for path, is_marked in zip(paths, marked, strict=True) if is_marked]
     for path, own in zip([p for p, m in zip(paths, marked, strict=True) if m], keys, strict=True):
         lacking = next((key for key in keys[0] if key not in own), None)
         if lacking is not None:

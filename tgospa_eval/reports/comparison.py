@@ -141,6 +141,11 @@ def _memory(run: Document) -> str:
 
 # --- estimates ------------------------------------------------------------------------------------
 
+SPLIT = (
+    "split, not proven: localisation, missed, false and switch are those of the assignment that "
+    "was found; the brackets hold for TGOSPA and the total"
+)
+
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
     "their ids; other tie rules may count other switches"
@@ -294,18 +299,18 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
     if not pairs:
         return
     several = document["runs"] > 1
-    head = ["cost/step", "local.", "missed", "false", "switch", "steps -/+"]
+    head = ["cost/step", "order", "local.", "missed", "false", "switch", "steps -/+"]
     yield Sheet(
-        head=(f"less {first}", *head, *(["runs -/+"] if several else []), "order"),
+        head=(f"less {first}", *head, *(["runs -/+"] if several else [])),
         rows=[
             (
                 pair["second"],
                 _between(pair["per_step"]["total"][0], pair["per_step"]["total"][1], "+"),
-                *(f"{pair['per_step'][name]:+.4g}" for name in PARTS),
+                "proven" if pair["verdict"] == "less" else "open",
+                *(f"{pair['per_step'][name]:+.3g}" for name in PARTS),
                 f"{pair['steps']['better']}/{pair['steps']['worse']}",
                 *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
                   if several else []),
-                "proven" if pair["verdict"] == "less" else "open",
             )
             for pair in pairs
         ],
@@ -365,10 +370,7 @@ def _estimate_remarks(document: Document) -> Iterator[str]:
             "proven: the upper bound of the one is below the lower bound of the other; "
             "steps -/+: at how many the estimate costs less or more than the first"
         )
-    yield (
-        "localisation, missed, false and switch are those of the assignment that was found: only "
-        "the brackets of TGOSPA and of the total are proven, the split is not"
-    )
+    yield SPLIT
     yield from opposed(document)
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
@@ -505,6 +507,7 @@ def _study_remarks(document: Document) -> Iterator[str]:
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
         "+- one standard deviation over the runs"
     )
+    yield SPLIT
     for size in document["sizes"]:
         where = f"{_count(size['targets'], 'target')}, {_count(size['steps'], 'step')}"
         if size["left_out"]:
