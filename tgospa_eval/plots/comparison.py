@@ -114,7 +114,7 @@ def _relative(difference: float, referee: dict[str, float]) -> float:
 
 def _temperatures(document: Document) -> Sequence[Document]:
     return [
-        run for run in document["runs"] if run["epsilon"] is not None and run["total"] is not None
+        run for run in document["runs"] if run["epsilon"] is not None and run["seconds"] is not None
     ]
 
 
@@ -126,6 +126,8 @@ def study_pictures(document: Document) -> "dict[str, Figure]":
     sizes = document["sizes"]
     made = {}
     temperatures = [s for s in sizes[0]["solvers"] if s["epsilon"] is not None]
+    if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
+        return {}  # all failed, or all contradict each other
     if len(temperatures) > 1:
         made["error_over_epsilon"] = study_errors(document)
     if len(sizes) > 1:
@@ -154,7 +156,8 @@ def study_errors(document: Document) -> "Figure":
     error_axis(axis)
     label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
           f"Error of sinkhorn by temperature, T = {longest}")  # fmt: skip
-    axis.legend(frameon=False)
+    if axis.lines:
+        axis.legend(frameon=False)
     return made
 
 
@@ -185,7 +188,8 @@ def scaling(document: Document) -> "Figure":
             else:
                 _line(right, x, errors, k, run["name"], FLOOR)
         left.set_xscale("log")
-        left.set_yscale("log")
+        if left.lines:
+            left.set_yscale("log")
         right.set_xscale("log")
         error_axis(right)
         if exact:
@@ -202,16 +206,19 @@ def scaling(document: Document) -> "Figure":
             axis.set_xticks([], minor=True)
     handles, names = axes[0, 0].get_legend_handles_labels()
     columns = len(names) if len(names) <= 5 else -(-len(names) // 2)
-    made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
+    if names:
+        made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
     return made
 
 
 def _line(
     axis: "Axes", x: Sequence[float], values: Sequence[Document], k: int, name: str, least: float
 ) -> None:
-    """Means with a band of one standard deviation, at least `least`."""
+    """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
     kept = [(at, value) for at, value in zip(x, values, strict=True) if value["mean"] is not None]
     x, values = [at for at, _ in kept], [value for _, value in kept]
+    if not kept:
+        return
     mean = [max(value["mean"], least) for value in values]
     spread = [value["deviation"] or 0.0 for value in values]
     low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
