@@ -9,12 +9,17 @@ from pathlib import Path
 
 import pytest
 from conftest import Answer
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tgospa_eval.comparison import runs, solvers
 from tgospa_eval.comparison.brackets import Bracket, excess, less, narrowest, overlap, places
+from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
-from tgospa_eval.reports.comparison import solvers_page
+from tgospa_eval.errors import SolverError
+from tgospa_eval.pipeline import Prepared
 from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+from tgospa_eval.solvers import Solver
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
 Write = Callable[[str, str], str]
@@ -75,20 +80,52 @@ def test_solvers_are_compared(write: Write, invoke: Invoke) -> None:
         assert memory["peak"] >= memory["before"] > 1e6
 
 
-def test_wrong_solver_is_found(write: Write, invoke: Invoke, monkeypatch) -> None:
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Run solvers in this process, with a change to what they answer."""
+
+    def here(change: Callable[[Solver, Run], Run] = lambda _, made: made) -> None:
+        def run(prepared: Prepared, solver: Solver) -> Run:
+            return change(solver, runs.run_here(prepared, solver))
+
+        monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
+
+    return here
+
+
+def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Path) -> None:
     """A solver whose proof says 0 to 3 of a total that the others prove to be 4."""
-
-    def run(prepared, solver):
-        made = runs.run_here(prepared, solver)
-        wrong = Bracket(lower=0.0, upper=3.0, allowance=1e-12)
-        return replace(made, bracket=wrong) if solver.name == "exact" else made
-
-    monkeypatch.setattr(solvers, "run_apart", run)
-    monkeypatch.setattr(solvers.compare_solvers, "__defaults__", (run, lambda _: None))
+    wrong = Bracket(lower=0.0, upper=3.0, allowance=1e-12)
+    here(lambda solver, made: replace(made, bracket=wrong) if solver.name == "exact" else made)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
-    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1")
+    answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1", "-o", "out")
     assert answer.status == 4
     assert "The brackets of certified and exact; exact and sinkhorn 0.1 do not" in answer.out
+    document = json.loads((tmp_path / "out" / "compare.json").read_text(encoding="utf-8"))
+    assert document["referee"] is None  # nothing is proven, so there is no error to show
+    assert [run["error"] for run in document["runs"]] == [None] * 3
+    assert not list((tmp_path / "out").glob("*.png"))
+
+
+def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) -> None:
+    def change(solver: Solver, made: Run) -> Run:
+        if solver.name == "exact":
+            raise ZeroDivisionError("by nothing")
+        return made
+
+    here(change)
+    paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
+    call = ("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1", "-q")
+    answer = invoke(*call, "--format", "json")
+    told = "failed: ZeroDivisionError: by nothing; this is an error of this program"
+    assert (answer.status, answer.err.startswith(f"exact: {told}")) == (4, True)
+    certified, exact, _ = json.loads(answer.out)["runs"]
+    assert certified["total"] == pytest.approx(4)
+    assert (exact["total"], exact["error"], exact["seconds"]) == (None, None, None)
+    assert exact["status"].startswith(told)
+    assert "Both brackets overlap" in invoke(*call).out
+    assert invoke(*call, "--solvers", "exact").out.startswith("No solver has an answer")
+    assert "exact" in invoke(*call, "--format", "csv").out
 
 
 def test_errors_are_against_what_all_prove() -> None:
@@ -103,9 +140,12 @@ def test_errors_are_against_what_all_prove() -> None:
     assert not comparison.contradictions
 
 
-def test_exact_is_left_out_where_it_is_slow(write: Write, invoke: Invoke, monkeypatch) -> None:
+def test_exact_is_left_out_where_it_is_slow(
+    write: Write, invoke: Invoke, monkeypatch, here
+) -> None:
     from tgospa_eval.cli import comparing
 
+    here()
     monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "--epsilon", "0.1")
@@ -119,7 +159,16 @@ def test_a_process_that_dies_is_told(write: Write, invoke: Invoke, monkeypatch) 
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "--solvers", "certified", "-q")
     assert answer.status == 4
-    assert answer.err == ("certified: its process ended without an answer; out of memory perhaps\n")
+    assert answer.err == (
+        "certified: failed: its process ended without an answer; out of memory perhaps\n"
+    )
+    assert "No solver has an answer" in answer.out
+
+
+def test_what_nobody_expects_in_a_process_is_told_as_such(monkeypatch) -> None:
+    """The worker asks the solver for its name, which this one has not."""
+    with pytest.raises(SolverError, match=r"AttributeError: .*; this is an error of this program"):
+        runs.run_apart(None, object())
 
 
 @pytest.mark.parametrize(
@@ -129,11 +178,19 @@ def test_a_process_that_dies_is_told(write: Write, invoke: Invoke, monkeypatch) 
         (["--epsilon", "0.1,x"], 2, '--epsilon "x": must be numbers with commas'),
         (["--epsilon", "0.1,0.1"], 2, "sinkhorn 0.1 is given twice"),
         (["--epsilon", "0"], 2, "epsilon is 0: must be finite and more than 0"),
+        (["--solvers", ""], 2, '--solvers "": must be of certified, exact, sinkhorn'),
         (["--by", "class"], 2, "choose one class by --class NAME"),
+        (["--by", "class", "--simulate"], 2, "--by is for files, not for --simulate"),
         (["--runs", "3"], 2, "--runs is for --simulate"),
         (["--simulate"], 2, "--simulate makes its scenes"),
         (["--against", "per-step-gospa", "--solvers", "exact,certified"], 2, "by one solver"),
         (["missing.csv"], 3, "missing.csv: no such file"),
+        (["."], 3, ".: is a folder, not a file"),
+        (["/"], 3, "/: is a folder, not a file"),
+        ([""], 3, '"": no such file'),
+        (["./e.csv"], 2, "./e.csv: is the same as "),
+        (["-o", "t.csv/x"], 2, "--output t.csv/x: "),
+        (["-o", "/proc/x/y"], 2, "--output /proc/x/y: cannot be written: "),
     ],
 )
 def test_wrong_use(
@@ -170,15 +227,14 @@ def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
     first = {(p["first"], p["second"]): p for p in document["pairs"]}
     assert first["good", "twin"]["verdict"] == "not separated"
     assert first["good", "bad"]["verdict"] == "less"
-    assert first["good", "bad"]["total"] == pytest.approx([11, 11])
+    assert first["good", "bad"]["per_step"]["total"] == pytest.approx([11 / 3, 11 / 3])
     assert first["good", "bad"]["steps"] == {"better": 0, "worse": 3}
-    assert first["good", "lost"]["missed"] == pytest.approx(25)
+    assert first["good", "lost"]["per_step"]["missed"] == pytest.approx(25 / 3)
     rows = list(csv.DictReader(io.StringIO((folder / "per_step.csv").read_text())))
     difference = [float(r["difference"]) for r in rows if r["estimate"] == "bad"]
     assert difference == pytest.approx([4, 3, 4])
-    assert "No estimate is proven best: good, twin" in invoke(
-        "compare", truth, *paths, "-c", "5", "-g", "1", "-q"
-    ).out  # fmt: skip
+    shown = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q").out
+    assert "No estimate is proven best by TGOSPA per step: it may be any of good, twin" in shown
 
 
 def test_wide_brackets_prove_no_order(invoke: Invoke, crowd, tmp_path: Path) -> None:
@@ -223,6 +279,72 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     latex = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "latex").out
     assert r"per step, RMS of 2 & TGOSPA & localisation & missed & false & switch \\" in latex
     assert rf"\textbf{{{(5 / 3) ** 0.5:.6g}}}" in latex
+
+
+def test_what_is_ranked_is_shown(write: Write, invoke: Invoke, tmp_path: Path) -> None:
+    """Runs of 1 and 4 steps. Costs of a: 4 and 0, of b: 0 and 8 = 4 * 2.
+
+    Per step, mean of runs: a (4/1 + 0/4) / 2 = 2, b (0/1 + 8/4) / 2 = 1; mean totals 2 and 4.
+    """
+    for k, lengths in ((1, 1), (2, 4)):
+        (tmp_path / f"{k}").mkdir()
+        write(f"{k}/gt.csv", track(*[0] * lengths))
+    for name, short, long in (("a", 2, 0), ("b", 0, 2**0.5)):
+        write(f"1/{name}.csv", track(short))
+        write(f"2/{name}.csv", track(*[long] * 4))
+    call = ("compare", "*/gt.csv", "*/a.csv", "*/b.csv", "-c", "5", "-g", "1")
+    answer = invoke(*call, "--format", "json")
+    document = json.loads(answer.out)
+    best, other = document["estimates"]
+    assert (best["name"], best["total"], other["total"]) == ("b", *map(pytest.approx, (4, 2)))
+    assert document["ranked_by"] == "normalised.tgospa"
+    pair = document["pairs"][0]
+    assert pair["per_step"]["total"] == pytest.approx([1, 1])
+    assert (pair["verdict"], pair["opposed"]) == ("less", True)
+    warning = "warning: b is before a by TGOSPA per step, in which each run counts the same"
+    assert warning in answer.err
+    lines = invoke(*call, "-q").out.splitlines()
+    head = next(line for line in lines if "place" in line)
+    assert head.split()[:6] == ["per", "step,", "RMS", "of", "2", "place"]
+    assert lines[lines.index(head) + 1].split()[:3] == ["b", "1", "1"]
+
+
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+def test_grids_of_the_estimate_rank_nothing(grid: str, write: Write, invoke: Invoke) -> None:
+    """One that stops after a perfect step would win."""
+    paths = [write("t.csv", TRUTH), write("early.csv", track(0)), write("e.csv", track(0, 1, 0))]
+    answer = invoke("compare", *paths, "--grid", grid, "-q")
+    assert (answer.status, answer.out) == (2, "")
+    assert f"--grid {grid}: gives each estimate steps of its own" in answer.err
+    assert invoke("compare", *paths[:2], "--grid", grid, "-q", "--against", "per-step-gospa",
+                  "-c", "5").status == 0  # fmt: skip
+    ranked = invoke("compare", *paths, "--grid", "truth", "-q", "-c", "5").out
+    assert "best first: e, early" in ranked
+
+
+def test_nothing_is_read_where_a_file_is_missing(write: Write, invoke: Invoke) -> None:
+    """The first file is wrong, too; that is told when it is read."""
+    answer = invoke("compare", write("t.csv", "nonsense"), write("e.csv", TRUTH), "none.csv")
+    assert (answer.status, answer.err) == (3, "none.csv: no such file\n")
+
+
+def test_a_star_may_be_part_of_a_name(write: Write, invoke: Invoke) -> None:
+    answer = invoke("compare", write("t.csv", TRUTH), write("x*y.csv", track(0, 1, 0)), "-c", "5",
+                    "--solvers", "certified", "--format", "json")  # fmt: skip
+    assert json.loads(answer.out)["kind"] == "solvers"
+
+
+def test_temperatures_are_told_apart() -> None:
+    names = [called("sinkhorn", epsilon) for epsilon in (0.1, 0.100000000001, 1.0)]
+    assert names == ["sinkhorn 0.1", "sinkhorn 0.100000000001", "sinkhorn 1"]
+
+
+def test_classes_of_the_settings_are_left_aside(write: Write, invoke: Invoke) -> None:
+    paths = write("t.csv", TRUTH), write("a.csv", TRUTH), write("b.csv", track(0, 1, 0))
+    config = write("tgospa-eval.toml", 'by = "class"\n')
+    answer = invoke("compare", *paths, "-c", "5", "--config", config)
+    assert answer.status == 0
+    assert "by = class of the settings is left aside" in answer.err
 
 
 @pytest.mark.parametrize(
@@ -292,10 +414,36 @@ def test_sheets_escape_everything() -> None:
     assert as_csv({"a": ["@x", -1.0, None, "-1"]}) == "a\n'@x\n-1.0\n\"\"\n'-1\n"
 
 
-def test_tables_have_80_columns(write: Write, invoke: Invoke) -> None:
+def test_tables_have_80_columns_and_every_cell(write: Write, invoke: Invoke) -> None:
     truth = write("t.csv", TRUTH)
     paths = [write(f"{'long' * 20}{k}.csv", track(0, k, 1e3)) for k in range(3)]
     for extra in ([], ["--against", "per-step-gospa"]):
         out = invoke("compare", truth, *paths, "-c", "123456.7", "-q", *extra).out
         assert max(map(len, out.splitlines())) <= 80
-    assert solvers_page.__doc__
+        assert out.count("  proven") + out.count("  open") == 2
+
+
+@given(
+    st.lists(st.integers(1, 30), min_size=1, max_size=12),
+    st.lists(st.integers(1, 60), min_size=1, max_size=4),
+)
+def test_no_cell_is_cut(widths: list[int], names: list[int]) -> None:
+    head = ("name", *(f"h{k}" for k in range(len(widths))))
+    rows = [
+        (f"n{'-' * size}{k}", *(f"{k}x{at}".rjust(w, "_") for at, w in enumerate(widths)))
+        for k, size in enumerate(names)
+    ]
+    text = as_text(Page(title="t", lines=[], sheets=[Sheet(head=head, rows=rows)]))
+    assert max(map(len, text.splitlines())) <= 80
+    words = text.split()
+    for row in rows:
+        assert set(row[1:]) <= set(words)
+        assert any(word.endswith(row[0][-5:]) for word in words)
+
+
+def test_rows_of_latex_begin_with_no_setting() -> None:
+    page = Page(
+        title="t", lines=[], sheets=[Sheet(head=("a", "b"), rows=[("[x]", "1"), ("*", "2")])]
+    )
+    assert "\n{}[x] & 1" in as_latex(page)
+    assert "\n{}* & 2" in as_latex(page)

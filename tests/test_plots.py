@@ -85,6 +85,18 @@ def test_study_pictures() -> None:
     assert data(made["error_over_epsilon"].axes[0])["m = 20"] == ([0.01, 0.1], [1e-5, 2e-2])
 
 
+def test_what_failed_is_not_drawn() -> None:
+    """Where all failed there is no picture; where the largest size did it has no line."""
+    none = {"mean": None, "deviation": None, "max": None}
+    failed = [
+        {**size, "solvers": [{**s, "seconds": none, "error": none} for s in size["solvers"]]}
+        for size in STUDY["sizes"]
+    ]
+    assert comparison.study_pictures({"sizes": failed}) == {}
+    mixed = {"sizes": [STUDY["sizes"][3], *failed[:3]]}
+    assert len(plots.pictures(comparison.study_pictures, mixed)) == 2
+
+
 def test_estimates() -> None:
     made = comparison.estimate_pictures({"_a$b": [1.0, 2.0, 0.0], "c": [0.0, 5.0, 1.0]})
     lines = made["cumulative"].axes[0].get_lines()

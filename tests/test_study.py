@@ -1,5 +1,6 @@
 """The scaling study: seeded, resumable, mean and spread."""
 
+import itertools
 import json
 import os
 import signal
@@ -7,13 +8,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from conftest import Answer
 
-from tgospa_eval.comparison.log import NAME
+from tgospa_eval.comparison import study
+from tgospa_eval.comparison.brackets import Bracket
+from tgospa_eval.comparison.log import NAME, Log
 from tgospa_eval.comparison.study import spread
+from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.simulation import Scene, Tracker
 
 Invoke = Callable[..., Answer]
 SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--runs", "3",
@@ -34,6 +40,13 @@ def timeless(folder: Path) -> list[dict]:
             run.pop("seconds")
         found.append(record)
     return found
+
+
+@pytest.fixture(autouse=True)
+def _no_pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take most of the time, and are looked at in one test."""
+    if request.node.name != "test_report":
+        monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
 
 
 def test_spread() -> None:
@@ -76,26 +89,47 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
     assert os.listdir(killed) == os.listdir(whole)
 
 
-@pytest.mark.parametrize(
-    ("options", "name"),
-    [
+def test_another_setting_is_refused(tmp_path: Path, invoke: Invoke) -> None:
+    folder = str(tmp_path / "study")
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
+    assert invoke(*small).status == 0
+    for options, name in (
         (["--seed", "1"], "seed"),
         (["-c", "5"], "parameters.cutoff"),
         (["--scenario", "crossing"], "scene.scenario"),
         (["--epsilon", "0.1"], "solvers"),
+    ):
+        answer = invoke(*small, *options)
+        assert answer.status == 2
+        assert f"is of a study with another {name} (" in answer.err
+    assert "1 scene is there, going on" in invoke(*small).err
+    assert len(records(tmp_path / "study")) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            ["--targets", "1,100000", "--steps", "1,100000"],
+            "100000 targets in 100000 steps are too",
+        ),
+        (["--targets", "0,3"], "targets is 0: must be 1 or more"),
+        (["--steps", "5,5"], "steps: a number is given twice"),
     ],
 )
-def test_another_setting_is_refused(
-    options: list[str], name: str, tmp_path: Path, invoke: Invoke
-) -> None:
-    folder = str(tmp_path / "study")
-    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", folder)
-    assert invoke(*small).status == 0
-    assert "1 runs are there, going on" in invoke(*small).err
-    answer = invoke(*small, *options)
-    assert answer.status == 2
-    assert f"is of a study with another {name} (" in answer.err
-    assert len(records(tmp_path / "study")) == 1
+def test_sizes_are_checked_together(options: list[str], message: str, invoke: Invoke) -> None:
+    answer = invoke("compare", "--simulate", "-q", *options)
+    assert (answer.status, answer.out) == (2, "")
+    assert message in answer.err
+
+
+def test_scenes_are_counted_one_by_one() -> None:
+    """A list of so many would not fit into memory."""
+    made = study.Study(
+        scene=Scene(), tracker=Tracker(), seed=0, parameters=None, distance=None, solvers=(),
+        targets=(2,), steps=(5,), runs=10**12,
+    )  # fmt: skip
+    assert list(itertools.islice(made.wanted(), 2)) == [(2, 5, 1), (2, 5, 2)]
 
 
 def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -> None:
@@ -109,8 +143,81 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
     with (tmp_path / NAME).open("a", encoding="utf-8") as file:
         file.write("garbage\n")
     answer = invoke(*small)
-    assert (answer.status, "line 3: no record of a study" in answer.err) == (2, True)
+    assert (answer.status, "line 3: no record of this study" in answer.err) == (2, True)
+    # a record that lacks something, and one whose run is no whole run
+    header, whole = (tmp_path / NAME).read_text(encoding="utf-8").splitlines()[:2]
+    for name in ("runs", "occupied", "sizes"):
+        lacking = {key: value for key, value in json.loads(whole).items() if key != name}
+        (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+        answer = invoke(*small)
+        assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
+    lacking = json.loads(whole)
+    lacking["runs"][0].pop("upper")
+    (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+    assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_failing_and_contradicting_scenes_are_counted(
+    tmp_path: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of four scenes the first cannot be made, a solver fails in the second, the third is wrong."""
+    kept = {"prepare": study.prepare, "run_here": study.run_here}
+    scenes = iter(range(1, 5))
+    at = [0]
+
+    def prepare(*sides, **options):
+        at[0] = next(scenes)
+        if at[0] == 1:
+            raise MemoryError
+        return kept["prepare"](*sides, **options)
+
+    def run_here(prepared, solver):
+        made = kept["run_here"](prepared, solver)
+        if solver.name == "sinkhorn" and at[0] == 2:
+            raise SolverError("gave up")
+        if solver.name == "sinkhorn" and at[0] == 3:
+            return replace(made, bracket=Bracket(lower=0.0, upper=1e-3))
+        return made
+
+    monkeypatch.setattr(study, "prepare", prepare)
+    monkeypatch.setattr(study, "run_here", run_here)
+    call = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "4", "--epsilon",
+            "0.1", "-q", "-o", str(tmp_path), "--format", "json")  # fmt: skip
+    answer = invoke(*call)
+    assert answer.status == 4
+    document = json.loads(answer.out)
+    assert document["contradictions"] == [[2, 5, 3, "certified", "sinkhorn 0.1"]]
+    size = document["sizes"][0]
+    assert size["left_out"] == 2
+    certified, sinkhorn = size["solvers"]
+    assert (certified["failed"], sinkhorn["failed"]) == (1, 2)
+    assert size["normalised"]["tgospa"] > 1
+    statuses = [record["runs"][1]["status"] for record in records(tmp_path)]
+    assert statuses[:2] == ["failed: out of memory", "failed: gave up"]
+    again = invoke(*call)  # records of failures are records, too
+    assert json.loads(again.out) == document
+    assert "2 scenes left out" in " ".join(invoke(*call[:-2]).out.split())
+
+
+@pytest.mark.parametrize("content", ["mine, without an end of line", "{'", "\x00\x01"])
+def test_foreign_files_are_left_as_they_are(content: str, tmp_path: Path) -> None:
+    """Not even what has no line of its own is cut off; the begin of our own first line is."""
+    (tmp_path / NAME).write_text(content, encoding="utf-8")
+    with pytest.raises(ConfigError, match="not the file of a study"):
+        Log(str(tmp_path), {"solvers": []})
+    assert (tmp_path / NAME).read_text(encoding="utf-8") == content
+    (tmp_path / NAME).write_text('{"mach', encoding="utf-8")
+    with Log(str(tmp_path), {"solvers": []}):
+        assert json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["settings"]
+
+
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    with Log(str(tmp_path), {"solvers": []}) as log:
+        with pytest.raises(ConfigError, match="another process is at this study"):
+            Log(str(tmp_path), {"solvers": []})
+        assert log.known == {}
+    Log(str(tmp_path), {"solvers": []}).close()
 
 
 def test_report(tmp_path: Path, invoke: Invoke) -> None:

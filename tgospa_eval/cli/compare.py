@@ -16,6 +16,7 @@ OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}
 OF_FILES = {
     "against", "columns", "time_tolerance", "grid", "on_duplicate", "decimal", "truth_format",
     "estimate_format", "time", "class_", "region", "unit",
+    "by",
 }  # fmt: skip
 """Parameters that mean nothing in the other case."""
 
@@ -99,8 +100,6 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
     Exit status: 0 done, 2 wrong option, 3 bad input file, 4 brackets contradict
     each other, or accuracy not reached.
     """
-    from tgospa_eval.cli import comparing
-
     source = {name: ctx.get_parameter_source(name) for name in ctx.params}
     given = {name for name, where in source.items() if where is not ParameterSource.DEFAULT}
     typed = {name for name, where in source.items() if where is ParameterSource.COMMANDLINE}
@@ -111,17 +110,23 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
             f"{name} is for files, not for --simulate" if options["simulate"]
             else f"{name} is for --simulate"
         )  # fmt: skip
-    if options.pop("by"):
+    if "by" in typed:
         raise click.UsageError(
             "--by class: compare takes all rows together; choose one class by --class NAME"
         )
+    by = options.pop("by")
     if options["simulate"] and files:
         raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
     if not options["simulate"] and len(files) < 2:
         raise click.UsageError("two files or more are needed, TRUTH ESTIMATE..., or --simulate")
+    from tgospa_eval.cli import comparing
+    from tgospa_eval.cli.work import say  # here: what is wrong is said at once
+
+    if by and not options["simulate"] and not options["quiet"]:
+        say("by = class of the settings is left aside: compare takes all rows together")
     if options["simulate"]:
         fine = comparing.study_sizes(options, given)
-    elif len(files) > 2 or options["against"] or any("*" in path for path in files):
+    elif len(files) > 2 or options["against"] or any(map(comparing.is_pattern, files)):
         fine = comparing.compare_estimates(files[0], files[1:], options, given)
     else:
         fine = comparing.compare_files(files[0], files[1], options, given)

@@ -1,7 +1,9 @@
 """From the options of ``compare`` to a document, and the document to stdout and files."""
 
 import glob
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +23,18 @@ from tgospa_eval.comparison.study import document as summary
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, read
 from tgospa_eval.formats.assemble import natural
+from tgospa_eval.formats.times import quoted
 from tgospa_eval.pipeline import Prepared, prepare, solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import (
     Document,
     json_text,
+    opposed,
     pairs_table,
     render,
     study_report,
 )
-from tgospa_eval.reports.files import check_folder, write_texts
+from tgospa_eval.reports.files import probe_folder, write_texts
 from tgospa_eval.reports.sheets import as_csv
 from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
@@ -40,6 +44,8 @@ from tgospa_eval.timing import Stopwatch
 GIVEN = ("cutoff", "switch_penalty")
 UNUSED = {"by": None, "seed": None}
 """Of everything that evaluates: classes are not compared, and --seed is that of a study."""
+OWN_STEPS = ("estimate", "common")
+"""Grids that depend on the estimate. With the others every row of the truth counts for all."""
 
 
 def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set[str]) -> bool:
@@ -50,7 +56,9 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
     TgospaError
         Something is wrong with options or files.
     """
-    solvers = make_solvers(options, options["solvers"] or ",".join(SOLVERS))
+    names = options["solvers"]
+    solvers = make_solvers(options, ",".join(SOLVERS) if names is None else names)
+    check_files([truth, estimate])
     settings = _settings(options, given)
     stopwatch = Stopwatch()
 
@@ -85,7 +93,8 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
         say("brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"])))
     unfinished = [made for made in answer["runs"] if not made["finished"]]
     for made in unfinished:
-        say(f"accuracy not reached: {made['name']}: {made['status']}")
+        missed = "" if made["total"] is None else "accuracy not reached: "
+        say(f"{missed}{made['name']}: {made['status']}")
     return bool(answer["agree"]) and not unfinished
 
 
@@ -101,15 +110,22 @@ def compare_estimates(
     """
     if "epsilon" not in given:
         options = options | {"epsilon": Sinkhorn.epsilon}
-    solvers = make_solvers(options, options["solvers"] or "certified")
+    asked = options["solvers"]
+    solvers = make_solvers(options, "certified" if asked is None else asked)
     if len(solvers) > 1:
         raise ConfigError(
             "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
             "one --epsilon; several solvers are compared on one estimate, without --against"
         )
-    settings = _settings(options, given)
+    if len(estimates) > 1 and options["grid"] in OWN_STEPS:
+        raise ConfigError(
+            f"--grid {options['grid']}: gives each estimate steps of its own, and one that stops "
+            "early leaves out what it misses; to rank estimates choose --grid truth or union"
+        )
     runs = expand(truth, estimates)
+    check_files([path for of_truth, paths in runs for path in (of_truth, *paths)])
     names = short_names(estimates)
+    settings = _settings(options, given)
     stopwatch = Stopwatch()
 
     def work() -> tuple[Document, dict[str, str], dict[str, Any]]:
@@ -142,6 +158,8 @@ def compare_estimates(
         for path, made in zip(item["paths"], item["runs"], strict=True)
         if not made["finished"]
     ]
+    for text in () if options["quiet"] else opposed(answer):
+        say(text)
     for path, status in unfinished:
         say(f"accuracy not reached: {path}: {status}")
     return not unfinished
@@ -156,8 +174,10 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
         Something is wrong with the options or with the folder.
     """
     folder = options["output"]
-    if folder is not None and not (Path(folder) / NAME).is_file():
-        check_folder(folder, force=options["force"])
+    if folder is not None:
+        goes_on = bool(folder) and (Path(folder) / NAME).is_file()
+        probe_folder(folder, force=options["force"] or goes_on)
+    names = options["solvers"]
     settings = make_settings(options | UNUSED, {name: name in given for name in GIVEN})
     chosen = ["--scenario", options["scenario"], "--area", str(options["area"])]
     scene, tracker = scene_settings(simulate.make_context("simulate", ["DIR", *chosen]).params)
@@ -167,38 +187,38 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
         seed=options["seed"],
         parameters=settings.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),
-        solvers=make_solvers(options, options["solvers"] or "certified,sinkhorn"),
+        solvers=make_solvers(options, "certified,sinkhorn" if names is None else names),
         targets=numbers("targets", options["targets"], int),
         steps=numbers("steps", options["steps"], int),
         runs=options["runs"],
     )
-    log = None if folder is None else Log(folder, study.settings)
     stopwatch = Stopwatch()
-
-    def work() -> Document:
-        def tell(text: str) -> None:
-            stopwatch.stage = text
-
-        known = {} if log is None else log.known
-        keep = (lambda _: None) if log is None else log.keep
-        return summary(study, carry_out(study, known, keep, tell), machine())
-
     if not options["quiet"]:
         say_if_slow()
-        if log is not None and log.known:
-            say(f"{log.path}: {len(log.known)} runs are there, going on")
-    answer = run(work, stopwatch, show=not options["quiet"])
-    pictures = list(study_pictures(answer)) if plots.available() else []
-    texts = {"report.md": study_report(answer, pictures)}
-    show(answer, options | {"force": True}, texts, study_pictures)
+    with nullcontext() if folder is None else Log(folder, study.settings) as log:
+
+        def work() -> Document:
+            def tell(text: str) -> None:
+                stopwatch.stage = text
+
+            known = {} if log is None else log.known
+            keep = (lambda _: None) if log is None else log.keep
+            return summary(study, carry_out(study, known, keep, tell), machine())
+
+        if not options["quiet"] and log is not None and log.known:
+            count = len(log.known)
+            say(f"{log.path}: {count} {'scene is' if count == 1 else 'scenes are'} there, going on")
+        answer = run(work, stopwatch, show=not options["quiet"])
+        show(answer, options | {"force": True}, {}, study_pictures)
     for targets, steps, number, *pair in answer["contradictions"]:
         say(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
             f"{steps} steps"
         )
-    late = sum(made["unfinished"] for size in answer["sizes"] for made in size["solvers"])
+    made = [made for size in answer["sizes"] for made in size["solvers"]]
+    late = sum(item["unfinished"] + item["failed"] for item in made)
     if late:
-        say(f"accuracy not reached: {late} runs of solvers")
+        say(f"failed, or accuracy not reached: {late} {'run' if late == 1 else 'runs'} of solvers")
     return not answer["contradictions"] and not late
 
 
@@ -213,15 +233,15 @@ def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]
         A pattern fits nothing, or patterns do not fit each other.
     """
     paths = (truth, *estimates)
-    marked = ["*" in path and not Path(path).exists() for path in paths]
+    marked = list(map(is_pattern, paths))
     if not any(marked):
         return [(truth, list(estimates))]
-    for path, is_pattern in zip(paths, marked, strict=True):
-        if path.count("*") > 1 and is_pattern:
+    for path, is_marked in zip(paths, marked, strict=True):
+        if path.count("*") > 1 and is_marked:
             raise ConfigError(f"{path}: one * is needed, it stands for the run")
-        if not is_pattern and path != truth:
+        if not is_marked and path != truth:
             raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
-    keys = [_matches(path) for path, is_pattern in zip(paths, marked, strict=True) if is_pattern]
+    keys = [_matches(path) for path, is_marked in zip(paths, marked, strict=True) if is_marked]
     for path, own in zip([p for p, m in zip(paths, marked, strict=True) if m], keys, strict=True):
         lacking = next((key for key in keys[0] if key not in own), None)
         if lacking is not None:
@@ -233,6 +253,26 @@ def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]
         (truth.replace("*", key) if marked[0] else truth, [p.replace("*", key) for p in estimates])
         for key in keys[0]
     ]
+
+
+def is_pattern(path: str) -> bool:
+    """Whether ``*`` stands for runs; in the name of a file that exists it stands for itself."""
+    return "*" in path and not Path(path).exists()
+
+
+def check_files(paths: Sequence[str]) -> None:
+    """See that all are there before any is read.
+
+    Raises
+    ------
+    InputError
+        One is missing, or a folder.
+    """
+    for path in paths:
+        if not os.path.lexists(path):
+            raise InputError(f"{path or quoted(path)}: no such file")
+        if os.path.isdir(path):
+            raise InputError(f"{path}: is a folder, not a file")
 
 
 def _matches(pattern: str) -> list[str]:
@@ -252,6 +292,11 @@ def short_names(paths: tuple[str, ...]) -> list[str]:
     ConfigError
         A file is there twice.
     """
+    seen: dict[str, str] = {}
+    for path in paths:
+        other = seen.setdefault(os.path.realpath(path), path)
+        if other != path:
+            raise ConfigError(f"{path}: is the same as {other}; name each estimate once")
     if len(set(paths)) < len(paths):
         twice = next(path for path in paths if paths.count(path) > 1)
         raise ConfigError(f"{twice}: is given twice")
@@ -276,7 +321,7 @@ def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, 
 def _settings(options: dict[str, Any], given: set[str]) -> Settings:
     """The records that the options ask for; the folder is looked at before any work is done."""
     if options["output"] is not None:
-        check_folder(options["output"], force=options["force"])
+        probe_folder(options["output"], force=options["force"])
     return make_settings(options | UNUSED, {name: name in given for name in GIVEN})
 
 
@@ -406,15 +451,32 @@ def show(
     draw : callable
         Makes figures by name of the document; it is called where matplotlib is there.
     """
-    if options["output"] is not None:
-        files: dict[str, str | bytes] = {
-            "compare.json": json_text(answer),
-            "compare.csv": render(answer, "csv"),
-            **tables,
-        }
-        if plots.available():
-            files |= plots.pictures(draw, answer)
-        elif not options["quiet"]:
-            say(plots.MISSING)
-        write_texts(files, options["output"], force=options["force"])
-    emit(render(answer, options["format_"]))
+    try:
+        emit(render(answer, options["format_"]))
+    finally:  # the one is not lost where the other fails
+        if options["output"] is not None:
+            _write(answer, options, tables, draw)
+
+
+def _write(
+    answer: Document,
+    options: dict[str, Any],
+    tables: dict[str, str],
+    draw: Callable[[Document], dict[str, Any]],
+) -> None:
+    """The folder; parameters as of `show`."""
+    pictures: dict[str, bytes] = {}
+    if plots.available():
+        pictures = plots.pictures(draw, answer)
+    elif not options["quiet"]:
+        say(plots.MISSING)
+    files: dict[str, str | bytes] = {
+        "compare.json": json_text(answer),
+        "compare.csv": render(answer, "csv"),
+        **tables,
+        **pictures,
+    }
+    if answer["kind"] == "study":
+        names = [name.removesuffix(".png") for name in pictures]
+        files["report.md"] = study_report(answer, names)
+    write_texts(files, options["output"], force=options["force"])

@@ -121,20 +121,20 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
     )
     count = step["steps_differing"]
     yield (
-        f"at {count:.6g} of {sum(document['steps']) / len(document['steps']):.6g} steps TGOSPA "
-        "assigns otherwise, where that is cheaper than to switch"
+        f"at {count:.6g} of {sum(document['steps']) / len(document['steps']):.6g} steps the "
+        "assignment found for TGOSPA is another than the cheapest of the step by itself"
         if count
         else "TGOSPA assigns every step as it would be by itself"
     )
     for rule, name in RULES.items():
         made, halves = step[rule]["switches"], step[rule]["halves"]
-        told = f"{name} counts {made:.6g} switches afterwards, TGOSPA {own:.6g}"
+        told = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.6g}"
         if made:
             told += ": it charges what the cheapest assignments happen to need"
         if halves:
             told += (
-                f", and {halves / 2:.6g} for {halves:.6g} changes from a track to none or back, as "
-                "at every miss; TGOSPA holds a pair through a miss for nothing"
+                f", and {halves / 2:.6g} for {_count(halves, 'change')} from a track to none or "
+                "back, as at every miss; TGOSPA holds a pair through a miss for nothing"
             )
         yield told
     if step["stone_soup"] != step["mathworks"]:
@@ -148,3 +148,8 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
                 f"Stone Soup adds switches with the exponent 2 though p = {order:g}: its values "
                 "are no sums of costs"
             )
+
+
+def _count(number: float, word: str) -> str:
+    ending = "" if number == 1 else ("es" if word.endswith("ch") else "s")
+    return f"{number:.6g} {word}{ending}"

@@ -7,12 +7,14 @@ the end is taken away.
 import json
 import os
 import platform
+import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
 from tgospa_eval import __version__
+from tgospa_eval.comparison.runs import PARTS
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.errors import ConfigError
 
@@ -21,6 +23,25 @@ Key = tuple[int, int, int]
 
 SCHEMA = "tgospa-eval/study/1"
 NAME = "runs.jsonl"
+
+FAR = 1 << 40
+"""A byte that no file of ours reaches, for locking."""
+
+NUMBER = (int, float)
+RECORD = {
+    **dict.fromkeys(("targets", "steps", "run"), int),
+    **dict.fromkeys(("occupied", "sizes", "prepare_seconds"), object),
+    "runs": list,
+}
+MADE = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
+RUN = {
+    **dict.fromkeys(("name", "solver", "status"), str),
+    "epsilon": (*NUMBER, type(None)),
+    "finished": bool,
+}
+PROVEN = dict.fromkeys(("lower", "upper", "allowance", "iterations", "seconds", *PARTS), NUMBER)
+FAILED = dict.fromkeys(PROVEN, type(None))
+"""What a record must hold, that of a scene that could be made, each run, one with a bracket."""
 
 
 def machine() -> str:
@@ -32,7 +53,7 @@ def machine() -> str:
 
 
 class Log:
-    """The file of a study.
+    """The file of a study, locked until it is closed; use it in a ``with``.
 
     Parameters
     ----------
@@ -49,7 +70,8 @@ class Log:
     Raises
     ------
     ConfigError
-        The file is of another study, or damaged, or cannot be read or written.
+        The file is of another study, or no file of ours, or damaged, or in use by another process,
+        or cannot be read or written.
     """
 
     def __init__(self, folder: str, settings: Document) -> None:
@@ -64,51 +86,92 @@ class Log:
         self.known: dict[Key, Document] = {}
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            whole = self._read()
-            with self.path.open("ab") as file:
-                file.truncate(whole)
+            self._file = self.path.open("a+b")
         except OSError as error:
             raise ConfigError(f"{self.path}: {error.strerror or error}") from None
-        if not whole:
-            self._append(self.header)
+        try:
+            self._lock()
+            whole = self._read()
+            self._file.truncate(whole)
+            if not whole:
+                self.keep(self.header)
+        except OSError as error:
+            self.close()
+            raise ConfigError(f"{self.path}: {error.strerror or error}") from None
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> "Log":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let others use the file."""
+        self._file.close()
 
     def keep(self, record: Document) -> None:
         """Add a record; it is on the disk when this returns."""
-        self._append(record)
-
-    def _append(self, document: Document) -> None:
-        line = json.dumps(document, sort_keys=True, allow_nan=False) + "\n"
+        line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
         try:
-            with self.path.open("ab") as file:
-                file.write(line.encode())
-                file.flush()
-                os.fsync(file.fileno())
+            self._file.write(line.encode())
+            self._file.flush()
+            os.fsync(self._file.fileno())
         except OSError as error:
             raise ConfigError(f"{self.path}: cannot be written: {error.strerror}") from None
 
+    def _lock(self) -> None:
+        """Two processes would do the same scenes, and write into each other's lines."""
+        try:
+            if sys.platform == "win32":
+                import msvcrt
+
+                self._file.seek(FAR)  # a locked byte cannot be read
+                msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
+
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            raise ConfigError(
+                f"{self.path}: another process is at this study; wait for it, or name another "
+                "folder"
+            ) from None
+
     def _read(self) -> int:
         """Take the records that are there; the number of bytes up to the last whole one."""
-        content = self.path.read_bytes() if self.path.exists() else b""
+        self._file.seek(0)
+        content = self._file.read()
         whole = content.rfind(b"\n") + 1
+        own = json.dumps(self.header, sort_keys=True).encode()
+        if not whole and not own.startswith(content):  # not even the begin of our first line
+            self._refuse()
         for number, line in enumerate(content[:whole].splitlines(), start=1):
             try:
                 document = json.loads(line)
-                if number > 1:
-                    key = document["targets"], document["steps"], document["run"]
-                    self.known[key] = document
-            except (ValueError, KeyError, TypeError):
-                raise ConfigError(
-                    f"{self.path}, line {number}: no record of a study; remove the line, or name "
-                    "another folder"
-                ) from None
+            except ValueError:
+                document = None
             if number == 1:
                 self._check(document)
+            elif is_record(document, len(self.header["settings"]["solvers"])):
+                key = document["targets"], document["steps"], document["run"]
+                self.known[key] = document
+            else:
+                raise ConfigError(
+                    f"{self.path}, line {number}: no record of this study; remove the line, or "
+                    "name another folder"
+                )
         return whole
+
+    def _refuse(self) -> NoReturn:
+        raise ConfigError(f"{self.path}: not the file of a study; name another folder")
 
     def _check(self, header: Any) -> None:
         """The settings must be the same."""
         if not isinstance(header, dict) or header.get("schema") != SCHEMA:
-            raise ConfigError(f"{self.path}: not the file of a study; name another folder")
+            self._refuse()
         own, other = _flat(self.header), _flat(header)
         for name in [*own, *other]:
             if own.get(name) != other.get(name):
@@ -116,6 +179,32 @@ class Log:
                     f"{self.path}: is of a study with another {name.removeprefix('settings.')} "
                     f"({other.get(name)}, now {own.get(name)}); name another folder"
                 )
+
+
+def is_record(document: Any, solvers: int) -> bool:
+    """Whether this has everything that a record of so many solvers needs."""
+    return (
+        _has(document, RECORD)
+        and len(document["runs"]) == solvers
+        and all(_has(run, RUN) for run in document["runs"])
+        and (
+            (
+                _has(document, MADE)
+                and isinstance(document["sizes"].get("states"), int)
+                and all(_has(run, PROVEN) or _has(run, FAILED) for run in document["runs"])
+            )
+            or (
+                all(document[name] is None for name in MADE)
+                and all(_has(run, FAILED) for run in document["runs"])
+            )
+        )
+    )
+
+
+def _has(document: Any, fields: dict[str, Any]) -> bool:
+    return isinstance(document, dict) and all(
+        name in document and isinstance(document[name], kind) for name, kind in fields.items()
+    )
 
 
 def _flat(document: Document, prefix: str = "") -> Document:

@@ -2,7 +2,9 @@
 
 With several runs of each (Monte Carlo) costs are averaged over the runs, and roots are taken last:
 ``tgospa`` is (mean total)^(1/p), its normalised form (mean of total / T)^(1/p), for p = 2 the root
-of the mean square over runs. Averages of brackets bracket the averages.
+of the mean square over runs. Averages of brackets bracket the averages. Ranked is the normalised
+form, in which each run counts the same however long it is; where runs differ in length the order of
+the mean totals may be another, and `opposed` says so.
 """
 
 import itertools
@@ -20,6 +22,9 @@ from tgospa_eval.comparison.brackets import Bracket, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
 from tgospa_eval.evaluation import Result, Table
 from tgospa_eval.problem import Floats
+
+RANKED = "normalised.tgospa"
+"""The field of an estimate by which estimates are ranked."""
 
 EQUAL = 1e-9
 """Costs of a step that differ by less, relative, are the same."""
@@ -142,9 +147,15 @@ def document(
         "runs": len(steps),
         "steps": steps,
         "truth": list(truths),
+        "ranked_by": RANKED,
         "estimates": estimates,
         "pairs": [
-            _pair(entrants[a], entrants[b], (normal[a], normal[b]), (per_step[a], per_step[b]))
+            _pair(
+                (entrants[a], entrants[b]),
+                (normal[a], normal[b]),
+                (per_step[a], per_step[b]),
+                steps,
+            )
             for a, b in itertools.combinations(ranked, 2)
         ],
         "parameters": parameters,
@@ -205,25 +216,32 @@ def _averages(found: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _pair(
-    first: Entrant,
-    second: Entrant,
+    entrants: tuple[Entrant, Entrant],
     normal: tuple[Bracket, Bracket],
     runs: tuple[list[Bracket], list[Bracket]],
+    durations: list[int],
 ) -> dict[str, Any]:
-    """The second less the first, which has the smaller value; costs, means over runs."""
+    """The second less the first, which has the smaller value; costs per step, means over runs."""
+    first, second = entrants
     pairs = list(zip(first.outcomes, second.outcomes, strict=True))
-    lower = np.mean([b.bracket.lower - a.bracket.upper for a, b in pairs])
-    upper = np.mean([b.bracket.upper - a.bracket.lower for a, b in pairs])
     change = np.array([b.upper - a.upper for a, b in zip(*runs, strict=True)])
+    shares = np.array(durations, float)
     count = len(pairs)
     steps = [_signs(*_joined(b, a)) for a, b in pairs]
+    totals = [_mean([item.bracket for item in entrant.outcomes]) for entrant in entrants]
+    allowance = sum(total.allowance for total in totals)
     return {
         "first": first.name,
         "second": second.name,
         "verdict": "less" if less(*normal) else "not separated",
-        "total": [float(lower), float(upper)],
-        **{name: float(np.mean([b.parts[name] - a.parts[name] for a, b in pairs]))
-           for name in PARTS},
+        "opposed": totals[1].upper + allowance < totals[0].upper,
+        "per_step": {
+            "total": [normal[1].lower - normal[0].upper, normal[1].upper - normal[0].lower],
+            **{
+                name: float(np.mean([b.parts[name] - a.parts[name] for a, b in pairs] / shares))
+                for name in PARTS
+            },
+        },
         "steps": {
             "better": int(sum((sign < 0).sum() for sign in steps)),
             "worse": int(sum((sign > 0).sum() for sign in steps)),
@@ -234,7 +252,7 @@ def _pair(
             "first_less": sum(less(a, b) for a, b in zip(*runs, strict=True)),
             "second_less": sum(less(b, a) for a, b in zip(*runs, strict=True)),
         },
-    }  # fmt: skip
+    }
 
 
 def steps_table(entrants: Sequence[Entrant], best: str) -> Table:

@@ -38,9 +38,9 @@ class Run:
         Its name.
     epsilon : float, optional
         Its temperature, if it has one.
-    bracket : Bracket
-        Proven bounds of the total.
-    tgospa, lower_bound : float
+    bracket : Bracket, optional
+        Proven bounds of the total; None if the solver failed, and then there is only a status.
+    tgospa, lower_bound : float, optional
         The same bounds as values.
     parts, counts : dict
         Costs and counts of the feasible assignment.
@@ -48,9 +48,9 @@ class Run:
         How the solver ended.
     finished : bool
         Whether it did what was asked.
-    iterations : int
+    iterations : int, optional
         Sweeps, or iterations of an interior point or simplex method.
-    seconds : dict
+    seconds : dict, optional
         ``solve`` and ``certify``; and ``stages``, the parts of solving.
     memory : dict, optional
         Bytes of the process: ``before`` solving, and at the ``peak`` until the proof was done.
@@ -60,22 +60,30 @@ class Run:
 
     solver: str
     epsilon: float | None
-    bracket: Bracket
-    tgospa: float
-    lower_bound: float
-    parts: dict[str, float]
+    bracket: Bracket | None
+    tgospa: float | None
+    lower_bound: float | None
+    parts: dict[str, Any]
     counts: dict[str, float]
     status: str
     finished: bool
-    iterations: int
-    seconds: dict[str, Any]
+    iterations: int | None
+    seconds: dict[str, Any] | None
     memory: dict[str, int] | None = None
     history: Sequence[dict[str, float]] = ()
 
     @property
     def name(self) -> str:
         """Solver and temperature."""
-        return self.solver + ("" if self.epsilon is None else f" {self.epsilon:g}")
+        return called(self.solver, self.epsilon)
+
+
+def called(solver: str, epsilon: float | None) -> str:
+    """Solver and temperature, in as many digits as tell it from others."""
+    if epsilon is None:
+        return solver
+    short = f"{epsilon:g}"
+    return f"{solver} {short if float(short) == epsilon else repr(float(epsilon))}"
 
 
 def bracket_of(result: Summary) -> Bracket:
@@ -86,6 +94,25 @@ def bracket_of(result: Summary) -> Bracket:
         upper=scale * bounds.upper,
         allowance=scale * bounds.allowance,
     )
+
+
+def failed(solver: Solver, error: BaseException) -> Run:
+    """What is left of a run whose solver raised."""
+    return Run(
+        solver=solver.name, epsilon=getattr(solver, "epsilon", None), bracket=None, tgospa=None,
+        lower_bound=None, parts=dict.fromkeys(PARTS), counts={}, status=f"failed: {reason(error)}",
+        finished=False, iterations=None, seconds=None,
+    )  # fmt: skip
+
+
+def reason(error: BaseException) -> str:
+    """Why something failed; what nobody expected is told as such."""
+    if isinstance(error, TgospaError):
+        return str(error)
+    if isinstance(error, MemoryError):
+        return "out of memory"
+    told = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"{told}; this is an error of this program, please report it"
 
 
 def run_here(prepared: Prepared, solver: Solver) -> Run:
@@ -132,26 +159,32 @@ def run_apart(prepared: Prepared, solver: Solver) -> Run:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
+        bufsize=0,  # so that nothing is left to write when stdin is closed
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         try:
-            process.stdin.write(message)
-            process.stdin.flush()
+            _write_all(process.stdin, message)
             del message
             answer = process.stdout.read()
         except BrokenPipeError:
             answer = b""
         finally:
             process.kill()  # it has answered, or nobody waits for it
-    if not answer:
-        raise SolverError(
-            f"{solver.name}: its process ended without an answer; out of memory perhaps"
-        )
-    found: Run | tuple[type[TgospaError], str] = pickle.loads(answer)
+    try:
+        found: Run | tuple[type[TgospaError], str] = pickle.loads(answer)
+    except (EOFError, pickle.UnpicklingError):  # it died before, or in the middle of its answer
+        raise SolverError("its process ended without an answer; out of memory perhaps") from None
     if isinstance(found, Run):
         return found
     raise found[0](found[1])
+
+
+def _write_all(target: Any, message: bytes) -> None:
+    """Write to a pipe without a buffer, which may take less than all at once."""
+    rest = memoryview(message)
+    while rest:
+        rest = rest[target.write(rest) :]
 
 
 def warm_up(solver: Solver) -> None:
@@ -190,4 +223,4 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
     twice = next((item for item in seen if seen.count(item) > 1), None)
     if twice is not None:
         name, epsilon = twice
-        raise ConfigError(f"{name}{'' if epsilon is None else f' {epsilon:g}'} is given twice")
+        raise ConfigError(f"{called(name, epsilon)} is given twice")

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from tgospa_eval import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
-from tgospa_eval.comparison.runs import Run, run_apart
+from tgospa_eval.comparison.runs import Run, failed, run_apart
 from tgospa_eval.pipeline import Prepared
 from tgospa_eval.solvers import Solver
 
@@ -32,20 +33,25 @@ class Comparison:
             (first, second)
             for k, first in enumerate(self.runs)
             for second in self.runs[k + 1 :]
-            if not overlap(first.bracket, second.bracket)
+            if first.bracket and second.bracket and not overlap(first.bracket, second.bracket)
         ]
 
-    @property
-    def referee(self) -> Bracket:
-        """What all runs together prove of the total."""
-        return narrowest([run.bracket for run in self.runs])
+    @cached_property
+    def referee(self) -> Bracket | None:
+        """What all runs together prove of the total: nothing where they contradict each other."""
+        proven = [run.bracket for run in self.runs if run.bracket is not None]
+        return narrowest(proven) if proven and not self.contradictions else None
 
-    def error(self, run: Run) -> float:
+    def error(self, run: Run) -> float | None:
         """Proven: the run's total is at most so much, relative, above the true one."""
+        if self.referee is None or run.bracket is None:
+            return None
         return excess(run.bracket.upper - run.bracket.allowance, self.referee.lower)
 
-    def lower_error(self, run: Run) -> float:
+    def lower_error(self, run: Run) -> float | None:
         """Proven: the run's lower bound of the total is at most so much, relative, below it."""
+        if self.referee is None or run.bracket is None:
+            return None
         return shortfall(run.bracket.lower + run.bracket.allowance, self.referee.upper)
 
 
@@ -55,7 +61,7 @@ def compare_solvers(
     run: Callable[[Prepared, Solver], Run] = run_apart,
     say: Callable[[str], None] = lambda _: None,
 ) -> Comparison:
-    """Run all solvers, one after the other.
+    """Run all solvers, one after the other; one that fails leaves the others their results.
 
     Parameters
     ----------
@@ -71,7 +77,10 @@ def compare_solvers(
     runs = []
     for solver in solvers:
         say(solver.name)
-        runs.append(run(prepared, solver))
+        try:
+            runs.append(run(prepared, solver))
+        except Exception as error:  # whatever it is, it must not cost what others have found
+            runs.append(failed(solver, error))
     return Comparison(runs=tuple(runs))
 
 
@@ -99,7 +108,9 @@ def document(
         "kind": "solvers",
         "agree": not comparison.contradictions,
         "contradictions": [[a.name, b.name] for a, b in comparison.contradictions],
-        "referee": {
+        "referee": None
+        if referee is None
+        else {
             "lower_bound": referee.lower ** (1 / order),
             "upper_bound": referee.upper ** (1 / order),
             "total": {"lower": referee.lower, "upper": referee.upper},
@@ -115,16 +126,16 @@ def document(
 
 def run_document(comparison: Comparison, run: Run) -> dict[str, Any]:
     """One run, with its errors against what all of them prove."""
-    error = comparison.error(run)
+    error, bracket = comparison.error(run), run.bracket
     return {
         "name": run.name,
         "solver": run.solver,
         "epsilon": run.epsilon,
         "tgospa": run.tgospa,
         "lower_bound": run.lower_bound,
-        "total": run.bracket.upper,
-        "total_lower": run.bracket.lower,
-        "error": error if math.isfinite(error) else None,
+        "total": None if bracket is None else bracket.upper,
+        "total_lower": None if bracket is None else bracket.lower,
+        "error": error if error is not None and math.isfinite(error) else None,
         "lower_error": comparison.lower_error(run),
         **run.parts,
         "counts": run.counts,

@@ -8,6 +8,7 @@ is there as it is.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,8 +16,8 @@ import numpy as np
 
 from tgospa_eval import __version__
 from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.brackets import Bracket, overlap
-from tgospa_eval.comparison.runs import PARTS, Run, run_here, warm_up
+from tgospa_eval.comparison.brackets import Bracket
+from tgospa_eval.comparison.runs import PARTS, Run, failed, run_here, warm_up
 from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
@@ -71,10 +72,11 @@ class Study:
             sizes = getattr(self, name)
             if len(set(sizes)) < len(sizes):
                 raise ConfigError(f"{name}: a number is given twice")
-            for size in sizes:
-                if size < 1:
-                    raise ConfigError(f"{name} is {size}: must be 1 or more")
-                replace(self.scene, **{name: size})
+            least = min(sizes)
+            if least < 1:
+                raise ConfigError(f"{name} is {least}: must be 1 or more")
+        for targets, steps in self.sizes:
+            replace(self.scene, targets=targets, steps=steps)  # which checks both together
 
     @property
     def sizes(self) -> list[Size]:
@@ -123,15 +125,16 @@ def carry_out(
     say : callable
         Told what is next.
     """
-    wanted = list(study.wanted())
-    if any(key not in known for key in wanted):
+    if any(key not in known for key in study.wanted()):
         for solver in study.solvers:
-            warm_up(solver)
+            with suppress(Exception):  # what fails here fails again where it is recorded
+                warm_up(solver)
+    count = len(study.sizes) * study.runs
     records = []
-    for done, key in enumerate(wanted):
+    for done, key in enumerate(study.wanted()):
         if key not in known:
             targets, steps, run = key
-            say(f"{targets} targets, {steps} steps, run {run} ({done} of {len(wanted)})")
+            say(f"{targets} targets, {steps} steps, run {run} ({done} of {count})")
             known[key] = measure(study, *key)
             keep(known[key])
         records.append(known[key])
@@ -139,46 +142,55 @@ def carry_out(
 
 
 def measure(study: Study, targets: int, steps: int, run: int) -> Document:
-    """One scene through all solvers."""
+    """One scene through all solvers; what fails is recorded, and does not stop the study."""
     rng = np.random.default_rng([study.seed, targets, steps, run])
-    sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
     stopwatch = Stopwatch()
-    prepared = prepare(
-        *sides, parameters=study.parameters, distance=study.distance, stopwatch=stopwatch
-    )
+    record: Document = {"targets": targets, "steps": steps, "run": run}
+    try:
+        sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
+        prepared = prepare(
+            *sides, parameters=study.parameters, distance=study.distance, stopwatch=stopwatch
+        )
+    except Exception as error:  # whatever it is: the other scenes are to be done
+        runs = [_recorded(failed(solver, error)) for solver in study.solvers]
+        return record | {"occupied": None, "sizes": None, "prepare_seconds": None, "runs": runs}
     found = compare_solvers(prepared, study.solvers, run_here)
     problem = prepared.states.problem
     occupied = len(np.union1d(problem.truth_step, problem.estimate_step))
-    return {
-        "targets": targets,
-        "steps": steps,
-        "run": run,
+    return record | {
         "occupied": max(occupied, 1),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
         "prepare_seconds": sum(
             stopwatch.spans[name] for name in ("distances", "solve/preparation")
         ),
-        "runs": [
-            {
-                "name": made.name,
-                "solver": made.solver,
-                "epsilon": made.epsilon,
-                "lower": made.bracket.lower,
-                "upper": made.bracket.upper,
-                "allowance": made.bracket.allowance,
-                **made.parts,
-                "iterations": made.iterations,
-                "finished": made.finished,
-                "status": made.status,
-                "seconds": made.seconds["solve"] + made.seconds["certify"],
-            }
-            for made in found.runs
-        ],
+        "runs": [_recorded(made) for made in found.runs],
+    }
+
+
+def _recorded(made: Run) -> Document:
+    """What a record keeps of a run."""
+    bracket, seconds = made.bracket, made.seconds
+    return {
+        "name": made.name,
+        "solver": made.solver,
+        "epsilon": made.epsilon,
+        "lower": None if bracket is None else bracket.lower,
+        "upper": None if bracket is None else bracket.upper,
+        "allowance": None if bracket is None else bracket.allowance,
+        **made.parts,
+        "iterations": made.iterations,
+        "finished": made.finished,
+        "status": made.status,
+        "seconds": None if seconds is None else seconds["solve"] + seconds["certify"],
     }
 
 
 def document(study: Study, records: Sequence[Document], machine: str) -> Document:
     """The JSON document: mean and spread of each size and solver."""
+    by_size: dict[Size, list[tuple[Document, Comparison]]] = {size: [] for size in study.sizes}
+    for record in records:
+        comparison = Comparison(runs=[_run(made) for made in record["runs"]])
+        by_size[record["targets"], record["steps"]].append((record, comparison))
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -186,60 +198,70 @@ def document(study: Study, records: Sequence[Document], machine: str) -> Documen
         **study.settings,
         "machine": machine,
         "runs": study.runs,
-        "sizes": [
-            _size(
-                [r for r in records if (r["targets"], r["steps"]) == size],
-                study.parameters.order,
-            )
-            for size in study.sizes
-        ],
+        "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],
         "contradictions": [
-            [r["targets"], r["steps"], r["run"], a["name"], b["name"]]
-            for r in records
-            for k, a in enumerate(r["runs"])
-            for b in r["runs"][k + 1 :]
-            if not overlap(_bracket(a), _bracket(b))
+            [record["targets"], record["steps"], record["run"], a.name, b.name]
+            for scenes in by_size.values()
+            for record, comparison in scenes
+            for a, b in comparison.contradictions
         ],
     }
 
 
-def _size(records: Sequence[Document], order: float) -> Document:
-    """All scenes of one size."""
-    best = [min(record["runs"], key=lambda made: made["upper"]) for record in records]
-    shares = np.array([record["occupied"] for record in records], float)
+def _size(size: Size, scenes: Sequence[tuple[Document, Comparison]], study: Study) -> Document:
+    """All scenes of one size; those whose brackets contradict each other have no part in means."""
+    sound = [(record, comparison) for record, comparison in scenes if not comparison.contradictions]
+    made = [record for record, _ in scenes if record["sizes"] is not None]
+    best = [
+        (min((run for run in record["runs"] if run["upper"] is not None),
+             key=lambda run: run["upper"]), record["occupied"])
+        for record, comparison in sound
+        if comparison.referee is not None
+    ]  # fmt: skip
 
-    def root(name: str) -> float:
-        costs = np.array([made[name] for made in best])
-        return float(np.mean(costs / shares) ** (1 / order))
+    def root(name: str) -> float | None:
+        if not best:
+            return None
+        return float(np.mean([run[name] / t for run, t in best]) ** (1 / study.parameters.order))
 
     return {
-        "targets": records[0]["targets"],
-        "steps": records[0]["steps"],
-        "states": spread([record["sizes"]["states"] for record in records]),
-        "prepare_seconds": spread([record["prepare_seconds"] for record in records]),
+        "targets": size[0],
+        "steps": size[1],
+        "left_out": len(scenes) - len(best),
+        "states": spread([record["sizes"]["states"] for record in made]),
+        "prepare_seconds": spread([record["prepare_seconds"] for record in made]),
         "normalised": {"tgospa": root("upper"), **{name: root(name) for name in PARTS}},
-        "solvers": [_solver(records, k) for k in range(len(records[0]["runs"]))],
+        "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
     }
 
 
-def _solver(records: Sequence[Document], k: int) -> Document:
+def _solver(
+    scenes: Sequence[tuple[Document, Comparison]],
+    sound: Sequence[tuple[Document, Comparison]],
+    k: int,
+) -> Document:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
-    errors, lower_errors = [], []
-    for record in records:
-        runs = [_run(made) for made in record["runs"]]
-        comparison = Comparison(runs=runs)
-        errors.append(comparison.error(runs[k]))
-        lower_errors.append(comparison.lower_error(runs[k]))
-    made = [record["runs"][k] for record in records]
+    every = [record["runs"][k] for record, _ in scenes]
+    made = [record["runs"][k] for record, _ in sound if record["runs"][k]["upper"] is not None]
+    errors, lower_errors = (
+        [error for error in (find(comparison.runs[k]) for find, comparison in finders)
+         if error is not None]
+        for finders in (
+            [(comparison.error, comparison) for _, comparison in sound],
+            [(comparison.lower_error, comparison) for _, comparison in sound],
+        )
+    )  # fmt: skip
     return {
-        "name": made[0]["name"],
-        "solver": made[0]["solver"],
-        "epsilon": made[0]["epsilon"],
+        "name": every[0]["name"],
+        "solver": every[0]["solver"],
+        "epsilon": every[0]["epsilon"],
         "seconds": spread([run["seconds"] for run in made]),
         "error": spread([error for error in errors if math.isfinite(error)]),
+        "infinite_errors": sum(math.isinf(error) for error in errors),
         "lower_error": spread(lower_errors),
         "iterations": spread([run["iterations"] for run in made]),
-        "unfinished": sum(not run["finished"] for run in made),
+        "failed": sum(run["upper"] is None for run in every),
+        "unfinished": sum(not run["finished"] and run["upper"] is not None for run in every),
     }
 
 
@@ -255,13 +277,12 @@ def spread(values: Sequence[float]) -> Document:
     }
 
 
-def _bracket(made: Document) -> Bracket:
-    return Bracket(lower=made["lower"], upper=made["upper"], allowance=made["allowance"])
-
-
 def _run(made: Document) -> Run:
+    bracket = None
+    if made["upper"] is not None:
+        bracket = Bracket(lower=made["lower"], upper=made["upper"], allowance=made["allowance"])
     return Run(
-        solver=made["solver"], epsilon=made["epsilon"], bracket=_bracket(made),
-        tgospa=math.nan, lower_bound=math.nan, parts={}, counts={}, status=made["status"],
-        finished=made["finished"], iterations=made["iterations"], seconds={},
+        solver=made["solver"], epsilon=made["epsilon"], bracket=bracket, tgospa=None,
+        lower_bound=None, parts={}, counts={}, status=made["status"], finished=made["finished"],
+        iterations=made["iterations"], seconds=None,
     )  # fmt: skip

@@ -13,7 +13,7 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-from tgospa_eval.comparison.runs import run_here, warm_up
+from tgospa_eval.comparison.runs import reason, run_here, warm_up
 from tgospa_eval.errors import SolverError, TgospaError
 
 STATUS = Path("/proc/self/status")
@@ -37,10 +37,10 @@ def main() -> None:
         if before is not None and peak is not None:
             run = replace(run, memory={"before": before, "peak": peak})
         answer: object = run
-    except MemoryError:
-        answer = SolverError, f"{solver.name}: out of memory"
     except TgospaError as error:
         answer = type(error), str(error)
+    except Exception as error:
+        answer = SolverError, reason(error)
     pickle.dump(answer, target, protocol=pickle.HIGHEST_PROTOCOL)
     target.close()
     os._exit(0)

@@ -19,7 +19,9 @@ AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
 def solver_pictures(document: Document) -> "dict[str, Figure]":
-    """By file name, those pictures that have something to show."""
+    """By file name, those pictures that have something to show; none if there is no true value."""
+    if document["referee"] is None:
+        return {}
     made = {"time_over_error": time_over_error(document)}
     if len(_temperatures(document)) > 1:
         made["error_over_epsilon"] = error_over_epsilon(document)
@@ -51,7 +53,7 @@ def error_over_epsilon(document: Document) -> "Figure":
 def time_over_error(document: Document) -> "Figure":
     """What an accuracy costs: solving and proof."""
     made, ((axis,),) = figure(6.2, 3.6)
-    runs = document["runs"]
+    runs = [run for run in document["runs"] if run["seconds"] is not None]
     solvers = list(dict.fromkeys(run["solver"] for run in runs))
     for k, run in enumerate(runs):
         spent = run["seconds"]["solve"] + run["seconds"]["certify"]
@@ -111,7 +113,9 @@ def _relative(difference: float, referee: dict[str, float]) -> float:
 
 
 def _temperatures(document: Document) -> Sequence[Document]:
-    return [run for run in document["runs"] if run["epsilon"] is not None]
+    return [
+        run for run in document["runs"] if run["epsilon"] is not None and run["seconds"] is not None
+    ]
 
 
 # --- study ----------------------------------------------------------------------------------------
@@ -122,6 +126,8 @@ def study_pictures(document: Document) -> "dict[str, Figure]":
     sizes = document["sizes"]
     made = {}
     temperatures = [s for s in sizes[0]["solvers"] if s["epsilon"] is not None]
+    if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
+        return {}  # all failed, or all contradict each other
     if len(temperatures) > 1:
         made["error_over_epsilon"] = study_errors(document)
     if len(sizes) > 1:
@@ -150,7 +156,8 @@ def study_errors(document: Document) -> "Figure":
     error_axis(axis)
     label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
           f"Error of sinkhorn by temperature, T = {longest}")  # fmt: skip
-    axis.legend(frameon=False)
+    if axis.lines:
+        axis.legend(frameon=False)
     return made
 
 
@@ -175,12 +182,14 @@ def scaling(document: Document) -> "Figure":
             runs = [size["solvers"][k] for size in chosen]
             _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
             errors = [item["error"] for item in runs]
-            if max((item["max"] or 0.0) for item in errors) < FLOOR:  # named instead of drawn
+            largest = [item["max"] for item in errors if item["max"] is not None]
+            if largest and max(largest) < FLOOR:  # named instead of drawn
                 exact.append(run["name"])
             else:
                 _line(right, x, errors, k, run["name"], FLOOR)
         left.set_xscale("log")
-        left.set_yscale("log")
+        if left.lines:
+            left.set_yscale("log")
         right.set_xscale("log")
         error_axis(right)
         if exact:
@@ -197,15 +206,20 @@ def scaling(document: Document) -> "Figure":
             axis.set_xticks([], minor=True)
     handles, names = axes[0, 0].get_legend_handles_labels()
     columns = len(names) if len(names) <= 5 else -(-len(names) // 2)
-    made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
+    if names:
+        made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
     return made
 
 
 def _line(
     axis: "Axes", x: Sequence[float], values: Sequence[Document], k: int, name: str, least: float
 ) -> None:
-    """Means with a band of one standard deviation, at least `least`."""
-    mean = [max(value["mean"] or 0.0, least) for value in values]
+    """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
+    kept = [(at, value) for at, value in zip(x, values, strict=True) if value["mean"] is not None]
+    x, values = [at for at, _ in kept], [value for _, value in kept]
+    if not kept:
+        return
+    mean = [max(value["mean"], least) for value in values]
     spread = [value["deviation"] or 0.0 for value in values]
     low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
     high = [m + s for m, s in zip(mean, spread, strict=True)]

@@ -49,11 +49,11 @@ def solvers_page(document: Document) -> Page:
                 rows=[
                     (
                         run["name"],
-                        f"{run['tgospa']:.9g}",
-                        f"{run['lower_bound']:.9g}",
+                        _number(run["tgospa"], ".9g"),
+                        _number(run["lower_bound"], ".9g"),
                         _error(run["error"]),
                         _error(run["lower_error"]),
-                        str(run["iterations"]),
+                        _number(run["iterations"], "d"),
                     )
                     for run in runs
                 ],
@@ -61,7 +61,11 @@ def solvers_page(document: Document) -> Page:
             Sheet(
                 head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
                 rows=[
-                    (run["name"], *(f"{s:.4f}" for s in _split(run["seconds"])), _memory(run))
+                    (
+                        run["name"],
+                        *(_number(s, ".4f") for s in _split(run["seconds"])),
+                        _memory(run),
+                    )
                     for run in runs
                 ],
             ),
@@ -94,8 +98,11 @@ def _agreement(document: Document) -> str:
             f"The brackets of {pairs} do not overlap: one of these proofs is wrong. This is an "
             "error of this program or of its arithmetic, not of your data; please report it"
         )
-    count = len(document["runs"])
-    told = "The bracket" if count == 1 else f"All {count} brackets overlap; together they"
+    if referee is None:
+        return "No solver has an answer"
+    count = sum(run["total"] is not None for run in document["runs"])
+    which = "Both" if count == 2 else f"All {count}"
+    told = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
     verb = "says" if count == 1 else "say"
     low, high = (f"{referee[name]:.9g}" for name in ("lower_bound", "upper_bound"))
     if low == high:
@@ -113,8 +120,10 @@ def _solver_remarks(document: Document) -> Iterator[str]:
         yield f"{name} left out: {reason}"
 
 
-def _split(seconds: Document) -> tuple[float, ...]:
+def _split(seconds: Document | None) -> tuple[float | None, ...]:
     """Solving and proof together, and what they consist of."""
+    if seconds is None:
+        return (None,) * 6
     stages = seconds["stages"]
     named = [
         stages.get("preparation", 0.0) + stages.get("build", 0.0),
@@ -132,6 +141,11 @@ def _memory(run: Document) -> str:
 
 # --- estimates ------------------------------------------------------------------------------------
 
+SPLIT = (
+    "split, not proven: localisation, missed, false and switch are those of the assignment that "
+    "was found; the brackets hold for TGOSPA and the total"
+)
+
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
     "their ids; other tie rules may count other switches"
@@ -141,27 +155,24 @@ TIES = (
 def estimates_page(document: Document) -> Page:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     estimates, parameters = document["estimates"], document["parameters"]
-    proven = frozenset({(0, 0), (0, 1), (0, 2), (0, 3)} if _leads(document) else ())
     return Page(
         title=_order(document),
         lines=[_runs(document), _parameters(parameters)],
         sheets=[
+            _paper_sheet(document, places=True),
+            *_pair_sheets(document),
             Sheet(
-                head=("costs", "place", "TGOSPA", "total", "local.", "missed", "false", "switch"),
+                head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
                 rows=[
                     (
                         item["name"],
-                        _place(item["place"]),
                         _between(item["lower_bound"], item["tgospa"]),
                         _between(item["total_lower"], item["total"]),
                         *(f"{item[name]:.5g}" for name in PARTS),
                     )
                     for item in estimates
                 ],
-                bold=proven,
             ),
-            _paper_sheet(document),
-            *_pair_sheets(document),
             *_against_sheets(document),
         ],
         remarks=list(_estimate_remarks(document)),
@@ -177,13 +188,15 @@ def estimates_paper(document: Document) -> Page:
 def estimates_table(document: Document) -> Table:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
-    names = ("name", "tgospa", "lower_bound", "total", "total_lower", *PARTS)
-    table: Table = {name: [item[name] for item in items] for name in names}
+    table: Table = {"name": [item["name"] for item in items]}
     table |= {f"place_{end}": [item["place"][k] for item in items]
               for k, end in enumerate(("best", "worst"))}  # fmt: skip
-    for group, prefix in (("counts", "count"), ("normalised", "normalised")):
-        for name in items[0][group]:
-            table[f"{prefix}_{name}"] = [item[group][name] for item in items]
+    for name in items[0]["normalised"]:
+        table[f"normalised_{name}"] = [item["normalised"][name] for item in items]
+    for name in ("tgospa", "lower_bound", "total", "total_lower", *PARTS):
+        table[name] = [item[name] for item in items]
+    for name in items[0]["counts"]:
+        table[f"count_{name}"] = [item["counts"][name] for item in items]
     if items[0]["per_step_gospa"] is not None:
         steps = [item["per_step_gospa"] for item in items]
         table["gospa_total"] = [step["total"] for step in steps]
@@ -194,12 +207,13 @@ def estimates_table(document: Document) -> Table:
 
 
 def pairs_table(document: Document) -> Table:
-    """A row for each pair of estimates: the second less the first."""
+    """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
-    table: Table = {name: [pair[name] for pair in pairs] for name in ("first", "second", "verdict")}
+    own = ("first", "second", "verdict", "opposed")
+    table: Table = {name: [pair[name] for pair in pairs] for name in own}
     for k, end in enumerate(("lower", "upper")):
-        table[f"total_{end}"] = [pair["total"][k] for pair in pairs]
-    table |= {name: [pair[name] for pair in pairs] for name in PARTS}
+        table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
+    table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
     for group, names in (
         ("steps", ("better", "worse")),
         ("per_run", ("mean", "standard_error", "first_less", "second_less")),
@@ -214,17 +228,20 @@ def _order(document: Document) -> str:
     if len(estimates) == 1:
         item = estimates[0]
         value = _between(item["lower_bound"], item["tgospa"])
-        mean = "" if document["runs"] == 1 else f", RMS over {document['runs']} runs"
+        mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
     names = [item["name"] for item in estimates]
     steps = itertools.pairwise(names)
     verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
     if all(verdicts[step] == "less" for step in steps):
-        return "Proven order, best first: " + ", ".join(names)
+        return "Proven order by TGOSPA per step, best first: " + ", ".join(names)
     if _leads(document):
-        return f"Proven best: {names[0]}; the brackets of others overlap, their order is open"
+        return (
+            f"Proven best by TGOSPA per step: {names[0]}; the order of the others is not proven "
+            "throughout"
+        )
     tied = [name for name, item in zip(names, estimates, strict=True) if item["place"][0] == 1]
-    return f"No estimate is proven best: {', '.join(tied)} are not separated by their brackets"
+    return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
 
 
 def _leads(document: Document) -> bool:
@@ -234,11 +251,15 @@ def _leads(document: Document) -> bool:
 
 def _runs(document: Document) -> str:
     steps = sorted(set(document["steps"]))
-    length = f"{steps[0]}" if len(steps) == 1 else f"{steps[0]} to {steps[-1]}"
+    length = (
+        _count(steps[0], "step")
+        if len(steps) == 1
+        else f"{steps[0]:,} to {_count(steps[-1], 'step')}"
+    )
     if document["runs"] == 1:
-        return f"truth {document['truth'][0]}; {length} steps at which something exists"
+        return f"truth {document['truth'][0]}; {length} at which something exists"
     return (
-        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} steps each at "
+        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} each at "
         "which something exists; costs are means over runs, roots are taken last"
     )
 
@@ -247,46 +268,64 @@ def _shortened(paths: list[str]) -> str:
     return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
 
 
-def _paper_sheet(document: Document) -> Sheet:
+def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
+    """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
+    places = places and len(document["estimates"]) > 1
     mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
     return Sheet(
-        head=(f"per step{mean}", "TGOSPA", "localisation", "missed", "false", "switch"),
+        head=(
+            f"per step{mean}",
+            *(["place"] if places else []),
+            *("TGOSPA", "localisation", "missed", "false", "switch"),
+        ),
         rows=[
             (
                 item["name"],
+                *([_place(item["place"])] if places else []),
                 _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
                 *(f"{item['normalised'][name]:.4g}" for name in PARTS),
             )
             for item in document["estimates"]
         ],
-        bold=frozenset({(0, 0), (0, 1)} if _leads(document) else ()),
+        bold=frozenset((0, k) for k in range(2 + places) if _leads(document)),
     )
 
 
 def _pair_sheets(document: Document) -> Iterator[Sheet]:
-    """Differences to the first estimate."""
+    """Differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
         return
     several = document["runs"] > 1
-    head = ["total", "local.", "missed", "false", "switch", "steps -/+"]
+    head = ["cost/step", "order", "local.", "missed", "false", "switch", "steps -/+"]
     yield Sheet(
-        head=(f"less {first}", *head, *(["runs -/+"] if several else []), "order"),
+        head=(f"less {first}", *head, *(["runs -/+"] if several else [])),
         rows=[
             (
                 pair["second"],
-                _between(pair["total"][0], pair["total"][1], "+"),
-                *(f"{pair[name]:+.4g}" for name in PARTS),
+                _between(pair["per_step"]["total"][0], pair["per_step"]["total"][1], "+"),
+                "proven" if pair["verdict"] == "less" else "open",
+                *(f"{pair['per_step'][name]:+.3g}" for name in PARTS),
                 f"{pair['steps']['better']}/{pair['steps']['worse']}",
                 *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
                   if several else []),
-                "proven" if pair["verdict"] == "less" else "open",
             )
             for pair in pairs
         ],
     )  # fmt: skip
+
+
+def opposed(document: Document) -> Iterator[str]:
+    """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
+    for pair in document["pairs"]:
+        if pair["opposed"]:
+            yield (
+                f"warning: {pair['first']} is before {pair['second']} by TGOSPA per step, in "
+                "which each run counts the same, but has the larger mean total, in which long runs "
+                "count more"
+            )
 
 
 def _against_sheets(document: Document) -> Iterator[Sheet]:
@@ -331,6 +370,8 @@ def _estimate_remarks(document: Document) -> Iterator[str]:
             "proven: the upper bound of the one is below the lower bound of the other; "
             "steps -/+: at how many the estimate costs less or more than the first"
         )
+    yield SPLIT
+    yield from opposed(document)
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):
         yield name + sentence
@@ -390,7 +431,9 @@ def study_table(document: Document) -> Table:
     for name in ("seconds", "error", "lower_error", "iterations"):
         for kind in ("mean", "deviation", "max"):
             table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
-    return table | {"unfinished": [made["unfinished"] for _, made in rows]}
+    for name in ("infinite_errors", "failed", "unfinished"):
+        table[name] = [made[name] for _, made in rows]
+    return table | {"left_out": [size["left_out"] for size, _ in rows]}
 
 
 def _study_title(document: Document) -> str:
@@ -402,10 +445,13 @@ def _study_title(document: Document) -> str:
             f"{steps} steps, and there may be more: one of these proofs is wrong. This is an error "
             "of this program; please report it"
         )
-    return (
+    done = (
         f"{_count(len(sizes) * runs, 'scene')} of {_count(len(sizes), 'size')}, "
-        f"{_count(runs, 'run')} each: all brackets overlap"
+        f"{_count(runs, 'run')}{' each' if len(sizes) > 1 else ''}"
     )
+    if any(made["failed"] for size in sizes for made in size["solvers"]):
+        return f"{done}: solvers failed, all brackets that there are overlap"
+    return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
 
 
 def _study_lines(document: Document) -> Iterator[str]:
@@ -428,12 +474,12 @@ def _study_sheet(document: Document) -> Sheet:
             rows.append((
                 made["name"],
                 *((str(size["targets"]), str(size["steps"])) if not k else ("", "")),
-                _mean(made["seconds"], ".3g"),
+                _number(made["seconds"]["mean"], ".3g"),
                 _deviation(made["seconds"], ".2g"),
                 _error(made["error"]["mean"]),
                 _deviation(made["error"], ".0e"),
                 _error(made["lower_error"]["mean"]),
-                _mean(made["iterations"], ".0f"),
+                _number(made["iterations"]["mean"], ".0f"),
             ))  # fmt: skip
     return Sheet(
         head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
@@ -448,7 +494,7 @@ def _study_rms(document: Document) -> Sheet:
         rows=[
             (
                 f"m = {size['targets']}, T = {size['steps']}",
-                *(f"{size['normalised'][name]:.5g}" for name in ("tgospa", *PARTS)),
+                *(_number(size["normalised"][name], ".5g") for name in ("tgospa", *PARTS)),
             )
             for size in document["sizes"]
         ],
@@ -461,17 +507,24 @@ def _study_remarks(document: Document) -> Iterator[str]:
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
         "+- one standard deviation over the runs"
     )
+    yield SPLIT
     for size in document["sizes"]:
+        where = f"{_count(size['targets'], 'target')}, {_count(size['steps'], 'step')}"
+        if size["left_out"]:
+            yield (
+                f"{where}: {_count(size['left_out'], 'scene')} left out of the values per step, "
+                "for brackets contradict each other or there is none; contradicting ones are left "
+                "out of times and errors too"
+            )
         for made in size["solvers"]:
-            if made["unfinished"]:
-                yield (
-                    f"{made['name']}, {size['targets']} targets, {size['steps']} steps: not "
-                    f"finished in {_count(made['unfinished'], 'run')}"
-                )
-
-
-def _mean(values: Document, form: str) -> str:
-    return "-" if values["mean"] is None else f"{values['mean']:{form}}"
+            kinds = (
+                ("failed", "failed"),
+                ("unfinished", "not finished"),
+                ("infinite_errors", "error without bound, not in its mean,"),
+            )
+            for name, fact in kinds:
+                if made[name]:
+                    yield f"{made['name']}, {where}: {fact} in {_count(made[name], 'run')}"
 
 
 def _deviation(values: Document, form: str) -> str:
@@ -480,6 +533,10 @@ def _deviation(values: Document, form: str) -> str:
 
 
 # --- words ----------------------------------------------------------------------------------------
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else f"{value:{form}}"
 
 
 def _error(value: float | None) -> str:

@@ -50,6 +50,26 @@ def check_folder(folder: str, *, force: bool, option: str = "--output") -> None:
         raise ConfigError(f"{option} {folder}: {error.strerror}") from None
 
 
+def probe_folder(folder: str, *, force: bool, option: str = "--output") -> None:
+    """`check_folder`, and see that files can be made where `write_texts` will make them.
+
+    Raises
+    ------
+    ConfigError
+        As for `check_folder`, or nothing can be written there.
+    """
+    import tempfile
+
+    check_folder(folder, force=force, option=option)
+    path = Path(folder).absolute()
+    there = next(above for above in path.parents if above.exists())
+    try:
+        for place in (there, path) if path.exists() else (there,):
+            os.rmdir(tempfile.mkdtemp(prefix=f".{path.name}-", dir=place))
+    except OSError as error:
+        raise ConfigError(f"{option} {folder}: cannot be written: {error.strerror}") from None
+
+
 def write_folder(
     result: Summary,
     folder: str,

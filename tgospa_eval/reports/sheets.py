@@ -10,8 +10,9 @@ from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.reports.files import csv_text
 
 INDENT = "  "
-LEAST = 12
-"""Columns that the first cell keeps in a terminal, however wide the others are."""
+LEAST, MOST = 12, 44
+"""Columns that the first cell keeps in a terminal, however wide the others are, and that it takes
+to be told from others."""
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """A text that begins with one of these is a formula for a spreadsheet."""
@@ -143,23 +144,56 @@ def _pipes(cells: Any) -> str:
 
 
 def _ampersands(cells: Any) -> str:
-    return f"{' & '.join(cells)} \\\\"
+    row = " & ".join(cells)
+    # After the end of a row LaTeX takes a bracket or a star for a setting of that.
+    return f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
 
 
 def _text_table(sheet: Sheet) -> list[str]:
-    """Columns as wide as they need; the first gives way if the line is too long."""
+    """Columns as wide as they need.
+
+    The first gives way if a line is too long, as far as its texts remain different; what has no
+    place even then goes on below, with the first column again.
+    """
     rows = [[_plain(cell) for cell in row] for row in (sheet.head, *sheet.rows)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(sheet.head))]
-    others = sum(widths[1:]) + 2 * (len(widths) - 1) + len(INDENT)
-    first = max(min(widths[0], WIDTH - others), min(LEAST, widths[0]))
-    return [
-        (
-            INDENT
-            + _short(row[0], first).ljust(first)
-            + "".join(f"  {cell:>{width}}" for cell, width in zip(row[1:], widths[1:], strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
+    lines: list[str] = []
+    for columns in _that_fit(widths, WIDTH - len(INDENT) - first):
+        lines += [""] if lines else []
+        lines += [
+            (
+                INDENT
+                + _short(row[0], first).ljust(first)
+                + "".join(f"  {row[k]:>{widths[k]}}" for k in columns)
+            ).rstrip()
+            for row in rows
+        ]
+    return lines
+
+
+def _first_width(texts: list[str], others: int) -> int:
+    """Columns for the first cells beside others: all they need, or what is left, or enough."""
+    longest = max(map(len, texts))
+    left = WIDTH - len(INDENT) - others
+    least = min(LEAST, longest)
+    different = len(set(texts))
+    while least < longest and len({_short(text, least) for text in texts}) < different:
+        least += 1
+    return min(longest, max(left, min(least, MOST)))
+
+
+def _that_fit(widths: list[int], room: int) -> list[list[int]]:
+    """The columns after the first, in groups that fit; one that is too wide is alone."""
+    groups: list[list[int]] = [[]]
+    used = 0
+    for k, width in enumerate(widths[1:], start=1):
+        if groups[-1] and used + 2 + width > room:
+            groups.append([])
+            used = 0
+        groups[-1].append(k)
+        used += 2 + width
+    return groups
 
 
 def _short(text: str, width: int) -> str:
