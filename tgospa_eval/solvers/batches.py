@@ -13,6 +13,7 @@ from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
 from tgospa_eval.solvers.rounding import polish
+from tgospa_eval.solvers.start import Start
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -44,6 +45,7 @@ class Batch:
     weights: Floats
     prices: Floats
     deadline: float | None
+    start: Start | None = None
 
     def left(self) -> float | None:
         """Seconds left, 0 at least; None is no limit."""
@@ -103,6 +105,7 @@ def solve_in_batches(
     gap: float,
     time_limit: float | None,
     jobs: int | None,
+    start: Start | None = None,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -135,6 +138,7 @@ def solve_in_batches(
             weights=weights[state],
             prices=prices[slot],
             deadline=deadline,
+            start=None if start is None else start.between(state, slot),
         )
         answer = _answer(batch, trivial, solve, gap)
         part.forget()

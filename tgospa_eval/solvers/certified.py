@@ -16,6 +16,7 @@ from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
+from tgospa_eval.solvers.start import Start
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -24,19 +25,22 @@ from tgospa_eval.weights import ONE, repair
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
 
+RESUMED = ((0.01, 32), (0.005, 32), (0.002, 64), (0.001, 64))
+"""The same from the solution of a problem like this one."""
+
 CALM, WARM = 0.1, 0.01
 """Above the temperature, columns violated by less than this are good enough to go on."""
 
 EASY = 0.01
 """A bracket that is narrower than this fraction of the cost may skip a stage."""
 
-EARLY, HOPE = 0.02, 0.005
+EARLY, HOPE = 0.01, 0.005
 """From this temperature on, and with a bracket so narrow, a small programme is tried."""
 
 FEW = 3000
 """States of a small programme."""
 
-SMALL = ((0.1, 0.03), (0.2, 0.05))
+SMALL = ((0.05, 0.02), (0.2, 0.05))
 ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
 """Slack of the states that enter a programme, early and at the end, and how far it may move prices:
 much less, or the states that are left out would win, yet not so little that it takes many rounds.
@@ -76,7 +80,9 @@ class Certified:
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
-    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, start: Start | None = None
+    ) -> Solution:
         """Solve every block exactly, or as far as the time limit allows."""
         trivial, solve = solve_steps, self._ascend
         if not kernels:
@@ -91,6 +97,7 @@ class Certified:
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
+            start=start,
         )
 
     def _ascend(self, batch: Batch) -> Answer:
@@ -103,7 +110,10 @@ class Certified:
         programmes = _Programmes(ascent, batch)
         ascent.keep(ascent.wide(self.gap))
         left = np.flatnonzero(ascent.open)
-        for epsilon, sweeps in STAGES:
+        if batch.start is not None:
+            ascent.resume(batch.start.weights, batch.start.prices)
+            ascent.keep(ascent.wide(self.gap))
+        for epsilon, sweeps in STAGES if batch.start is None else RESUMED:
             if not ascent.open.any() or batch.late():
                 break
             if skip:
