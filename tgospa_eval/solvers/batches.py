@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
 from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.offers import Offer
 
 LATE = "stopped by the time limit"
 """Status of what had no time left."""
@@ -103,6 +107,7 @@ def solve_in_batches(
     gap: float,
     time_limit: float | None,
     jobs: int | None,
+    offered: "Offer | None" = None,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -122,6 +127,8 @@ def solve_in_batches(
         Seconds.
     jobs : int, optional
         Threads, all cores by default.
+    offered : Offer, optional
+        What may solve some blocks already.
     """
     deadline = None if time_limit is None else time.monotonic() + time_limit
     weights = np.zeros(len(states.begin))
@@ -136,7 +143,8 @@ def solve_in_batches(
             prices=prices[slot],
             deadline=deadline,
         )
-        answer = _answer(batch, trivial, solve, gap)
+        part_offered = None if offered is None else offered.between(state, slot)
+        answer = _answer(batch, trivial, solve, gap, part_offered)
         part.forget()
         return answer
 
@@ -169,11 +177,21 @@ def solve_in_batches(
     )
 
 
-def _answer(batch: Batch, trivial: Trivial, solve: Callable[[Batch], Answer], gap: float) -> Answer:
+def _answer(
+    batch: Batch,
+    trivial: Trivial,
+    solve: Callable[[Batch], Answer],
+    gap: float,
+    offered: "Offer | None",
+) -> Answer:
     """Solve a batch whose `wanted` are not known yet."""
     states = batch.states
     begin = time.perf_counter()
     left = trivial(states, batch.weights, batch.prices)
+    if offered is not None:
+        from tgospa_eval.solvers.offers import adopt  # here: of sweeps of parameters alone
+
+        left = adopt(states, offered, left, gap, batch.weights, batch.prices)
     batch.wanted[left] = True
     preparation = time.perf_counter() - begin
     answer = solve(batch) if len(left) else Answer()

@@ -5,7 +5,7 @@ Whatever happens here only proposes; the bracket is made by `tgospa_eval.result.
 
 import time
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.weights import ONE, repair
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.offers import Offer
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
@@ -76,8 +79,13 @@ class Certified:
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
-    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
-        """Solve every block exactly, or as far as the time limit allows."""
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, offered: "Offer | None" = None
+    ) -> Solution:
+        """Solve every block exactly, or as far as the time limit allows.
+
+        Blocks that are solved by what is offered, from neighbouring problems, are left as offered.
+        """
         trivial, solve = solve_steps, self._ascend
         if not kernels:
             from tgospa_eval.solvers.contest import solve_contest as solve
@@ -91,6 +99,7 @@ class Certified:
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
+            offered=offered,
         )
 
     def _ascend(self, batch: Batch) -> Answer:

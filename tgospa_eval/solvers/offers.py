@@ -1,0 +1,152 @@
+"""What solutions of neighbouring problems say of a problem: components that need no solver.
+
+Neighbours have the same objects and another cutoff or switch penalty. Cost as a function of
+c^p, or of gamma^p, is a straight line for each assignment, so the least cost is concave, and prices
+between those of two neighbours prove at least the chord between their bounds (docs/theory, "Sweeps
+of parameters"). Where both have the same best assignment the chord is met, and nothing is left to
+solve.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.solvers.kernels import alone_costs, is_wide, proven
+from tgospa_eval.states import States
+from tgospa_eval.weights import ONE, repair
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kept:
+    """What is kept of a solution, whatever the states of its problem were.
+
+    Parameters
+    ----------
+    begin, end : (A,) int arrays
+        What is assigned, by first and last step: (truth, estimate, step) as one number, in order.
+    weight : (A,) float array
+        How much of it.
+    slot : (B,) int array
+        What is priced: (estimate, step) as one number, in order.
+    price : (B,) float array
+        More than 0.
+    """
+
+    begin: Ints
+    end: Ints
+    weight: Floats
+    slot: Ints
+    price: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Offer:
+    """Proposals for a problem that are looked at before it is solved.
+
+    Parameters
+    ----------
+    weights : tuple of (S,) float arrays
+        Assignments, which need not be feasible.
+    prices : (K,) float array
+        Of the column slots, 0 or more.
+    """
+
+    weights: tuple[Floats, ...]
+    prices: Floats
+
+    def between(self, state: slice, slot: slice) -> "Offer":
+        """The part of some blocks."""
+        return Offer(
+            weights=tuple(weights[state] for weights in self.weights), prices=self.prices[slot]
+        )
+
+
+def keep(states: States, weights: Ints, prices: Floats) -> Kept:
+    """What is kept of feasible weights (S,), in units of 1/ONE, and prices (K,).
+
+    What is held at the end of the window of its block goes on being held.
+    """
+    steps = states.problem.steps
+    used = np.flatnonzero(weights)
+    block = states.pair_block[states.pair[used]]
+    begin, end = states.begin[used], states.end[used]
+    begin = np.where(begin == states.block_begin[block], 0, begin)
+    end = np.where(end == states.block_end[block], steps - 1, end)
+    pair = _pairs(states)[states.pair[used]]
+    order = np.argsort(pair + begin)
+    paid = np.flatnonzero(prices > 0)
+    slot = _slots(states)[paid]
+    by_slot = np.argsort(slot)
+    return Kept(
+        begin=(pair + begin)[order],
+        end=(pair + end)[order],
+        weight=weights[used][order] / ONE,
+        slot=slot[by_slot],
+        price=prices[paid][by_slot],
+    )
+
+
+def offer(states: States, kept: tuple[Kept, ...], shares: tuple[float, ...]) -> Offer:
+    """The assignments of neighbours, and their prices in so many shares.
+
+    A state has the weight that its pair had where it begins. A price goes to the slot of its
+    estimate that holds the step at which it was paid; how it is spread over a slot means nothing.
+    """
+    sought = _pairs(states)[states.pair] + states.begin
+    slots, node = states.columns, states.columns.node
+    own = _slots(states)
+    last = own - slots.step + states.block_end[states.node_block[node]]
+    order = np.argsort(own)
+    prices = np.zeros(len(own))
+    for part, share in zip(kept, shares, strict=True):
+        at = np.searchsorted(own[order], part.slot, side="right") - 1
+        at[at >= 0] = order[at[at >= 0]]
+        held = np.flatnonzero(at >= 0)
+        held = held[part.slot[held] <= last[at[held]]]
+        np.add.at(prices, at[held], share * part.price[held])
+    return Offer(weights=tuple(_held(part, sought) for part in kept), prices=prices)
+
+
+def adopt(
+    states: States, offered: Offer, left: Ints, gap: float, weights: Floats, prices: Floats
+) -> Ints:
+    """Write weights and prices of those of the blocks `left` that an offer solves; the others."""
+    alone = alone_costs(states)
+    for given in offered.weights:
+        if not len(left):
+            break
+        feasible = repair(states, given) / ONE
+        cost, width = proven(states, feasible, offered.prices)
+        solved = np.zeros(len(alone), bool)
+        solved[left] = ~is_wide(width, cost, alone, gap)[left]
+        np.copyto(weights, feasible, where=solved[states.pair_block[states.pair]])
+        mine = np.repeat(solved[states.node_block], np.diff(states.columns.first))
+        np.copyto(prices, offered.prices, where=mine)
+        left = left[~solved[left]]
+    return left
+
+
+def _held(kept: Kept, sought: Ints) -> Floats:
+    if not len(kept.begin):
+        return np.zeros(len(sought))
+    at = np.searchsorted(kept.begin, sought, side="right") - 1
+    found = (at >= 0) & (sought <= kept.end[at])
+    return np.where(found, kept.weight[at], 0.0)
+
+
+def _pairs(states: States) -> Ints:
+    """A number for each pair, (P,), with room for the steps."""
+    problem = states.problem
+    pair = states.pair_truth.astype(np.int64) * problem.estimates + states.pair_estimate
+    return pair * problem.steps
+
+
+def _slots(states: States) -> Ints:
+    """A number for the estimate and the first step of each column slot, (K,).
+
+    Columns of transposed blocks are truths; they have one pair each, and no slots.
+    """
+    estimate = np.zeros(states.nodes, np.int64)
+    estimate[states.pair_column] = states.pair_estimate
+    return estimate[states.columns.node] * states.problem.steps + states.columns.step
