@@ -90,7 +90,7 @@ def evaluate(
         The two sides do not fit: other columns, other kinds of time, states out of range.
     """
     stopwatch = Stopwatch()
-    measure = _distance(distance)
+    measure = as_distance(distance)
     with stopwatch.span("read"):
         sides = [
             as_trajectories(side, name, measure)
@@ -105,7 +105,7 @@ def evaluate(
             switch_penalty=defaults[1] if switch_penalty is None else switch_penalty,
         ),
         distance=measure,
-        solver=_solver(solver),
+        solver=as_solver(solver),
         stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
         stopwatch=stopwatch,
@@ -302,7 +302,7 @@ def measure(
 ) -> tuple[Measured, Pairs]:
     """Both sides as they are compared, and all pairs nearer than the cutoff."""
     stamps = stamps or Stamps()
-    chosen = _distance(distance)
+    chosen = as_distance(distance)
     check_columns(truth, estimate)
     check_states(truth, estimate, chosen)
     # What is digested is what counts.
@@ -561,7 +561,8 @@ def solver_settings(solver: Solver) -> dict[str, Any]:
     return {"solver": solver.name, **changing}
 
 
-def _solver(solver: str | Solver) -> Solver:
+def as_solver(solver: str | Solver) -> Solver:
+    """A record of settings, of a name that with the default ones."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not callable(solver) or not hasattr(solver, "name"):
@@ -569,7 +570,8 @@ def _solver(solver: str | Solver) -> Solver:
     return solver
 
 
-def _distance(distance: str | Distance) -> Distance:
+def as_distance(distance: str | Distance) -> Distance:
+    """A record of settings, of a name that with the default ones."""
     if isinstance(distance, Distance):
         return distance
     if not isinstance(distance, str) or distance not in DISTANCES:
