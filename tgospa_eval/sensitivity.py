@@ -20,7 +20,6 @@ from tgospa_eval.evaluation import Result
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.pipeline import (
     Measured,
-    Prepared,
     as_distance,
     as_solver,
     as_trajectories,
@@ -32,7 +31,7 @@ from tgospa_eval.points import Point, Sweep
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.offers import Kept, Offer, keep, offer
+from tgospa_eval.solvers.offers import Kept, keep, offer
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
@@ -42,6 +41,10 @@ if TYPE_CHECKING:
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
+
+EASY, FEW = 10, 300
+"""What takes no longer than to look at what neighbours say: half sweeps, were all states in each of
+them, and iterations."""
 
 Values = float | Sequence[float] | Floats
 
@@ -208,25 +211,34 @@ class _Line:
         found: dict[int, Point] = {}
         kept: dict[int, Kept | None] = {}
         for k, neighbours in _bisected(len(self.parameters)):
-            beside = [kept[at] for at in neighbours]
-            found[k], kept[k] = self._solve(k, neighbours, [part for part in beside if part])
+            found[k], kept[k] = self._solve(k, neighbours, [kept[at] for at in neighbours])
         return tuple(found[k] for k in range(len(found)))
 
     def _solve(
-        self, k: int, neighbours: tuple[int, ...], kept: list[Kept]
+        self, k: int, neighbours: tuple[int, ...], kept: list[Kept | None]
     ) -> tuple[Point, Kept | None]:
-        parameters, solver = self.parameters[k], self.solver
-        with self.stopwatch.span("solve/preparation"):
+        """A point, and what is kept of its solution for points beside it."""
+        parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
+        with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         if not isinstance(solver, Certified) or self.name not in CONCAVE:
-            result = prove(prepared, solver, solver(states, self.stopwatch), self.stopwatch)
+            result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
-        offered = self._offer(k, neighbours, kept, prepared) if kept else None
-        solution = solver(states, self.stopwatch, offered)
-        prices = solution.prices.copy()  # the proof uses them up
-        result = prove(prepared, solver, solution, self.stopwatch)
-        return _point(result, self.name), keep(states, result.proof.weights, prices)
+        offered = None
+        beside = tuple(part for part in kept if part is not None)
+        if len(beside) == 2:
+            with stopwatch.span("solve/preparation"):
+                low, high = (self.parameters[at] for at in neighbours)
+                offered = offer(states, beside, _shares(low, parameters, high, self.name))
+        before = stopwatch.work
+        solution = solver(states, stopwatch, offered)
+        work = stopwatch.work - before
+        hard = work > EASY * len(states.begin) or solution.iterations > FEW or offered is not None
+        prices = solution.prices.copy() if hard else None  # the proof uses them up
+        result = prove(prepared, solver, solution, stopwatch)
+        mine = None if prices is None else keep(states, result.proof.weights, prices)
+        return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
         """The states of a point; switch penalties change nothing but a price."""
@@ -235,14 +247,6 @@ class _Line:
             return replace(self.states, problem=problem)
         self.states = merge_runs(self.measured.problem(self.pairs, parameters))
         return self.states
-
-    def _offer(
-        self, k: int, neighbours: tuple[int, ...], kept: list[Kept], prepared: Prepared
-    ) -> Offer:
-        """Prices on the chord between two neighbours, in state units; their assignments."""
-        here, low, high = (self.parameters[at] for at in (k, *neighbours))
-        with self.stopwatch.span("solve/preparation"):
-            return offer(prepared.states, tuple(kept), _shares(low, here, high, self.name))
 
 
 def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:

@@ -46,6 +46,9 @@ def sweep_figure(document: Document) -> "Figure":
             axis.axvspan(band["from"], band["to"], color="#eeeeee", zorder=0, linewidth=0)
         if _crowded(x):
             axis.set_xscale("log")
+            ends = x[0], x[len(x) // 2], x[-1]
+            axis.set_xticks(ends, [f"{value:.3g}" for value in ends], minor=False)
+            axis.set_xticks([], minor=True)
         axis.set_ylim(0, None)
     unit = document["parameters"]["unit"] if document["parameter"] != "order" else None
     made.supxlabel(
@@ -66,14 +69,14 @@ def _value(axis: "Axes", x: list[float], points: list[Document]) -> None:
     """TGOSPA; its bracket where it is seen."""
     upper = [point["tgospa"] for point in points]
     lower = [point["lower_bound"] for point in points]
-    axis.plot(x, upper, "-", marker="o", ms=4, color="#000000")
+    axis.plot(x, upper, "-", marker="o", ms=4, color="#000000", clip_on=False)
     if not all(point["certified"] for point in points):
         axis.fill_between(x, lower, upper, color="#000000", alpha=0.15, linewidth=0)
     label(axis, "", "", "TGOSPA")
 
 
 def _line(axis: "Axes", x: list[float], y: list[float], k: int) -> None:
-    axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=COLOURS[k])
+    axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=COLOURS[k], clip_on=False)
 
 
 def _crowded(x: list[float]) -> bool:

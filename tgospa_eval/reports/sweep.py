@@ -66,7 +66,7 @@ def _title(document: Document) -> str:
         over = f"at {len(points)} values of the {word} from {letter} = {first} to {last}"
     wide = [point for point in points if not point["certified"]]
     if not wide:
-        return f"TGOSPA {over}, all exact: proven lower and upper bounds agree"
+        return f"TGOSPA {over}, all proven exact"
     gap = max(point["relative_gap"] for point in wide)
     return (
         f"TGOSPA {over}: {len(points) - len(wide)} exact, {len(wide)} between proven bounds (the "
@@ -89,9 +89,11 @@ def _parameters(document: Document) -> str:
 
 
 def _remarks(document: Document) -> Iterator[str]:
-    """Where the counts do not depend on the parameter."""
+    """Where the counts do not depend on the parameter; of assignments that are not the best
+    nothing follows.
+    """
     letter, points = LETTERS[document["parameter"]], document["points"]
-    if len(points) < 2:
+    if len(points) < 2 or not document["certified"]:
         return
     for key, names in (("missed_false", PARTS[:2]), ("switch", PARTS[2:])):
         words = " and ".join("switches" if name == "switch" else name for name in names)

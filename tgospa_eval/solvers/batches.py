@@ -41,6 +41,8 @@ class Batch:
         Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
     deadline : float, optional
         On the clock of `time.monotonic`.
+    offered : Offer, optional
+        What may solve some blocks already.
     """
 
     states: States
@@ -48,6 +50,7 @@ class Batch:
     weights: Floats
     prices: Floats
     deadline: float | None
+    offered: "Offer | None" = None
 
     def left(self) -> float | None:
         """Seconds left, 0 at least; None is no limit."""
@@ -142,9 +145,9 @@ def solve_in_batches(
             weights=weights[state],
             prices=prices[slot],
             deadline=deadline,
+            offered=None if offered is None else offered.between(state, slot),
         )
-        part_offered = None if offered is None else offered.between(state, slot)
-        answer = _answer(batch, trivial, solve, gap, part_offered)
+        answer = _answer(batch, trivial, solve, gap)
         part.forget()
         return answer
 
@@ -177,21 +180,11 @@ def solve_in_batches(
     )
 
 
-def _answer(
-    batch: Batch,
-    trivial: Trivial,
-    solve: Callable[[Batch], Answer],
-    gap: float,
-    offered: "Offer | None",
-) -> Answer:
+def _answer(batch: Batch, trivial: Trivial, solve: Callable[[Batch], Answer], gap: float) -> Answer:
     """Solve a batch whose `wanted` are not known yet."""
     states = batch.states
     begin = time.perf_counter()
     left = trivial(states, batch.weights, batch.prices)
-    if offered is not None:
-        from tgospa_eval.solvers.offers import adopt  # here: of sweeps of parameters alone
-
-        left = adopt(states, offered, left, gap, batch.weights, batch.prices)
     batch.wanted[left] = True
     preparation = time.perf_counter() - begin
     answer = solve(batch) if len(left) else Answer()

@@ -84,7 +84,7 @@ class Certified:
     ) -> Solution:
         """Solve every block exactly, or as far as the time limit allows.
 
-        Blocks that are solved by what is offered, from neighbouring problems, are left as offered.
+        What is offered, from neighbouring problems, may solve some; without kernels it is not used.
         """
         trivial, solve = solve_steps, self._ascend
         if not kernels:
@@ -110,6 +110,10 @@ class Certified:
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
         programmes = _Programmes(ascent, batch)
+        if batch.offered is not None:
+            ascent.offer_prices(batch.offered.prices)
+            for weights in batch.offered.weights:
+                ascent.offer_weights(weights)
         ascent.keep(ascent.wide(self.gap))
         left = np.flatnonzero(ascent.open)
         for epsilon, sweeps in STAGES:

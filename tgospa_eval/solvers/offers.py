@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.solvers.kernels import alone_costs, is_wide, proven
 from tgospa_eval.states import States
-from tgospa_eval.weights import ONE, repair
+from tgospa_eval.weights import ONE
+
+OVERFULL = 1e-12
+"""Sums of weights that exceed 1 by more than rounding; the proof scales what is left."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +49,7 @@ class Offer:
     Parameters
     ----------
     weights : tuple of (S,) float arrays
-        Assignments, which need not be feasible.
+        Feasible assignments.
     prices : (K,) float array
         Of the column slots, 0 or more.
     """
@@ -105,26 +107,27 @@ def offer(states: States, kept: tuple[Kept, ...], shares: tuple[float, ...]) -> 
         held = np.flatnonzero(at >= 0)
         held = held[part.slot[held] <= last[at[held]]]
         np.add.at(prices, at[held], share * part.price[held])
-    return Offer(weights=tuple(_held(part, sought) for part in kept), prices=prices)
+    weights = tuple(_feasible(states, _held(part, sought)) for part in kept)
+    return Offer(weights=weights, prices=prices)
 
 
-def adopt(
-    states: States, offered: Offer, left: Ints, gap: float, weights: Floats, prices: Floats
-) -> Ints:
-    """Write weights and prices of those of the blocks `left` that an offer solves; the others."""
-    alone = alone_costs(states)
-    for given in offered.weights:
-        if not len(left):
-            break
-        feasible = repair(states, given) / ONE
-        cost, width = proven(states, feasible, offered.prices)
-        solved = np.zeros(len(alone), bool)
-        solved[left] = ~is_wide(width, cost, alone, gap)[left]
-        np.copyto(weights, feasible, where=solved[states.pair_block[states.pair]])
-        mine = np.repeat(solved[states.node_block], np.diff(states.columns.first))
-        np.copyto(prices, offered.prices, where=mine)
-        left = left[~solved[left]]
-    return left
+def _feasible(states: States, weights: Floats) -> Floats:
+    """The weights, 0 in blocks where they overfill a row or a column at some step."""
+    used = np.flatnonzero(weights)
+    begin, end = states.begin[used], states.end[used]
+    pair = states.pair[used]
+    full = np.zeros(len(states.block_begin), bool)
+    for node in (states.pair_row[pair], states.pair_column[pair]):
+        # What ends comes before what begins at the next step.
+        moment = np.concatenate((begin * np.int64(2) + 1, end * np.int64(2) + 2))
+        change = np.concatenate((weights[used], -weights[used]))
+        whose = np.concatenate((node, node))
+        order = np.lexsort((moment, whose))
+        over = np.cumsum(change[order]) > 1 + OVERFULL
+        full[states.node_block[whose[order[over]]]] = True
+    if not full.any():
+        return weights
+    return np.where(full[states.pair_block[states.pair]], 0.0, weights)
 
 
 def _held(kept: Kept, sought: Ints) -> Floats:
