@@ -7,21 +7,20 @@ whole. What comes out is proven as any result is.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.merging import merge_runs
-from tgospa_eval.prefixes import Cells, propose
+from tgospa_eval.prefixes import propose
 from tgospa_eval.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.result import ROUNDING, Solution, prove
+from tgospa_eval.result import ROUNDING, prove
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.start import Origin, carried
+from tgospa_eval.solvers.offers import Kept, Origin, keep, offer
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
-from tgospa_eval.weights import ONE
 
 SIZE = 1 << 18
 """Near pairs of the beginnings that are solved together."""
@@ -76,7 +75,7 @@ def trace(
     cells, parts = found.cells, found.parts
     least = np.maximum(parts.sum(axis=0) - found.gap, 0.0)
     alone, allowance = _unpaired(states), _allowance(states.problem)
-    whole = weights / ONE, prices
+    whole = keep(states, weights, prices)
 
     cost = parts.sum(axis=0)
     wide = np.flatnonzero(cost - least > np.maximum(solver.gap * cost, ROUNDING))
@@ -186,13 +185,13 @@ class _Copies:
         return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
     def solve(
-        self, block: Ints, end: Ints, whole: tuple[Floats, Floats], solver: Certified
+        self, block: Ints, end: Ints, whole: Kept, solver: Certified
     ) -> tuple[Floats, Floats]:
         """Cost by kind (4, N) and lower bound (N,) of the blocks up to these steps."""
         problem, origin, first = self._cut(block, end)
         states = merge_runs(problem)
-        start = carried(self.states, *whole, states, origin)
-        solution = solver(states, Stopwatch(), start)
+        offered = replace(offer(states, (whole,), (1.0,), origin), near=True)
+        solution = solver(states, Stopwatch(), offered)
         _, lost, split = prove(states, solution)
         parts = np.array(
             [
@@ -237,7 +236,14 @@ class _Copies:
             switch_price=price if isinstance(price, float) else price[step[1:] - 1],
             **sides,
         )
-        return whole, Origin(truth=tracks[0], estimate=tracks[1], step=step), first
+        origin = Origin(
+            truth=tracks[0],
+            estimate=tracks[1],
+            step=step,
+            estimates=problem.estimates,
+            steps=problem.steps,
+        )
+        return whole, origin, first
 
 
 def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:

@@ -90,7 +90,7 @@ def evaluate(
         The two sides do not fit: other columns, other kinds of time, states out of range.
     """
     stopwatch = Stopwatch()
-    measure = _distance(distance)
+    measure = as_distance(distance)
     with stopwatch.span("read"):
         sides = [
             as_trajectories(side, name, measure)
@@ -105,7 +105,7 @@ def evaluate(
             switch_penalty=defaults[1] if switch_penalty is None else switch_penalty,
         ),
         distance=measure,
-        solver=_solver(solver),
+        solver=as_solver(solver),
         stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
         stopwatch=stopwatch,
@@ -222,31 +222,104 @@ def prepare(
     jobs: int | None = None,
 ) -> Prepared:
     """The first half of `evaluate_trajectories`: all before the solver, in so many threads."""
+    measured, pairs = measure(
+        truth,
+        estimate,
+        cutoff=parameters.cutoff,
+        distance=distance,
+        stamps=stamps,
+        unit=unit,
+        settings=settings,
+        inputs=inputs,
+        stopwatch=stopwatch,
+        jobs=jobs,
+    )
+    with stopwatch.span("solve/preparation"):
+        problem = measured.problem(pairs, parameters)
+        del pairs  # the distances are as long as the entries
+        states = merge_runs(problem)
+    return measured.prepared(states, parameters)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """Two sides that are compared: what problems with other parameters have in common.
+
+    Parameters
+    ----------
+    sides, distance, labels, moments, settings, input
+        As of `Prepared`, `settings` without the parameters.
+    """
+
+    sides: tuple[Trajectories, Trajectories]
+    distance: Distance
+    labels: Labels
+    moments: NDArray[Any]
+    settings: dict[str, Any]
+    input: dict[str, Any]
+
+    def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
+        """The problem of pairs that include all nearer than the cutoff."""
+        truth, estimate = self.sides
+        return tgospa_problem(
+            parameters=parameters,
+            steps=len(truth.times),
+            truths=len(truth.ids),
+            estimates=len(estimate.ids),
+            truth_step=truth.step,
+            truth_track=truth.track,
+            estimate_step=estimate.step,
+            estimate_track=estimate.track,
+            truth_row=pairs.truth_row,
+            estimate_row=pairs.estimate_row,
+            distance=pairs.distance,
+        )
+
+    def prepared(self, states: States, parameters: Parameters) -> Prepared:
+        """With the reduced problem, ready for a solver."""
+        return Prepared(
+            **{
+                **vars(self),
+                "parameters": parameters,
+                "states": states,
+                "settings": {**vars(parameters), **self.settings},
+            }
+        )
+
+
+def measure(
+    truth: Trajectories,
+    estimate: Trajectories,
+    *,
+    cutoff: float,
+    distance: str | Distance,
+    stamps: Stamps | None = None,
+    unit: str | None = None,
+    settings: dict[str, Any] | None = None,
+    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    stopwatch: Stopwatch,
+    jobs: int | None = None,
+) -> tuple[Measured, Pairs]:
+    """Both sides as they are compared, and all pairs nearer than the cutoff."""
     stamps = stamps or Stamps()
-    measure = _distance(distance)
+    chosen = as_distance(distance)
     check_columns(truth, estimate)
-    check_states(truth, estimate, measure)
+    check_states(truth, estimate, chosen)
     # What is digested is what counts.
-    truth, estimate = (side.seen_as(measure.kinds) for side in (truth, estimate))
+    truth, estimate = (side.seen_as(chosen.kinds) for side in (truth, estimate))
     with stopwatch.span("report"):
         told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
         digests = digest(truth), digest(estimate)
     with stopwatch.span("distances"):
         aligned = align(truth, estimate, stamps)
         truth, estimate = aligned.truth, aligned.estimate
-        measure = measure.fitted(truth, estimate)
+        chosen = chosen.fitted(truth, estimate)
         effort = Effort(jobs=jobs, stopwatch=stopwatch)
-        truth, estimate, prepared = measure.prepared(truth, estimate, effort)
-        pairs = near_pairs(truth, estimate, parameters.cutoff, prepared, effort)
-    with stopwatch.span("solve/preparation"):
-        problem = _problem(truth, estimate, pairs, parameters)
-        del pairs  # the distances are as long as the entries
-        states = merge_runs(problem)
-    return Prepared(
-        parameters=parameters,
+        truth, estimate, prepared = chosen.prepared(truth, estimate, effort)
+        pairs = near_pairs(truth, estimate, cutoff, prepared, effort)
+    measured = Measured(
         sides=(truth, estimate),
         distance=prepared,
-        states=states,
         labels=Labels(
             times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
@@ -255,11 +328,8 @@ def prepare(
         ),
         moments=truth.times,
         settings={
-            "cutoff": parameters.cutoff,
-            "order": parameters.order,
-            "switch_penalty": parameters.switch_penalty,
-            "distance": measure.name,
-            **measure.settings(truth.columns),
+            "distance": chosen.name,
+            **chosen.settings(truth.columns),
             "columns": list(truth.columns),
             "grid": stamps.grid,
             "time_tolerance": stamps.tolerance,
@@ -276,11 +346,16 @@ def prepare(
             for side, name in enumerate(("truth", "estimate"))
         },
     )
+    return measured, pairs
 
 
 def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
-    solution = solver(prepared.states, stopwatch)
+    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch)
+
+
+def prove(prepared: Prepared, solver: Solver, solution: Solution, stopwatch: Stopwatch) -> Result:
+    """What a solution proves of a problem; the solution may be used up."""
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution)
     proof = Proof(
@@ -331,24 +406,6 @@ def _split(
         for k, part in enumerate(parts):
             sums[k] += float((proof.weights[state] / ONE) @ (part * part))
     return sums[0], sums[1]
-
-
-def _problem(
-    truth: Trajectories, estimate: Trajectories, pairs: Pairs, parameters: Parameters
-) -> Problem:
-    return tgospa_problem(
-        parameters=parameters,
-        steps=len(truth.times),
-        truths=len(truth.ids),
-        estimates=len(estimate.ids),
-        truth_step=truth.step,
-        truth_track=truth.track,
-        estimate_step=estimate.step,
-        estimate_track=estimate.track,
-        truth_row=pairs.truth_row,
-        estimate_row=pairs.estimate_row,
-        distance=pairs.distance,
-    )
 
 
 def _solver_record(
@@ -504,7 +561,8 @@ def solver_settings(solver: Solver) -> dict[str, Any]:
     return {"solver": solver.name, **changing}
 
 
-def _solver(solver: str | Solver) -> Solver:
+def as_solver(solver: str | Solver) -> Solver:
+    """A record of settings, of a name that with the default ones."""
     if isinstance(solver, str):
         return solver_class(solver)()
     if isinstance(solver, type) or not callable(solver) or not hasattr(solver, "name"):
@@ -512,7 +570,8 @@ def _solver(solver: str | Solver) -> Solver:
     return solver
 
 
-def _distance(distance: str | Distance) -> Distance:
+def as_distance(distance: str | Distance) -> Distance:
+    """A record of settings, of a name that with the default ones."""
     if isinstance(distance, Distance):
         return distance
     if not isinstance(distance, str) or distance not in DISTANCES:

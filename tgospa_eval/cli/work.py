@@ -18,7 +18,6 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
-from tgospa_eval.inspection import inspect
 from tgospa_eval.pipeline import evaluate_trajectories
 from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
@@ -67,20 +66,8 @@ def evaluate_files(
         stopwatch.tell = say
 
     def work() -> Summary:
-        with stopwatch.span("read"):
-            sides = settings.read(truth, estimate)
-        paths = truth, estimate
-        distance, aligned = settings.fit(sides, paths)
-        if not quiet:
-            for path, side in zip(paths, sides, strict=True):
-                for notice in side.notices:
-                    tell(f"{path}: {notice}")
-            for text in pair_remarks(sides, aligned, distance, settings):
-                tell(text)
-            if solver.name != "exact":
-                say_if_slow(tell)
-            if not all(given.values()):
-                tell(default_notice(aligned, distance, settings, given))
+        said = None if quiet else tell
+        sides, distance = read_sides((truth, estimate), settings, solver, given, said, stopwatch)
         return evaluate_sides(sides, distance, settings, solver, stopwatch)
 
     result = run(work, stopwatch, show=not quiet)
@@ -95,6 +82,37 @@ def evaluate_files(
             f"{result.relative_gap:.2g}{asked}"
         )
     return result, finished
+
+
+def read_sides(
+    paths: tuple[str, str],
+    settings: Settings,
+    solver: Solver,
+    given: dict[str, bool],
+    tell: Callable[[str], None] | None,
+    stopwatch: Stopwatch,
+) -> tuple[tuple[Reading, ...], Distance]:
+    """Both files and the distance between their states; tells what the user should know of them.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the files, or the options do not fit them.
+    """
+    with stopwatch.span("read"):
+        sides = settings.read(*paths)
+    distance, aligned = settings.fit(sides, paths)
+    if tell is not None:
+        for path, side in zip(paths, sides, strict=True):
+            for notice in side.notices:
+                tell(f"{path}: {notice}")
+        for text in pair_remarks(sides, aligned, distance, settings):
+            tell(text)
+        if solver.name != "exact":
+            say_if_slow(tell)
+        if not all(given.values()):
+            tell(default_notice(aligned, distance, settings, given))
+    return sides, distance
 
 
 def evaluate_sides(
@@ -145,6 +163,8 @@ def inspect_files(
     TgospaError
         Something is wrong with options or files.
     """
+    from tgospa_eval.inspection import inspect
+
     settings = make_settings(options, given)
 
     def work() -> dict[str, Any]:

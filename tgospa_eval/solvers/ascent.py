@@ -17,7 +17,6 @@ from tgospa_eval.problem import Floats, Ints, sum_by, sum_parts
 from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 from tgospa_eval.solvers.limits import load
 from tgospa_eval.states import States, connected_components
-from tgospa_eval.weights import ONE, repair
 
 NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
 """Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
@@ -101,12 +100,6 @@ class Ascent:
         self._majority(rounded)
         self.worth = np.where(wanted, -np.inf, 0.0)
         self._offer(self._values(rounded), rounded)
-
-    def resume(self, weights: Floats, prices: Floats) -> None:
-        """Go on from any weights and any prices >= 0, where they are better."""
-        self.soft[:] = prices
-        self.offer_prices(prices)
-        self.offer_weights(repair(self.states, weights) / ONE)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,11 @@ from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
 from tgospa_eval.solvers.rounding import polish
-from tgospa_eval.solvers.start import Start
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.offers import Offer
 
 LATE = "stopped by the time limit"
 """Status of what had no time left."""
@@ -24,7 +27,7 @@ SIZE = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
     """Some neighbouring blocks, those of them that are to be solved, and until when.
 
@@ -38,6 +41,8 @@ class Batch:
         Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
     deadline : float, optional
         On the clock of `time.monotonic`.
+    offered : Offer, optional
+        What may solve some blocks already.
     """
 
     states: States
@@ -45,7 +50,7 @@ class Batch:
     weights: Floats
     prices: Floats
     deadline: float | None
-    start: Start | None = None
+    offered: "Offer | None" = None
 
     def left(self) -> float | None:
         """Seconds left, 0 at least; None is no limit."""
@@ -56,7 +61,7 @@ class Batch:
         return self.deadline is not None and time.monotonic() > self.deadline
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
     """What a solver says of a batch.
 
@@ -105,7 +110,7 @@ def solve_in_batches(
     gap: float,
     time_limit: float | None,
     jobs: int | None,
-    start: Start | None = None,
+    offered: "Offer | None" = None,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -125,6 +130,8 @@ def solve_in_batches(
         Seconds.
     jobs : int, optional
         Threads, all cores by default.
+    offered : Offer, optional
+        What may solve some blocks already.
     """
     deadline = None if time_limit is None else time.monotonic() + time_limit
     weights = np.zeros(len(states.begin))
@@ -138,7 +145,7 @@ def solve_in_batches(
             weights=weights[state],
             prices=prices[slot],
             deadline=deadline,
-            start=None if start is None else start.between(state, slot),
+            offered=None if offered is None else offered.between(state, slot),
         )
         answer = _answer(batch, trivial, solve, gap)
         part.forget()

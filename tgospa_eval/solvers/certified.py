@@ -5,7 +5,7 @@ Whatever happens here only proposes; the bracket is made by `tgospa_eval.result.
 
 import time
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,11 +16,13 @@ from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
-from tgospa_eval.solvers.start import Start
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.weights import ONE, repair
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.offers import Offer
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
@@ -81,9 +83,12 @@ class Certified:
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
     def __call__(
-        self, states: States, stopwatch: Stopwatch, start: Start | None = None
+        self, states: States, stopwatch: Stopwatch, offered: "Offer | None" = None
     ) -> Solution:
-        """Solve every block exactly, or as far as the time limit allows."""
+        """Solve every block exactly, or as far as the time limit allows.
+
+        What is offered, from neighbouring problems, may solve some; without kernels it is not used.
+        """
         trivial, solve = solve_steps, self._ascend
         if not kernels:
             from tgospa_eval.solvers.contest import solve_contest as solve
@@ -97,7 +102,7 @@ class Certified:
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
-            start=start,
+            offered=offered,
         )
 
     def _ascend(self, batch: Batch) -> Answer:
@@ -108,12 +113,16 @@ class Certified:
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
         programmes = _Programmes(ascent, batch)
+        if batch.offered is not None:
+            ascent.offer_prices(batch.offered.prices)
+            for weights in batch.offered.weights:
+                ascent.offer_weights(weights)
         ascent.keep(ascent.wide(self.gap))
         left = np.flatnonzero(ascent.open)
-        if batch.start is not None:
-            ascent.resume(batch.start.weights, batch.start.prices)
-            ascent.keep(ascent.wide(self.gap))
-        for epsilon, sweeps in STAGES if batch.start is None else RESUMED:
+        near = batch.offered is not None and batch.offered.near
+        if near:
+            ascent.soft[:] = ascent.prices
+        for epsilon, sweeps in RESUMED if near else STAGES:
             if not ascent.open.any() or batch.late():
                 break
             if skip:
@@ -160,8 +169,10 @@ class _Programmes:
                 break
             ascent.survey(ascent.prices, reach)
             free = ascent.undecided(self.tempted)
-            if not len(free) or (most is not None and len(free) > most):
+            if most is not None and len(free) > most:
                 break
+            if not len(free):  # what keeps the bracket open is farther away
+                continue
             self._solve(free, box)
             ascent.keep(ascent.wide(gap))
         self.seconds += time.perf_counter() - begin
