@@ -142,7 +142,7 @@ def _curves(name: str, method: str, k: int, values: list[Floats], row: Floats) -
     for axis, table, title in zip(row, values, titles, strict=True):
         axis.plot(ROUNDS, table.mean(axis=0), **look)
         axis.fill_between(
-            ROUNDS, table.min(axis=0), table.max(axis=0), color=COLOURS[k], alpha=0.13, linewidth=0
+            ROUNDS, table.min(axis=0), table.max(axis=0), color=COLOURS[k], alpha=0.18, linewidth=0
         )
         label(axis, "", f"{title} to the cloud", name)
 

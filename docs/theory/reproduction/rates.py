@@ -142,7 +142,9 @@ def _draw(found: dict[str, dict[str, float]], folder: Path) -> None:
     places = np.arange(len(DISTANCES))[::-1]
     for k, (case, shares) in enumerate(found.items()):
         values = [100 * shares[name] for name in DISTANCES]
-        axis.plot(values, places, MARKERS[k], color=COLOURS[k], markersize=7, label=case)
+        axis.plot(
+            values, places + 0.22 * (1 - k), MARKERS[k], color=COLOURS[k], markersize=7, label=case
+        )
     axis.set_yticks(places, list(DISTANCES))
     made.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
     label(axis, "right associations in %", "", "Association of the clouds of two sensors")

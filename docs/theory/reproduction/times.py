@@ -113,7 +113,7 @@ def _percents(sizes: tuple[int, ...], shares: np.ndarray) -> str:
 
 
 def _draw(measured: dict, general: dict[int, float], folder: Path) -> None:
-    made, axes = figure(7.4, 3.8)
+    made, axes = figure(7.4, 4.6)
     axis = axes[0, 0]
     lines = [
         (
@@ -131,8 +131,8 @@ def _draw(measured: dict, general: dict[int, float], folder: Path) -> None:
     for (name, points), colour, marker in zip(lines, COLOURS, MARKERS, strict=False):
         axis.plot(list(points), list(points.values()), color=colour, marker=marker, label=name)
     axis.set(xscale="log", yscale="log", ylim=(2e-4, 3e2))
-    axis.set_xticks(SIZES, [str(n) for n in SIZES])
+    axis.set_xticks(SIZES, ["" if n == 500 else str(n) for n in SIZES])
     axis.minorticks_off()
-    made.legend(loc="outside right upper", frameon=False, fontsize="small")
+    made.legend(loc="outside lower center", ncols=2, frameon=False, fontsize="small")
     label(axis, "particles of each cloud", "seconds", "Time of one W2 of positions")
     made.savefig(folder / "times.png", dpi=150)
