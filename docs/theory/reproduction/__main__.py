@@ -25,7 +25,7 @@ PARTS: dict[str, tuple[Callable[[Path], None], Callable[[Path], None]]] = {
         lambda folder: tables(4, SIZES, 200, folder),
         lambda folder: tables(1, SIZES[:2], 50, folder),
     ),
-    "rates": (lambda folder: rates(200, 60, folder), lambda folder: rates(1, 1, folder)),
+    "rates": (lambda folder: rates(100, 50, folder), lambda folder: rates(1, 1, folder)),
     "reduction": (lambda folder: reduction(100, folder), lambda folder: reduction(1, folder)),
 }
 """What to run, in full and quickly."""

@@ -120,13 +120,13 @@ def rates(runs: int, clutter_runs: int, folder: Path) -> None:
     shares, wrong = cluttered(clutter_runs)
     found = {
         "A, as in the source": known(runs, STEPS, None),
-        "B, paths meet": known(runs, STEPS[1:], STEPS[1]),
+        "B, paths meet": known(2 * runs, STEPS[1:], STEPS[1]),
         "C, misses and clutter": shares,
     }
     print(
         f"right associations in %, {KEPT} particles kept; A: as in the source, {2 * runs} trials;"
     )
-    print(f"B: paths meet at step {STEPS[1]}, {runs} trials; C: clutter, {2 * clutter_runs} trials")
+    print(f"B: paths meet at step {STEPS[1]}, {2 * runs} trials; C: clutter, {2 * clutter_runs} trials")
     print(f"  {'':28}" + "".join(f"{case[0]:>7}" for case in found) + "   wrong pairs of C")
     for name in DISTANCES:
         cells = "".join(f"{100 * each[name]:7.1f}" for each in found.values())
