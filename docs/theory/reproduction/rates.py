@@ -123,10 +123,11 @@ def rates(runs: int, clutter_runs: int, folder: Path) -> None:
         "B, paths meet": known(2 * runs, STEPS[1:], STEPS[1]),
         "C, misses and clutter": shares,
     }
+    trials = 2 * runs
+    print(f"right associations in %, {KEPT} particles kept; A: as in the source, {trials} trials;")
     print(
-        f"right associations in %, {KEPT} particles kept; A: as in the source, {2 * runs} trials;"
+        f"B: paths meet at step {STEPS[1]}, {trials} trials; C: clutter, {2 * clutter_runs} trials"
     )
-    print(f"B: paths meet at step {STEPS[1]}, {2 * runs} trials; C: clutter, {2 * clutter_runs} trials")
     print(f"  {'':28}" + "".join(f"{case[0]:>7}" for case in found) + "   wrong pairs of C")
     for name in DISTANCES:
         cells = "".join(f"{100 * each[name]:7.1f}" for each in found.values())
@@ -137,13 +138,13 @@ def rates(runs: int, clutter_runs: int, folder: Path) -> None:
 
 
 def _draw(found: dict[str, dict[str, float]], folder: Path) -> None:
-    made, axes = figure(7.4, 3.6)
+    made, axes = figure(7.4, 4.4)
     axis = axes[0, 0]
     places = np.arange(len(DISTANCES))[::-1]
     for k, (case, shares) in enumerate(found.items()):
         values = [100 * shares[name] for name in DISTANCES]
         axis.plot(
-            values, places + 0.22 * (1 - k), MARKERS[k], color=COLOURS[k], markersize=7, label=case
+            values, places + 0.3 * (1 - k), MARKERS[k], color=COLOURS[k], markersize=7, label=case
         )
     axis.set_yticks(places, list(DISTANCES))
     made.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
