@@ -125,7 +125,9 @@ def steps_of(count: int) -> str:
 
 
 def _row(name: str, cells: list[str]) -> str:
-    return (f"{clip(name, NAME):<{NAME}} " + "".join(f"{cell:<{CELL}}" for cell in cells)).rstrip()
+    return (
+        f"{clip(name, NAME):<{NAME}} " + "".join(f"{cell:<{CELL - 2}}  " for cell in cells)
+    ).rstrip()
 
 
 def _range(spread: Document | None, unit: str) -> str:
