@@ -1,6 +1,7 @@
 """Particle clouds as states: files, base distance of the metric, associate and reduce."""
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -542,6 +543,25 @@ def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
     assert (status, "points.csv: no particles; a column weight makes" in err) == (3, True)
     status, out, _ = invoke("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
     assert "1 cloud, 100 particles -> 10" in out
+
+
+def test_reduce_without_pot(
+    write: Write, invoke: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "ot", None)
+    path = write("in.csv", TRUTH)
+    status, out, err = invoke("reduce", path, "out.csv", "-n", "2", "--format", "json")
+    assert status == 0
+    assert "no exact distances from the clouds before: distances of particle clouds need the" in err
+    document = json.loads(out)
+    assert document["change"]["wasserstein"] is None
+    assert document["clouds"][0]["wasserstein"] is None
+    assert read_trajectories(tmp_path / "out.csv").clouds.counts.tolist() == [2, 1, 2]
+    status, out, _ = invoke("reduce", path, "out.csv", "-n", "2", "--force")
+    assert (status, "Wasserstein distance to the cloud " in out) == (0, False)
+    status, _, err = invoke("reduce", path, "o.csv", "-n", "2", "--reduce-method", "atl")
+    assert (status, "need the extra clouds: pip install" in err) == (2, True)
+    assert not (tmp_path / "o.csv").exists()
 
 
 LAW = "id,t,x,y,cov_xx,cov_yy\n1,0,0.4,0.8,0.24,0.96\n"

@@ -153,7 +153,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
             "particles": sum(table["particles"]),
             "kept": sum(table["kept"]),
         },
-        "change": {name: _spread(table[name]) for name in list(table)[4:]},
+        "change": {name: _spread(name, table[name]) for name in list(table)[4:]},
         "clouds": records(table),
     }
     texts = {
@@ -184,10 +184,14 @@ def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:
     return run(lambda: work(effort), stopwatch, show=not options["quiet"])
 
 
-def _spread(values: list[float | None]) -> dict[str, float] | None:
+def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
+    """Of what is known; nothing of distances of which some are not, those of large changes."""
     import numpy as np
 
-    return spread(np.array([value for value in values if value is not None]))
+    known = [value for value in values if value is not None]
+    if name == "wasserstein" and len(known) < len(values):
+        return None
+    return spread(np.array(known))
 
 
 def _spelt(name: str) -> str:

@@ -10,6 +10,7 @@ dimension sorting solves it, against one point there is nothing to choose, cloud
 particles of equal weight are an assignment; the rest is solved by POT, the extra ``clouds``.
 """
 
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ ASSIGNED = 200
 
 LARGEST = 4000
 """Particles of a cloud: the costs of a pair of such take 128 MB, their transport half a minute."""
+
+NEEDED = "distances of particle clouds need the extra clouds: pip install 'tgospa-eval[clouds]'"
 
 ALIKE = 1e-13
 """Of a weight: what rounding makes of one, added and divided in another order."""
@@ -322,11 +325,14 @@ def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
     return np.asarray(best)
 
 
+def can_transport() -> bool:
+    """Whether POT is installed."""
+    return find_spec("ot") is not None
+
+
 def _pot() -> Any:
     try:
         from ot import lp  # here: slow to import, and an extra
     except ImportError:
-        raise ConfigError(
-            "distances of particle clouds need the extra clouds: pip install 'tgospa-eval[clouds]'"
-        ) from None
+        raise ConfigError(NEEDED) from None
     return lp
