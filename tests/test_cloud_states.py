@@ -528,6 +528,7 @@ def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
     before = read_trajectories(path)
     after = read_trajectories(tmp_path / "out.parquet")
     assert after.clouds.counts.tolist() == [10]
+    assert "--in-format to say otherwise" in invoke("reduce", "out.parquet", "p.npz", "-n", "9").err
     assert row["wasserstein"] == pytest.approx(
         cloud_wasserstein(*before.clouds[0], *after.clouds[0])
     )
