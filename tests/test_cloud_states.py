@@ -12,6 +12,8 @@ import pytest
 from conftest import Answer
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import programme
+from test_clouds import by_linear_programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
 from tgospa_eval.alignment import Stamps, align
@@ -290,6 +292,36 @@ def test_value_of_the_worked_example(write: Write, run: Run, invoke: Run) -> Non
     status, out, _ = invoke("inspect", *paths, *WHOLE, "--format", "json")
     assert status == 0
     assert json.loads(out)["truth"]["deviation"]["y"]["max"] == pytest.approx(1.2, rel=1e-12)
+
+
+@pytest.mark.parametrize("cloud_order", [1, 2])
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_value_is_the_optimum_of_plain_programmes(
+    write: Write, cloud_order: int, order: float
+) -> None:
+    """Of one for each pair of clouds, and one of the definition over their distances."""
+    rng = np.random.default_rng(13)
+    sides: list[dict] = [{}, {}]
+    texts = ["id,t,w,x,y\n", "id,t,w,x,y\n"]
+    for number, step, track in np.ndindex(2, 3, 3):
+        count = int(rng.integers(0, 4))  # none: absent at that step
+        points = 2 * track + rng.integers(-3, 4, (count, 2)) / 2
+        weights = rng.integers(1, 5, count)
+        rows = [f"{track},{step},{w},{x},{y}\n" for w, (x, y) in zip(weights, points, strict=True)]
+        texts[number] += "".join(rows)
+        if count:
+            sides[number][step, track] = points, weights / weights.sum()
+    c, gamma = 3.0, 1.0
+    costs = np.zeros((3, 4, 4))
+    for k, i, j in np.ndindex(3, 4, 4):
+        a, b = sides[0].get((k, i)), sides[1].get((k, j))
+        costs[k, i, j] = 0.5 * (a is not None) + 0.5 * (b is not None)
+        if a and b:
+            costs[k, i, j] = min(by_linear_programme(a, b, cloud_order) / c, 1) ** order
+    truth, estimate = (read_trajectories(write(f"{k}.csv", texts[k]), clouds=True) for k in (0, 1))
+    distance = CloudWasserstein(order=cloud_order)
+    result = evaluate(truth, estimate, c, order, gamma, distance=distance)
+    assert result.total == pytest.approx(programme(costs, c, order, gamma), rel=1e-8)
 
 
 def test_formats_hold_the_same(write: Write, tmp_path: Path) -> None:
