@@ -212,7 +212,8 @@ def test_estimated_time() -> None:
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounds, "LARGEST", 5)
     with pytest.raises(
-        InputError, match=r'id "\d" at t \d has \d+ particles, more than 5 take too'
+        InputError,
+        match=r'id "\d" with \d+ particles and id "\d" with \d+ particles at t \d: more than ',
     ):
         near_pairs(scene(13), scene(14), 100, CloudWasserstein())
 

@@ -243,8 +243,14 @@ def test_wrong_orders_and_covariances() -> None:
 
 def test_clouds_that_are_too_large() -> None:
     many = np.random.default_rng(0).random((4001, 2))
-    with pytest.raises(ConfigError, match=r"a cloud has 4001 particles, more than 4000 .* reduce"):
-        cloud_wasserstein(many, None, Y, V)
+    for function in (cloud_wasserstein, transport_plan):
+        with pytest.raises(
+            ConfigError, match=r"clouds of 4001 and 4001 particles: more than 4000 "
+        ):
+            function(many, None, -many, None)
+    assert cloud_wasserstein(many, None, Y, V) > 0
+    assert cloud_wasserstein(many[:, :1], None, -many[:, :1], None) > 0
+    assert len(reduce_cloud(many, None, 3, method="atl", iterations=1)[0]) == 3
     assert cloud_wasserstein(many, None, [(0, 0)], [1]) > 0
 
 

@@ -100,7 +100,11 @@ def _compared(
         for (points, weights), mean in zip((before, after), means, strict=True)
     ]
     # Without a warning for weights of single precision: they were normalised when read.
-    exact = cloud_wasserstein(*before, *after) if is_exact and sizes[0] <= LARGEST else None
+    exact = (
+        cloud_wasserstein(*before, *after)
+        if is_exact and sizes[0] * sizes[1] <= LARGEST**2
+        else None
+    )
     return (
         *sizes,
         exact,

@@ -21,7 +21,7 @@ from tgospa_eval.clouds import Clouds
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import cholesky
-from tgospa_eval.distances.transport import LARGEST, distance, whitened, whitened_points
+from tgospa_eval.distances.transport import LARGEST, TOO_LARGE, distance, whitened, whitened_points
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.trajectories import Ints, Trajectories
@@ -37,6 +37,9 @@ TOGETHER = 1 << 16
 
 PATIENCE = 2.0
 """Seconds of work from which on the user is told how long it will take."""
+
+PIECE = 0.25
+"""Seconds of work that a thread does at a time, about."""
 
 MANY = 300
 """Particles from which on reducing them is worth a hint."""
@@ -206,7 +209,9 @@ def _solved(
             f"{_time(seconds)}{hint}"
         )
     answer = np.zeros(count)
-    step = max(1, min(64, count // (8 * jobs)))
+    # Small enough that an interrupt is heeded soon.
+    soon = int(PIECE * count / (seconds * jobs))
+    step = max(1, min(64, count // (8 * jobs), soon))
 
     def solve(begin: int) -> int:
         for k in range(begin, min(begin + step, count)):
@@ -257,15 +262,16 @@ def counted(count: int, noun: str) -> str:
 def _check_sizes(
     sizes: list[Ints], rows: tuple[Ints, Ints], sides: tuple[Trajectories, Trajectories]
 ) -> None:
-    for own, other, at, side in zip(sizes, sizes[::-1], rows, sides, strict=True):
-        wrong = np.flatnonzero((own > LARGEST) & (other > 1))
-        if len(wrong):
-            row = at[wrong[0]]
-            raise InputError(
-                f'id "{side.ids[side.track[row]]}" at t {side.shown[side.step[row]]} has '
-                f"{own[wrong[0]]} particles, more than {LARGEST} take too long and too much "
-                "memory; reduce the clouds first, --reduce 100"
-            )
+    """Whether costs of all pairs fit; of points on a line there are none."""
+    wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > LARGEST**2)
+    if len(wrong) and len(sides[0].columns) > 1:
+        first = int(wrong[0])
+        names = [
+            f'id "{side.ids[side.track[at[first]]]}" with {size[first]} particles'
+            for side, at, size in zip(sides, rows, sizes, strict=True)
+        ]
+        moment = sides[0].shown[sides[0].step[rows[0][first]]]
+        raise InputError(f"{names[0]} and {names[1]} at t {moment}: {TOO_LARGE}")
 
 
 def _parts(rows: Ints) -> Iterator[Ints]:

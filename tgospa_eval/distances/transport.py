@@ -28,7 +28,12 @@ ASSIGNED = 200
 """Particles up to which an assignment is quicker than transport."""
 
 LARGEST = 4000
-"""Particles of a cloud: the costs of a pair of such take 128 MB, their transport half a minute."""
+"""Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
+
+TOO_LARGE = (
+    f"more than {LARGEST} x {LARGEST} particles of a pair take too long and too much memory; "
+    "reduce the clouds first, --reduce 100 or reduce_cloud"
+)
 
 NEEDED = "distances of particle clouds need the extra clouds: pip install 'tgospa-eval[clouds]'"
 
@@ -73,8 +78,8 @@ def cloud_wasserstein(
     ------
     ConfigError
         A weight is negative, NaN or infinite, or all are zero; a point is not finite; shapes,
-        order or covariance are wrong; a cloud has more than 4,000 distinct particles; POT is
-        needed and not installed.
+        order or covariance are wrong; the clouds have more than 4,000 x 4,000 distinct particles,
+        and not on a line; POT is needed and not installed.
 
     Notes
     -----
@@ -292,13 +297,8 @@ def _along_a_line(a: Cloud, b: Cloud, order: int) -> float:
 
 
 def _check_size(a: Cloud, b: Cloud) -> None:
-    """One particle on a side needs no transport, however many there are on the other."""
-    most = max(len(a[0]), len(b[0]))
-    if most > LARGEST and min(len(a[0]), len(b[0])) > 1:
-        raise ConfigError(
-            f"a cloud has {most} particles, more than {LARGEST} take too long and too much memory; "
-            "reduce the clouds first, --reduce 100 or reduce_cloud"
-        )
+    if len(a[0]) * len(b[0]) > LARGEST**2:
+        raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {TOO_LARGE}")
 
 
 def _costs(x: Floats, y: Floats, order: int) -> Floats:
