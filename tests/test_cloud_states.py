@@ -177,6 +177,8 @@ def test_reduction_belongs_to_the_distance() -> None:
     assert result.tgospa == evaluate(*reduced, distance=CloudWasserstein()).tgospa
     assert result.parameters["reduce"] == 5
     assert evaluate(a, a, distance=distance).tgospa <= 1e-6
+    with pytest.raises(ConfigError, match=r"reduction is 5: must be a Reduction\(size=\.\.\.\)"):
+        CloudWasserstein(reduction=5)
     drawn = CloudWasserstein(reduction=Reduction(size=5, method="multinomial"))
     assert evaluate(a, a, distance=drawn).tgospa <= 1e-6
 

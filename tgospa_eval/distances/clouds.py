@@ -64,6 +64,8 @@ class CloudWasserstein(Distance):
         check_order(self.order)
         if self.inner not in INNER:
             raise ConfigError(f'inner is "{self.inner}": must be one of {", ".join(INNER)}')
+        if not isinstance(self.reduction, Reduction | None):
+            raise ConfigError(f"reduction is {self.reduction!r}: must be a Reduction(size=...)")
         if self.covariance is not None and self.inner != "mahalanobis":
             raise ConfigError("a covariance of particles needs the inner distance mahalanobis")
         # Checks scale and covariance, and keeps them as tuples.
