@@ -208,7 +208,9 @@ def test_the_time_to_import_is_not_multiplied(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_estimated_time() -> None:
-    assert bounds.estimated_seconds(np.array([1000]), np.array([1000])) == pytest.approx(0.25, 0.2)
+    size = np.array([1000])
+    assert bounds.estimated_seconds(size, size) == pytest.approx(0.25, 0.2)
+    assert bounds.estimated_seconds(size, size, is_line=True) < 1e-3
 
 
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -221,6 +221,7 @@ def test_the_same_cloud_written_otherwise(size: int) -> None:
         (X, [0.5, 0.5], r"weights have the shape \(2,\): must be \(3,\), one per point"),
         ([(0, 0), (np.nan, 1)], [0.5, 0.5], "particle 1 is not finite; leave it out"),
         (np.zeros((0, 2)), [], r"points have the shape \(0, 2\): must be \(N, d\), not empty"),
+        ([1, 1], [1], r"must be \(2,\), one per point; a single point is \[\[x, y\]\]"),
         (np.zeros((1, 3)), [1], "first cloud has 3 components, the second 2"),
         ("abc", [1], "points and weights must be arrays of numbers"),
     ],
@@ -268,8 +269,9 @@ def test_a_particle_is_taken_where_the_sum_exceeds_u() -> None:
     assert resample_cloud([1, 2], [0.5, 0.5], 1, offset=0.5)[0].item() == 2
     assert resample_cloud([1, 2, 3], [0, 0.5, 0.5], 1, offset=0.0)[0].item() == 2
     weights = np.full(10, 0.1)  # whose sum is less than 1
-    last = resample_cloud(np.arange(10), weights, 1, method="multinomial", offset=1 - 2**-53)
-    assert last[0].item() == 9
+    for u in (1 - 2**-53, 1):
+        last = resample_cloud(np.arange(10), weights, 1, method="multinomial", offset=u)
+        assert last[0].item() == 9
 
 
 @pytest.mark.parametrize("method", ["systematic", "stratified", "multinomial"])
@@ -302,8 +304,8 @@ def test_wrong_resampling() -> None:
             resample_cloud(X, U, size)
         with pytest.raises(ConfigError, match="must be a whole number of particles, from 1"):
             restrict_cloud(X, U, size)
-    for offset in (1.0, -0.1, [0.1, 0.2]):
-        with pytest.raises(ConfigError, match=r"offset must be in \[0, 1\)"):
+    for offset in (1.1, -0.1, np.nan, [0.1, 0.2]):
+        with pytest.raises(ConfigError, match=r"offset must be in \[0, 1\]|offset is nan"):
             resample_cloud(X, U, 3, offset=offset)
 
 

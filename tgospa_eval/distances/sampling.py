@@ -54,6 +54,7 @@ def as_cloud(
     if given.shape != (len(points),):
         raise ConfigError(
             f"{name}: weights have the shape {given.shape}: must be ({len(points)},), one per point"
+            + ("; a single point is [[x, y]]" if given.shape == (1,) else "")
         )
     fault = weight_fault(given)
     if fault is not None:
@@ -168,7 +169,7 @@ def resample_cloud(
     method : {"systematic", "stratified", "multinomial"}
         How.
     offset : float or (size,) array-like, optional
-        U or the U_i, in [0, 1), instead of random ones.
+        U or the U_i, in [0, 1], instead of random ones; at u_i = 1 the last particle is taken.
     rng : numpy.random.Generator or int, optional
         Where they come from, or a seed; 0 by default.
 
@@ -180,7 +181,7 @@ def resample_cloud(
     Raises
     ------
     ConfigError
-        As for `cloud_wasserstein`, or an unknown method, a size below 1, an offset outside [0, 1).
+        As for `cloud_wasserstein`, or an unknown method, a size below 1, an offset outside [0, 1].
 
     Notes
     -----
@@ -209,9 +210,9 @@ def drawn(
         within = np.full(count, real_number("offset", offset))
     else:
         within = np.asarray(offset, np.float64)
-    if within.shape not in ((count,), (1,)) or not np.all((within >= 0) & (within < 1)):
+    if within.shape not in ((count,), (1,)) or not np.all((within >= 0) & (within <= 1)):
         raise ConfigError(
-            f"offset must be in [0, 1), one number{'' if count == 1 else f' or {count}'}"
+            f"offset must be in [0, 1], one number{'' if count == 1 else f' or {count}'}"
         )
     at = within if method == "multinomial" else (np.arange(size) + within) / size
     # Rounding may leave the last sum below 1, and a particle without weight is never drawn.
