@@ -401,7 +401,7 @@ def test_texts_beside_points_are_no_weights(write: Write, invoke: Run) -> None:
     frame = pd.read_csv(path)
     assert evaluate(frame, frame).tgospa == 0
     status, _, err = invoke(path, path, "-c", "1", *WHOLE)
-    assert (status, 'line 2, column "w": not a number: "heavy"' in err) == (3, True)
+    assert (status, 'line 2, column "w": not a number: "heavy"; weights must' in err) == (3, True)
     with pytest.raises(InputError, match='row 0, column "w": not a number: "heavy"'):
         evaluate(frame, frame, distance="cloud-wasserstein")
     path = write("t.csv", "id,t,x,y,w\n1,0,1,0,heavy\n1,0,5,5,1\n")

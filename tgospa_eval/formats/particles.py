@@ -8,11 +8,14 @@ import numpy as np
 from tgospa_eval.clouds import UNEVEN, Clouds, are_normalised
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
-from tgospa_eval.formats.times import more, quoted
+from tgospa_eval.formats.times import BLANK, more, quoted
 from tgospa_eval.trajectories import Floats, Ints
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.assemble import Rows
+
+
+RULE = "weights must be >= 0 and not all zero"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +93,7 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
     if len(distinct) == len(used) and not always:
         return None
     if rows.weight_fault is not None:
-        raise InputError(rows.weight_fault)
+        raise InputError(rows.weight_fault.replace(BLANK, RULE))
     roles = rows.roles
     given = rows.numbers[:, roles.numbers.index(roles.weight or 0)]
     weights = np.zeros(len(given))
@@ -101,7 +104,7 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
             text = what if what == "blank" else f"negative: {weights[at[0]]:g}"
             raise InputError(
                 f"{rows.where(int(at[0]))}: the weight of a particle of {_name(rows, int(at[0]))} "
-                f"is {text}{more(len(at))}; weights must be >= 0 and not all zero"
+                f"is {text}{more(len(at))}; {RULE}"
             )
     largest = np.zeros(len(distinct))
     np.maximum.at(largest, number, weights[used])
@@ -110,8 +113,8 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
         row = int(used[empty[0]])
         clouds = int(np.count_nonzero(largest == 0))
         raise InputError(
-            f"{rows.where(row)}: all weights of {_name(rows, row)} are zero{more(clouds)}; weights "
-            "must be >= 0 and not all zero; leave out the rows of what does not exist"
+            f"{rows.where(row)}: all weights of {_name(rows, row)} are zero{more(clouds)}; {RULE}; "
+            "leave out the rows of what does not exist"
         )
     cloud = np.zeros(len(given), np.int64)
     cloud[used] = number
