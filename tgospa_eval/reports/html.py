@@ -13,7 +13,7 @@ from tgospa_eval.evaluation import Summary, Table
 from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
 
-SCRIPTS = ("data", "canvas", "costs", "lanes", "plane", "tables", "page")
+SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
 
 WORST = 10

@@ -192,3 +192,8 @@ function timePointer(canvas, describe, choose) {
   });
   canvas.addEventListener("dblclick", () => setRange(0, steps - 1));
 }
+
+// Keys with Ctrl, Alt or Cmd belong to the browser: its zoom, its way back.
+const taken = (event) => event.ctrlKey || event.metaKey || event.altKey;
+const bigger = ({ key }) => key === "+" || key === "="; // without Shift on many keyboards
+const smaller = ({ key }) => key === "-" || key === "_";

@@ -82,6 +82,7 @@ timePointer(curve.canvas, (event) => {
 }, (_, step) => choose({ step }));
 
 costs.canvas.addEventListener("keydown", (event) => {
+  if (taken(event)) return;
   const now = state.step ?? state.from - (event.key === "ArrowRight" ? 1 : 0), jump = event.shiftKey ? 10 : 1;
   const target = {
     ArrowLeft: now - jump, ArrowDown: now - jump, ArrowRight: now + jump, ArrowUp: now + jump, Home: 0, End: steps - 1,
@@ -89,8 +90,8 @@ costs.canvas.addEventListener("keydown", (event) => {
   if (target !== undefined) choose({ step: Math.min(Math.max(target, 0), steps - 1) });
   else if (event.key === "PageDown") act("next");
   else if (event.key === "PageUp") act("previous");
-  else if (event.key === "+") act("in");
-  else if (event.key === "-") act("out");
+  else if (bigger(event)) act("in");
+  else if (smaller(event)) act("out");
   else if (event.key === "0") act("all");
   else return;
   event.preventDefault();

@@ -217,6 +217,7 @@ timePointer(lanes.canvas, (event) => {
 });
 lanes.box.addEventListener("scroll", () => { if (!pending) pending = requestAnimationFrame(() => { pending = 0; lanes.draw(); }); });
 lanes.canvas.addEventListener("keydown", (event) => {
+  if (taken(event)) return;
   const way = { ArrowUp: -1, ArrowDown: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
   if (way !== undefined) {
     const lots = lanes.rows.filter((row) => !row.title);
@@ -225,8 +226,8 @@ lanes.canvas.addEventListener("keydown", (event) => {
     if (row) choose({ side: row.side.name, track: row.track });
   } else if (event.key === "ArrowLeft") act("back");
   else if (event.key === "ArrowRight") act("forth");
-  else if (event.key === "+") act("in");
-  else if (event.key === "-") act("out");
+  else if (bigger(event)) act("in");
+  else if (smaller(event)) act("out");
   else if (event.key === "0") act("all");
   else return;
   event.preventDefault();
