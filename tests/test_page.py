@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pages import NASTY, address, detail, ink
 
-from tgospa_eval import evaluate
+from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.evaluation import Result
 
 
@@ -181,25 +181,90 @@ def test_prints(shown: Callable, sample: Result, tmp_path: Path) -> None:
     assert not tab.run("document.documentElement.classList.contains('printing')")
 
 
-def test_texts_have_contrast(shown: Callable, sample: Result) -> None:
-    """WCAG AA, 4.5 to 1, for the colours that texts have, in both schemes."""
-    script = """(() => {
-      const rgb = (name) => { const c = document.createElement('canvas').getContext('2d');
-        c.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-        c.fillRect(0, 0, 1, 1); return [...c.getImageData(0, 0, 1, 1).data].slice(0, 3); };
-      return ['ink', 'soft', 'accent', 'missed', 'false', 'paper', 'panel']
-        .map((name) => rgb(`--${name}`)); })()"""
+def luminance(colour: list[int]) -> float:
+    """Relative luminance of WCAG of bytes in sRGB."""
+    share = np.array(colour) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
 
-    def luminance(colour: list[int]) -> float:
-        linear = [
-            v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4
-            for v in np.array(colour) / 255
-        ]
-        return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
 
-    for dark in (False, True):
-        *texts, paper, panel = map(luminance, shown(sample, dark=dark).run(script))
-        for text in texts:
-            for ground in (paper, panel):
-                low, high = sorted((text, ground))
-                assert (high + 0.05) / (low + 0.05) >= 4.5
+def contrast(one: list[int], other: list[int]) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+MIXED = """(paints) => {
+  const pen = document.createElement('canvas').getContext('2d', { willReadFrequently: true });
+  for (const paint of paints) { pen.fillStyle = paint; pen.fillRect(0, 0, 1, 1); }
+  return [...pen.getImageData(0, 0, 1, 1).data].slice(0, 3);
+}"""
+"""The bytes of colours on top of one another."""
+
+VALUE = "(name) => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim()"
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_texts_have_contrast(shown: Callable, sample: Result, dark: bool) -> None:
+    """WCAG AA, 4.5 to 1, for the colours that texts have; 3 to 1 for parts of pictures."""
+    tab = shown(sample, dark=dark)
+    names = ("ink", "soft", "accent", "missed", "false", "localisation", "paper", "panel")
+    *texts, picture, paper, panel = (tab.run(f"({MIXED})([({VALUE})('{name}')])") for name in names)
+    assert all(contrast(text, ground) >= 4.5 for text in texts for ground in (paper, panel))
+    assert contrast(picture, paper) >= 3
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_names_on_bars_have_contrast(shown: Callable, sample: Result, dark: bool) -> None:
+    """Of every hue, also where the foot of a bar is darker."""
+    tab = shown(sample, dark=dark)
+    light, chroma, label = (tab.run(f"({VALUE})('{name}')") for name in LANE)
+    text = tab.run(f"({MIXED})(['{label}'])")
+    for hue in range(0, 360, 15):
+        bar = f"oklch({light} {chroma} {hue})"
+        for paints in ([bar], [bar, "rgb(0 0 0 / 0.25)"]):
+            assert contrast(text, tab.run(f"({MIXED})({json.dumps(paints)})")) >= 4.5
+
+
+LANE = ("lightness", "chroma", "label")
+
+
+def test_links_are_not_known_by_colour_alone(shown: Callable, sample: Result) -> None:
+    tab = shown(sample)
+    line = "getComputedStyle(document.querySelector('#truth-table a bdi')).textDecorationLine"
+    assert tab.run(line) == "underline"
+
+
+def test_a_wide_bracket_is_said_in_words(shown: Callable) -> None:
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(0, 10, (40, 12, 2))
+    result = evaluate(truth, truth + rng.normal(0, 2, truth.shape), 5.0, solver=Sinkhorn(epsilon=1))
+    tab = shown(result)
+    assert not result.certified
+    words = tab.run("document.querySelector('.proof').innerText")
+    assert words.startswith("bracket")
+    assert "best assignment that was found" in words
+    assert "is the cheapest" not in tab.run("document.querySelector('.how').textContent")
+
+
+def test_axes_of_long_times_have_several_labels(shown: Callable) -> None:
+    """On 360 pixels labels leave out what all times share."""
+    pandas = pytest.importorskip("pandas")
+    times = [f"2024-03-0{1 + k // 24}T{k % 24:02}:15:00.500Z" for k in range(30)]
+    rows = pandas.DataFrame({"id": "a", "t": times, "x": 0.0, "y": 0.0})
+    result = evaluate(rows, rows, cutoff=1.0)
+    path = "CanvasRenderingContext2D.prototype"
+    tab = shown(result, width=360)
+    tab.run(
+        f"window.said = []; (() => {{ const plain = {path}.fillText; {path}.fillText ="
+        " function (text, ...at) { said.push(text); plain.call(this, text, ...at); }; })();"
+        "document.querySelector('[data-do=all]').click()"
+    )
+    tab.wait("said.length > 0")
+    assert {"03-01T00:15", "03-01T20:15"} <= set(tab.run("said"))
+
+
+def test_pictures_follow_the_width(shown: Callable, sample: Result) -> None:
+    """Also where a scroll bar comes or goes and the window stays."""
+    tab = shown(sample)
+    tab.run("document.getElementById('plane-section').style.width = '300px'")
+    tab.wait("document.getElementById('plane').width === 300")

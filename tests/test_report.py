@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -145,6 +146,11 @@ def test_ids_and_paths_do_not_become_markup() -> None:
     assert "alert(1)" in html  # shown as text
     assert sorted(embedded(html)["tracks"]["truth"]["id"]) == sorted(NASTY)
     html.encode()
+
+
+def test_marks_of_direction_end_with_the_path_in_the_title() -> None:
+    html = page(swap(), ("truth.csv", "\u202efdp.csv"))
+    assert "<title>TGOSPA = 5.5: \u2068\u202efdp.csv\u2069 against" in unescape(html)
 
 
 def test_classes_count_their_tracks_through(

@@ -63,7 +63,6 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         total=f"{result.total:.6g}",
         per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
-        switches=len(data["switches"]["step"]),
         timings=_flat(result.timings),
         parameters=_flat(result.parameters),
         inputs={name: _flat(told) for name, told in result.input.items()},
@@ -85,9 +84,18 @@ def _parts(result: Summary) -> list[dict[str, str]]:
             "share": result.share(getattr(result, name)),
             "count": f"{result.counts[name]:.6g}" if name in result.counts else "",
             "note": NOTES[name],
+            "split": _split(result) if name == "localisation" else "",
         }
         for name in PARTS
     ]
+
+
+def _split(result: Summary) -> str:
+    """What means and spreads cost, where the distance tells them apart."""
+    if result.split is None:
+        return ""
+    means, spread = map(result.share, result.split)
+    return f"means {means}, spread {spread}"
 
 
 def _classes(result: Summary) -> list[list[str]]:

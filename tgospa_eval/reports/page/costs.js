@@ -57,6 +57,8 @@ const curve = {
       for (let k = state.from; k <= state.to; k += stride) {
         context.lineTo((left(k, width) + left(k + 1, width)) / 2, bottom - doc.curve[name][k] / high * (bottom - top));
       }
+      // Of one step, or of the only one in the range, there is a dot.
+      if (span() === 1) context.lineTo((left(state.from, width) + left(state.to + 1, width)) / 2 + 5, bottom - doc.curve[name][state.from] / high * (bottom - top));
       context.stroke();
     }
     context.setLineDash([]);

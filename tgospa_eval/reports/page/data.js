@@ -35,6 +35,12 @@ const derived = doc.boxes ? [["centre x", 0, 2], ["centre y", 1, 3]] : [];
 const TIME = doc.columns.length + derived.length;
 const axisNames = [...doc.columns, ...derived.map(([name]) => name), moments[0] === doc.times[0] ? "t" : "number of the step"];
 
+// The unit is that of distances: of haversine it is not that of the columns.
+const titleOf = (axis) => {
+  const name = axisNames[axis], angle = name === "lat" || name === "lon";
+  return isolate(name + (angle ? " / °" : doc.unit && +axis !== TIME ? ` / ${doc.unit}` : ""));
+};
+
 // Where each track begins in an array that is sorted by track.
 function firsts(track, count) {
   const first = new Int32Array(count + 1);

@@ -116,16 +116,17 @@ const lanes = {
     for (const r of inside) {
       if (run.other[r] === NONE) continue;
       const x = Math.max(left(run.begin[r], width), LEFT), room = left(run.end[r] + 1, width) - x - 8;
-      const name = sides[side.other].label[run.other[r]];
-      if (room < 14 || context.measureText(name).width > room) continue;
+      let name = sides[side.other].label[run.other[r]];
+      if (room < 14 || (room < 40 && context.measureText(name).width > room)) continue;
+      name = clipped(context, name, room);
       context.fillStyle = truth ? colour("label") : colour("ink");
-      if (truth) context.fillText(isolate(name), x + 5, middle + 0.5);
+      if (truth) context.fillText(name, x + 5, middle + 0.5);
       else {
         const size = context.measureText(name).width;
         context.fillStyle = colour("paper");
         context.fillRect(x + 3, y + 1, size + 5, tall - 2);
         context.fillStyle = colour("ink");
-        context.fillText(isolate(name), x + 5, middle + 0.5);
+        context.fillText(name, x + 5, middle + 0.5);
       }
     }
     context.restore();
@@ -136,7 +137,7 @@ const lanes = {
   drawErrors(context, side, track, y, width) {
     const { row } = side, tall = this.tall - 4;
     const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
-    context.fillStyle = "rgb(0 0 0 / 0.3)";
+    context.fillStyle = "rgb(0 0 0 / 0.25)";
     const wide = (left(1, width) - left(0, width)) * doc.stride;
     let last = -1, most = 0;
     for (let k = from; k < to; k++) {

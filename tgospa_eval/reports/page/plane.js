@@ -121,7 +121,7 @@ const plane = {
   },
 
   axes(context, width, height) {
-    const { centre, scale } = this.view, unit = doc.unit ? ` / ${doc.unit}` : "";
+    const { centre, scale } = this.view;
     context.strokeStyle = colour("line");
     context.strokeRect(56.5, 4.5, width - 61, height - 31);
     const halfX = (width - 60) / 2 / scale[0], halfY = (height - 30) / 2 / scale[1];
@@ -129,7 +129,7 @@ const plane = {
     const across = niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110);
     for (const value of across) {
       const [x] = this.place(value, centre[1], width, height);
-      if (x < 58 || x > width - 14) continue;
+      if (x < 58 || x + context.measureText(tick(value, across)).width / 2 > width - 4) continue;
       context.fillStyle = colour("grid");
       context.fillRect(x, 5, 1, height - 32);
       context.fillStyle = colour("soft");
@@ -139,16 +139,16 @@ const plane = {
     const upwards = niceSteps(centre[1] - halfY, centre[1] + halfY, height / 80);
     for (const value of upwards) {
       const [, y] = this.place(centre[0], value, width, height);
-      if (y < 22 || y > height - 40) continue;
+      if (y < 26 || y > height - 40) continue;
       context.fillStyle = colour("grid");
       context.fillRect(57, y, width - 62, 1);
       context.fillStyle = colour("soft");
       context.fillText(tick(value, upwards), 52, y);
     }
     context.fillStyle = colour("ink");
-    const [acrossName, upName] = [this.axisX, this.axisY].map((select) => axisNames[select.value] + (+select.value === TIME ? "" : unit));
-    context.fillText(isolate(acrossName), width - 8, height - 5);
-    context.fillText(isolate(upName), 52, 11);
+    context.fillText(titleOf(this.axisX.value), width - 8, height - 5);
+    context.textAlign = "left";
+    context.fillText(titleOf(this.axisY.value), 62, 14);
   },
 
   // A line for each stretch of steps; points near the last are left out, of faded lines more of them.
@@ -163,7 +163,7 @@ const plane = {
       context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
       const near = dim ? 4 : 1;
       context.beginPath();
-      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, drawnX = 0, drawnY = 0;
+      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, begun = -1, drawnX = 0, drawnY = 0;
       const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
       for (let k = from; k < to; k++) {
         const [x, y] = this.place(xs[k], ys[k], width, height);
@@ -171,7 +171,9 @@ const plane = {
         const joined = row.step[k] - lastStep <= 1 || (row.step[k] - lastStep <= doc.stride && lastStep >= 0);
         if (!joined) {
           if (lastTold !== lastStep && lastStep >= 0) context.lineTo(lastX, lastY);
+          else if (lastStep === begun) this.dot(context, lastX, lastY);
           context.moveTo(x, y);
+          begun = row.step[k];
           lastTold = row.step[k];
           [drawnX, drawnY] = [x, y];
         } else if (Math.abs(x - drawnX) + Math.abs(y - drawnY) > near || k === to - 1) {
@@ -181,10 +183,17 @@ const plane = {
         }
         [lastStep, lastX, lastY] = [row.step[k], x, y];
       }
+      if (lastStep === begun) this.dot(context, lastX, lastY);
       context.stroke();
     }
     context.setLineDash([]);
     context.globalAlpha = 1;
+  },
+
+  // What exists at one step and not at the next is no line.
+  dot(context, x, y) {
+    context.moveTo(x + 1.5, y);
+    context.arc(x, y, 1.5, 0, 7);
   },
 
   events(context, side, only, width, height) {
@@ -218,15 +227,15 @@ const plane = {
       const at = placeAt(sides.truth, truth[k], step[k]) || placeAt(sides.truth, truth[k], step[k] - 1);
       if (!at) continue;
       const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height), size = (mass[k] >= 0.99 ? 6 : 4) * this.mark;
-      context.globalAlpha = only && !only.has(truth[k]) ? 0.15 : 1;
+      context.globalAlpha = only && !only.has(truth[k]) ? 0.15 : this.mark > 0.5 ? 1 : 0.5;
       context.beginPath();
       context.moveTo(x, y - size); context.lineTo(x + size, y); context.lineTo(x, y + size); context.lineTo(x - size, y);
       context.closePath();
       context.fillStyle = colour("switch");
       context.strokeStyle = colour("paper");
-      context.lineWidth = 1.2;
+      context.lineWidth = 1.2 * this.mark;
       context.fill();
-      context.stroke();
+      if (this.mark > 0.5) context.stroke();
     }
     context.globalAlpha = 1;
   },
@@ -287,8 +296,9 @@ const plane = {
         if (!few && !named[side.name].has(track)) continue;
         context.strokeStyle = colour("paper");
         context.fillStyle = truth ? colour("ink") : colour("accent");
-        context.strokeText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
-        context.fillText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
+        const name = clipped(context, side.label[track], 110);
+        context.strokeText(name, x + (truth ? -9 : 9), y + (truth ? -8 : 8));
+        context.fillText(name, x + (truth ? -9 : 9), y + (truth ? -8 : 8));
       }
     }
   },
