@@ -8,7 +8,16 @@ import zlib
 import numpy as np
 from browser import Browser
 
-NASTY = ("<script>alert(1)</script>", "\"quotes' & <b>", "</script><!--", "שלום \u202eabc", "a\\nb")
+NASTY = (
+    "<script>alert(1)</script>",
+    "\"quotes' & <b>",
+    "</script><!--",
+    "שלום \u202eabc",
+    "a\\nb",
+    "u\u2028v\u2029w",
+    "&#x27;{{7*7}}",
+    "x" * 90,
+)
 
 
 def unpacked(text: str, arrays: list[tuple[str, int]]) -> dict[str, np.ndarray]:

@@ -268,3 +268,19 @@ def test_pictures_follow_the_width(shown: Callable, sample: Result) -> None:
     tab = shown(sample)
     tab.run("document.getElementById('plane-section').style.width = '300px'")
     tab.wait("document.getElementById('plane').width === 300")
+
+
+def test_a_click_on_the_dearest_of_several_steps_selects_that(shown: Callable) -> None:
+    truth = np.zeros((3000, 1, 2))
+    estimate = truth.copy()
+    estimate[1501] = np.nan
+    tab = shown(evaluate(truth, estimate, cutoff=1.0), width=700)
+    assert "dearest of" in tab.run("document.getElementById('costs-note').innerText")
+    box = tab.box("#costs")
+    each = (box["width"] - 84) / 3000
+    for step in (1500, 1502):  # within a pixel
+        tab.run("document.querySelector('[data-do=clear]').click()")
+        tab.click(box["x"] + 74 + (step + 0.5) * each, box["y"] + 60)
+        if address(tab) == "#step=1501":
+            break
+    assert address(tab) == "#step=1501"

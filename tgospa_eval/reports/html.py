@@ -63,7 +63,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         total=f"{result.total:.6g}",
         per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
-        timings=_flat(result.timings),
+        seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         parameters=_flat(result.parameters),
         inputs={name: _flat(told) for name, told in result.input.items()},
         solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
