@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import Browser
 from pages import NASTY, address, detail, ink
 
 from tgospa_eval import Sinkhorn, evaluate
@@ -246,21 +247,45 @@ def test_a_wide_bracket_is_said_in_words(shown: Callable) -> None:
     assert "is the cheapest" not in tab.run("document.querySelector('.how').textContent")
 
 
-def test_axes_of_long_times_have_several_labels(shown: Callable) -> None:
-    """On 360 pixels labels leave out what all times share."""
-    pandas = pytest.importorskip("pandas")
-    times = [f"2024-03-0{1 + k // 24}T{k % 24:02}:15:00.500Z" for k in range(30)]
-    rows = pandas.DataFrame({"id": "a", "t": times, "x": 0.0, "y": 0.0})
-    result = evaluate(rows, rows, cutoff=1.0)
+def labels(tab: Browser) -> set[str]:
+    """All texts of the pictures, drawn anew."""
     path = "CanvasRenderingContext2D.prototype"
-    tab = shown(result, width=360)
     tab.run(
         f"window.said = []; (() => {{ const plain = {path}.fillText; {path}.fillText ="
         " function (text, ...at) { said.push(text); plain.call(this, text, ...at); }; })();"
         "document.querySelector('[data-do=all]').click()"
     )
     tab.wait("said.length > 0")
-    assert {"03-01T00:15", "03-01T20:15"} <= set(tab.run("said"))
+    return set(tab.run("said"))
+
+
+def test_axes_of_long_times_have_several_labels(shown: Callable) -> None:
+    """On 360 pixels labels leave out what all times share."""
+    pandas = pytest.importorskip("pandas")
+    times = [f"2024-03-0{1 + k // 24}T{k % 24:02}:15:00.500Z" for k in range(30)]
+    rows = pandas.DataFrame({"id": "a", "t": times, "x": 0.0, "y": 0.0})
+    result = evaluate(rows, rows, cutoff=1.0)
+    assert {"03-01T00:15", "03-01T20:15"} <= labels(shown(result, width=360))
+
+
+def test_times_with_rounding_are_labelled_without(shown: Callable) -> None:
+    pandas = pytest.importorskip("pandas")
+    rows = pandas.DataFrame({"id": "a", "t": np.arange(100) * 0.1, "x": 0.0, "y": 0.0})
+    assert 0.30000000000000004 in rows.t.to_numpy()
+    found = labels(shown(evaluate(rows, rows, cutoff=1.0)))
+    assert {"2", "4"} <= found
+    assert max(map(len, found)) < 40
+
+
+def test_a_table_says_what_it_leaves_out(shown: Callable) -> None:
+    truth = np.zeros((2, 60, 2))
+    truth[:, :, 0] = np.arange(60) * 100
+    tab = shown(evaluate(truth, truth, cutoff=1.0))
+    rows = "document.querySelectorAll('#truth-table tbody tr').length"
+    assert tab.run(rows) == 50
+    assert "The first 50 of 60" in tab.run("document.getElementById('truth-table').innerText")
+    tab.run("document.querySelector('#truth-table button.more').click()")
+    assert tab.run(rows) == 60
 
 
 def test_pictures_follow_the_width(shown: Callable, sample: Result) -> None:

@@ -26,7 +26,7 @@ ANGLE = 64
 
 
 def described(spreads: list[Floats], stride: int) -> dict[str, Any]:
-    """How the numbers of both sides are to be read; nothing where all states are points.
+    """How the numbers of both sides are to be read; nothing where there are no ellipses.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def described(spreads: list[Floats], stride: int) -> dict[str, Any]:
         Steps from one told position to the next.
     """
     around = [spread for spread in spreads if spread.size]
-    if not around:
+    if not around or size_of(around[0].shape[1]) < 2:
         return {}
     rows, columns = np.tril_indices(size_of(around[0].shape[1]))
     largest = np.max([_deviations(s[:, rows == columns]).max(axis=0) for s in around], axis=0)

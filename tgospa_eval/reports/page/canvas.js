@@ -113,7 +113,10 @@ const shared = (() => {
   const day = Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
   return day || (/^\d{4}-/.test(first) && same >= 5 ? 5 : 0);
 })();
-const shortTime = (step) => time(step).slice(shared, time(step).length - sharedEnd);
+// Numbers that were computed, as 0.1 + 0.2, lose the digits that are rounding.
+const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
+const shortTime = (step) => roundTime(doc.times[step]).slice(shared, roundTime(doc.times[step]).length - sharedEnd);
+const stepAtRound = new Map(doc.times.map((t, k) => [roundTime(t), k]));
 
 function timeAxis(context, width, bottom) {
   context.fillStyle = colour("soft");
@@ -125,7 +128,7 @@ function timeAxis(context, width, bottom) {
     // Round times where there are such steps, else steps at round distances.
     const [begin, end] = [doc.times[state.from], doc.times[state.to]];
     const round = typeof begin === "number" && end > begin ? niceSteps(begin, end, count) : [];
-    ticks = round.map((value) => stepOf.get(String(+value.toPrecision(12)))).filter((step) => step !== undefined);
+    ticks = round.map((value) => stepAtRound.get(roundTime(value))).filter((step) => step !== undefined);
     if (ticks.length < Math.max(2, round.length / 2)) ticks = niceSteps(0, state.to - state.from, count).filter(Number.isInteger).map((step) => step + state.from);
   }
   let end = -1e9;
