@@ -76,3 +76,15 @@ def pick(tab: Browser, selector: str, value: str) -> None:
         f"s.value = [...s.options].find((o) => o.text === '{value}').value;"
         "s.dispatchEvent(new Event('change')); })()"
     )
+
+
+def labels(tab: Browser) -> set[str]:
+    """All texts of the pictures, drawn anew."""
+    path = "CanvasRenderingContext2D.prototype"
+    tab.run(
+        f"window.said = []; (() => {{ const plain = {path}.fillText; {path}.fillText ="
+        " function (text, ...at) { said.push(text); plain.call(this, text, ...at); }; })();"
+        "document.querySelector('[data-do=all]').click()"
+    )
+    tab.wait("said.length > 0")
+    return set(tab.run("said"))

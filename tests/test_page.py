@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Browser
-from pages import NASTY, address, detail, ink
+from pages import NASTY, address, detail, ink, labels
 
 from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.evaluation import Result
@@ -162,6 +161,8 @@ def test_times_and_places_may_be_large(shown: Callable) -> None:
     tab.run("document.querySelector('[data-do=forth]').click()")
     assert address(tab) == f"#step={first + 4}&truth=a"
     assert "missed" in detail(tab)
+    assert {"+0", "+1", "+4"} <= labels(tab)
+    assert str(first) in tab.run("document.getElementById('costs-note').innerText")
 
 
 def test_nothing_is_said_in_words(shown: Callable) -> None:
@@ -245,18 +246,6 @@ def test_a_wide_bracket_is_said_in_words(shown: Callable) -> None:
     assert words.startswith("bracket")
     assert "best assignment that was found" in words
     assert "is the cheapest" not in tab.run("document.querySelector('.how').textContent")
-
-
-def labels(tab: Browser) -> set[str]:
-    """All texts of the pictures, drawn anew."""
-    path = "CanvasRenderingContext2D.prototype"
-    tab.run(
-        f"window.said = []; (() => {{ const plain = {path}.fillText; {path}.fillText ="
-        " function (text, ...at) { said.push(text); plain.call(this, text, ...at); }; })();"
-        "document.querySelector('[data-do=all]').click()"
-    )
-    tab.wait("said.length > 0")
-    return set(tab.run("said"))
 
 
 def test_axes_of_long_times_have_several_labels(shown: Callable) -> None:

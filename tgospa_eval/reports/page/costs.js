@@ -41,7 +41,10 @@ const costs = {
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
     chosenStep(context, width, top, bottom);
-    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the dearest of ${together} steps` : "";
+    document.getElementById("costs-note").textContent = [
+      ...(together > 1 ? [`each bar is the dearest of ${together} steps`] : []),
+      ...(stamps ? [`times from ${time(0)}`] : []),
+    ].join("; ");
   },
 };
 
