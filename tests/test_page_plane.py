@@ -229,3 +229,24 @@ def test_keys_of_the_browser_stay_its_own(shown: Callable) -> None:
     tab.run("document.getElementById('plane').focus()")
     tab.press("=")
     assert picture(tab) != before
+
+
+def test_a_tap_selects_and_one_finger_scrolls(shown: Callable) -> None:
+    truth = np.array([[[0.0, 0.0]], [[10.0, 10.0]], [[20.0, 0.0]]])
+    tab = shown(evaluate(truth, truth + 0.1, cutoff=1.0), width=390)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    box = tab.box("#plane")
+    x = box["x"] + (box["width"] + 44) / 2
+    before = picture(tab)
+    for down in range(20, 300, 8):
+        for kind, points in (("touchStart", [{"x": x, "y": box["y"] + down}]), ("touchEnd", [])):
+            tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        if tab.run("location.hash"):
+            break
+    assert tab.run("location.hash").startswith("#step=1&")
+    assert picture(tab) != before
+    assert tab.run("getComputedStyle(document.getElementById('plane')).touchAction") in (
+        "pan-x pan-y",
+        "pan-y pan-x",
+    )
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
