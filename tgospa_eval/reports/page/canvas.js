@@ -113,7 +113,7 @@ const shared = (() => {
   const day = Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
   return day || (/^\d{4}-/.test(first) && same >= 5 ? 5 : 0);
 })();
-// Whole numbers beyond the digits of a browser, as nanoseconds since 1970, are told from the first.
+// Whole numbers beyond the digits of a browser, as fine stamps since 1970, are told from the first.
 const stamps = steps > 1 && doc.times.every((t) => typeof t === "string" && /^-?\d+$/.test(t)) ? doc.times.map(BigInt) : null;
 // Numbers that were computed, as 0.1 + 0.2, lose the digits that are rounding.
 const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
