@@ -4,11 +4,13 @@ import os
 import random
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import browser
 import pytest
+from browser import Browser
 
 os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
 
@@ -108,3 +110,34 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         paths.append(str(path))
     return paths[0], paths[1]
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if not browser.PROGRAM:
+        pytest.skip("no Chromium on this machine")
+    opened = Browser(tmp_path_factory.mktemp("profile"))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def shown(chromium: Browser, tmp_path: Path) -> Iterator[Callable[..., Browser]]:
+    """Open the page of a result; at the end it must have logged nothing and asked for nothing."""
+
+    from tgospa_eval.evaluation import Summary
+    from tgospa_eval.reports.html import page
+
+    def show(result: Summary, hash_: str = "", **settings: object) -> Browser:
+        path = tmp_path / "report.html"
+        path.write_text(page(result), encoding="utf-8")
+        chromium.open(path.as_uri() + hash_, **settings)
+        return chromium
+
+    yield show
+    assert chromium.complaints == []
+    asked = [address for address in chromium.requests if not address.startswith("blob:")]
+    assert {address.partition("#")[0] for address in asked} <= {
+        (tmp_path / "report.html").as_uri(),
+        "about:blank",
+    }

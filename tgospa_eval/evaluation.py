@@ -89,11 +89,15 @@ class Scene:
         Names of the d state columns.
     truth, estimate : (R, d) float arrays
         States in the order of the rows of the problem, by step and track.
+    truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
+        Lower triangles of the covariances of these states, of clouds the second moments.
     """
 
     columns: tuple[str, ...]
     truth: Floats
     estimate: Floats
+    truth_covariance: Floats | None = None
+    estimate_covariance: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

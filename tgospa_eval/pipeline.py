@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
+from tgospa_eval.covariances import pack
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result, Scene, sizes_of
@@ -191,6 +192,8 @@ class Prepared:
         Every option that changes the number, but for those of the solver.
     input : dict
         Rows and digest of either side.
+    scene : Scene
+        Where the objects were before the distance prepared them, for pictures.
     """
 
     parameters: Parameters
@@ -201,6 +204,7 @@ class Prepared:
     moments: NDArray[Any]
     settings: dict[str, Any]
     input: dict[str, Any]
+    scene: Scene
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -234,6 +238,7 @@ def prepare(
     with stopwatch.span("distances"):
         aligned = align(truth, estimate, stamps)
         truth, estimate = aligned.truth, aligned.estimate
+        scene = _scene(truth, estimate)
         measure = measure.fitted(truth, estimate)
         effort = Effort(jobs=jobs, stopwatch=stopwatch)
         truth, estimate, prepared = measure.prepared(truth, estimate, effort)
@@ -275,6 +280,7 @@ def prepare(
             }
             for side, name in enumerate(("truth", "estimate"))
         },
+        scene=scene,
     )
 
 
@@ -304,8 +310,27 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
         timings=_nested(stopwatch),
         input=prepared.input,
         version=__version__,
-        scene=Scene(columns=truth.columns, truth=truth.state, estimate=estimate.state),
+        scene=prepared.scene,
     )
+
+
+def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:
+    """What pictures show: states as they were read, not as a distance scales or whitens them."""
+    return Scene(
+        columns=truth.columns,
+        truth=truth.state,
+        estimate=estimate.state,
+        truth_covariance=_second_moments(truth),
+        estimate_covariance=_second_moments(estimate),
+    )
+
+
+def _second_moments(side: Trajectories) -> Floats | None:
+    """Lower triangles of what is around each state, if anything is."""
+    if side.clouds is None:
+        return side.covariance
+    with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
+        return pack(side.clouds.covariances).T
 
 
 def _split(
