@@ -4,6 +4,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -77,7 +78,8 @@ def evaluate_files(
         paths = truth, estimate
         distance, aligned = settings.fit(sides, paths)
         if wanted is not None:
-            wanted.check(aligned.truth.columns)
+            with _named_options():
+                wanted.check(aligned.truth.columns)
         if not quiet:
             for path, side in zip(paths, sides, strict=True):
                 for notice in side.notices:
@@ -265,12 +267,22 @@ def wanted_pictures(options: dict[str, Any]) -> "Pictures | None":
     if options.get("pictures", "none") == "none":
         return None
     parts, plane = options["components"], options["plane"]
-    return Pictures(
-        formats=names_in(options["pictures"]),
-        style=options["style"],
-        components=None if parts is None else names_in(parts),
-        columns=None if plane is None else names_in(plane),
-    )
+    with _named_options():
+        return Pictures(
+            formats=names_in(options["pictures"]),
+            style=options["style"],
+            components=None if parts is None else names_in(parts),
+            columns=None if plane is None else names_in(plane),
+        )
+
+
+@contextmanager
+def _named_options() -> Iterator[None]:
+    """What is wrong with pictures, with the name of the option as it is typed."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"--{error}") from None
 
 
 def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
