@@ -71,7 +71,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     edges = np.append(first, seen.steps) - 0.5
     base = np.zeros(len(first))
     handles = []
-    for name, cost in costs.items():
+    for name, cost in costs.items() if seen.steps else ():
         # What costs nothing has no outline either.
         height = np.where(cost[dearest] > 0, cost[dearest], np.nan)
         bars = axis.stairs(
@@ -88,7 +88,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     cost_unit = power(seen.data["unit"], seen.data["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
     titled(axis, style, "Cost of each step", seen.about)
-    legend(made, handles, list(costs), 4)
+    legend(made, handles, [bars.get_label() for bars in handles], 4)
     return made
 
 

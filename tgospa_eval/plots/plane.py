@@ -134,6 +134,8 @@ def _lines(
     thin = style.settings.get("lines.linewidth", 1.3)
     apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.data["stride"])
     breaks = np.flatnonzero(apart) + 1
+    alone = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
+    alone[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(alone)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
     colour = np.insert(row["track"] % len(DARK), breaks, -1)
@@ -147,9 +149,14 @@ def _lines(
             looks = {"color": DARK[turn], "linestyle": "-"}
         line = axis.plot(
             x[drawn], y[drawn], linewidth=thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
-            marker="." if len(row["track"]) < 3 else "", zorder=2 if truth else 2.1,
-            rasterized=many, label=f"{side.name}/{turn}", **looks,
+            zorder=2 if truth else 2.1, rasterized=many, label=f"{side.name}/{turn}", **looks,
         )[0]  # fmt: skip
+        dots = alone & (truth | (row["track"] % len(DARK) == turn))
+        if dots.any():
+            axis.plot(
+                *(values[dots] for values in place), ".", color=looks["color"],
+                markersize=2.5 * thin, zorder=2.1, rasterized=many, label=f"{side.name}/alone",
+            )  # fmt: skip
         made = made or line
     return {side.name: made}
 
@@ -168,12 +175,7 @@ def _events(
             marks.append((name, x[side.unassigned], y[side.unassigned], looks))
     if "truth" in places and len(places["truth"][0]):
         row = rows_of_switches(seen)
-        diamond: dict[str, Any] = {
-            "marker": "D",
-            "color": INK,
-            "markeredgecolor": "white",
-            "zorder": 4,
-        }
+        diamond: dict[str, Any] = {"marker": "D", "color": INK, "zorder": 4}
         marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
     count = sum(len(x) for _, x, _, _ in marks)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
@@ -181,6 +183,7 @@ def _events(
         name: axis.plot(
             x, y, linestyle="none", label=name, rasterized=count > VECTOR // 8,
             **{"markersize": size, "markeredgewidth": size / 6, "zorder": 3, **looks},
+            **({"markeredgecolor": "white"} if name == "switch" and count < CROWDED else {}),
         )[0]
         for name, x, y, looks in marks
         if len(x)

@@ -46,7 +46,8 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
         thin = 0.9 if style.titles else 0.5
         made = PolyCollection(
             list(shapes[kept]), facecolors="none", edgecolors=INK if truth else colours,
-            linewidths=thin, linestyles=(0, (4, 2)) if truth else "-", zorder=2.3, label=f"{side.name}/shapes",
+            linewidths=thin, linestyles=(0, (4, 2)) if truth else "-",
+            zorder=2.3, label=f"{side.name}/shapes",
         )  # fmt: skip
         axis.add_collection(made)
         what = "box" if boxes else f"{SIGMAS}-sigma"
