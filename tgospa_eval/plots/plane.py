@@ -176,6 +176,8 @@ def _events(
     if "truth" in places and len(places["truth"][0]):
         row = rows_of_switches(seen)
         diamond: dict[str, Any] = {"marker": "D", "color": INK, "zorder": 4}
+        if len(row) < CROWDED:
+            diamond["markeredgecolor"] = "white"
         marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
     count = sum(len(x) for _, x, _, _ in marks)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
@@ -183,7 +185,6 @@ def _events(
         name: axis.plot(
             x, y, linestyle="none", label=name, rasterized=count > VECTOR // 8,
             **{"markersize": size, "markeredgewidth": size / 6, "zorder": 3, **looks},
-            **({"markeredgecolor": "white"} if name == "switch" and count < CROWDED else {}),
         )[0]
         for name, x, y, looks in marks
         if len(x)

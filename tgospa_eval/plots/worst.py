@@ -59,12 +59,12 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     if beside:
         made, (axes,) = figure(style.width, 0.9 + 0.26 * style.worst, columns=3)
     else:
-        rows = [max(len(names), 1) + 1.5 for names, _ in lists.values()]
+        rows = [max(len(names), 4) + 1.5 for names, _ in lists.values()]
         made, columns = figure(style.width, 0.55 + 0.13 * sum(rows), rows=3)
         axes = columns[:, 0]
         axes[0].get_gridspec().set_height_ratios(rows)
     for axis, (title, (names, costs)) in zip(axes, lists.items(), strict=True):
-        _bars(axis, names, costs, style.worst if beside else len(names), beside=beside)
+        _bars(axis, names, costs, style.worst if beside else max(len(names), 4), beside=beside)
         axis.set_ylabel(title, fontweight="bold")
     unit = power(seen.data["unit"], seen.data["order"])
     axes[len(axes) // 2 if beside else -1].set_xlabel(f"cost{unit}", parse_math=False)
