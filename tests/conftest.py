@@ -16,6 +16,9 @@ os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would 
 
 QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
 
+NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
+"""They take longer than what most tests are about; tests/test_pictures.py draws them."""
+
 
 class Answer(NamedTuple):
     """What a command line left behind."""
@@ -41,7 +44,7 @@ def write(tmp_path: Path) -> Callable[[str, str | bytes], str]:
 def environment() -> dict[str, str]:
     """An environment for a process: without settings of ours, with an encoding that is known."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith("TGOSPA_EVAL_")}
-    return kept | {"PYTHONIOENCODING": "utf-8"}
+    return kept | {"PYTHONIOENCODING": "utf-8"} | NO_PICTURES
 
 
 @pytest.fixture
@@ -74,6 +77,8 @@ def invoke(
     monkeypatch.chdir(tmp_path)
     for name in [name for name in os.environ if name.startswith("TGOSPA_EVAL_")]:
         monkeypatch.delenv(name)
+    for name, value in NO_PICTURES.items():
+        monkeypatch.setenv(name, value)
 
     def invoke(*arguments: str) -> Answer:
         capsys.readouterr()

@@ -5,7 +5,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.options import evaluation_options
+from tgospa_eval.cli.options import OF_PICTURES, evaluation_options
 
 ACCURACY_MISSED = 4
 
@@ -24,6 +24,9 @@ def command(ctx: click.Context, /, truth: str, estimate: str, **options: Any) ->
 
     Exit status: 0 done, 2 wrong option, 3 bad input file, 4 accuracy not reached.
     """
+    for name in OF_PICTURES if options["output"] is None else ():
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     from tgospa_eval.cli.work import evaluate_files, show
 
     given = {

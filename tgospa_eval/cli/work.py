@@ -4,7 +4,8 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator
-from typing import Any
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,6 +25,9 @@ from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.plots.report import Pictures
 
 
 def say(text: str) -> None:
@@ -59,8 +63,10 @@ def evaluate_files(
     quiet = options["quiet"]
     settings = make_settings(options, given)
     solver = make_solver(options)
+    wanted = None
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
+        wanted = wanted_pictures(options)
     stopwatch = Stopwatch()
     if not quiet:
         stopwatch.tell = say
@@ -70,6 +76,9 @@ def evaluate_files(
             sides = settings.read(truth, estimate)
         paths = truth, estimate
         distance, aligned = settings.fit(sides, paths)
+        if wanted is not None:
+            with _named_options():
+                wanted.check(aligned.truth.columns)
         if not quiet:
             for path, side in zip(paths, sides, strict=True):
                 for notice in side.notices:
@@ -236,9 +245,7 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
-        missing = write_folder(result, options["output"], force=options["force"], names=names)
-        for extra in () if options["quiet"] else missing:
-            say(f"report.html is not written: it needs pip install 'tgospa-eval[{extra}]'")
+        _write(result, options, names)
     name = options["format_"]
     if name == "table" and _on_terminal():
         from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
@@ -246,6 +253,64 @@ def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> No
         emit(report(result, sys.stdout.encoding or "ascii"))
     else:
         emit(REPORTS[name](result))
+
+
+def wanted_pictures(options: dict[str, Any]) -> "Pictures | None":
+    """The pictures that the options ask for; None without an option of that kind, or for none.
+
+    Raises
+    ------
+    ConfigError
+        Something is wrong with them.
+    """
+    from tgospa_eval.plots.report import Pictures, names_in  # here: of folders alone
+
+    if options.get("pictures", "none") == "none":
+        return None
+    parts, plane = options["components"], options["plane"]
+    with _named_options():
+        return Pictures(
+            formats=names_in(options["pictures"]),
+            style=options["style"],
+            components=None if parts is None else names_in(parts),
+            columns=None if plane is None else names_in(plane),
+        )
+
+
+@contextmanager
+def _named_options() -> Iterator[None]:
+    """What is wrong with pictures, with the name of the option as it is typed."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"--{error}") from None
+
+
+def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
+    """The result folder; says what is not in it for want of an extra."""
+    from tgospa_eval import plots
+
+    wanted = wanted_pictures(options)
+    pictures: dict[str, bytes] = {}
+    absent = []
+    if wanted is not None and plots.available():
+        from tgospa_eval.plots.report import result_pictures
+
+        pictures = result_pictures(result, wanted)
+    elif wanted is not None:
+        absent = [("the pictures", "plot")]
+    missing = write_folder(
+        result, options["output"], force=options["force"], names=names, more=pictures
+    )
+    absent = [("report.html", extra) for extra in missing] + absent
+    if absent and not options["quiet"]:
+        what, extras = (list(column) for column in zip(*absent, strict=True))
+        single = absent == [("report.html", "report")]
+        say(
+            f"{' and '.join(what)} {'is' if single else 'are'} not written: "
+            f"{'it needs' if single else 'they need'} "
+            f"pip install 'tgospa-eval[{','.join(extras)}]'"
+        )
 
 
 def _on_terminal() -> bool:
