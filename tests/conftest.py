@@ -4,15 +4,20 @@ import os
 import random
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import browser
 import pytest
+from browser import Browser
 
 os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
 
 QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
+
+NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
+"""They take longer than what most tests are about; tests/test_pictures.py draws them."""
 
 
 class Answer(NamedTuple):
@@ -39,7 +44,7 @@ def write(tmp_path: Path) -> Callable[[str, str | bytes], str]:
 def environment() -> dict[str, str]:
     """An environment for a process: without settings of ours, with an encoding that is known."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith("TGOSPA_EVAL_")}
-    return kept | {"PYTHONIOENCODING": "utf-8"}
+    return kept | {"PYTHONIOENCODING": "utf-8"} | NO_PICTURES
 
 
 @pytest.fixture
@@ -72,6 +77,8 @@ def invoke(
     monkeypatch.chdir(tmp_path)
     for name in [name for name in os.environ if name.startswith("TGOSPA_EVAL_")]:
         monkeypatch.delenv(name)
+    for name, value in NO_PICTURES.items():
+        monkeypatch.setenv(name, value)
 
     def invoke(*arguments: str) -> Answer:
         capsys.readouterr()
@@ -108,3 +115,34 @@ def crowd(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         paths.append(str(path))
     return paths[0], paths[1]
+
+
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if not browser.PROGRAM:
+        pytest.skip("no Chromium on this machine")
+    opened = Browser(tmp_path_factory.mktemp("profile"))
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def shown(chromium: Browser, tmp_path: Path) -> Iterator[Callable[..., Browser]]:
+    """Open the page of a result; at the end it must have logged nothing and asked for nothing."""
+
+    from tgospa_eval.evaluation import Summary
+    from tgospa_eval.reports.html import page
+
+    def show(result: Summary, hash_: str = "", **settings: object) -> Browser:
+        path = tmp_path / "report.html"
+        path.write_text(page(result), encoding="utf-8")
+        chromium.open(path.as_uri() + hash_, **settings)
+        return chromium
+
+    yield show
+    assert chromium.complaints == []
+    asked = [address for address in chromium.requests if not address.startswith("blob:")]
+    assert {address.partition("#")[0] for address in asked} <= {
+        (tmp_path / "report.html").as_uri(),
+        "about:blank",
+    }

@@ -52,7 +52,18 @@ def tgospa_lp(
 
     No reduction at all: (m + 1)(n + 1) T assignments and m n (T - 1) changes.
     """
-    costs = dense_costs(truth, estimate, c, p, distance)
+    return programme(dense_costs(truth, estimate, c, p, distance), c, p, gamma, w1, w2)
+
+
+def programme(
+    costs: Array,
+    c: float,
+    p: float,
+    gamma: float,
+    w1: Array | None = None,
+    w2: Array | None = None,
+) -> float:
+    """The same of any costs D(k) (T, m + 1, n + 1), in units of c^p."""
     steps, m, n = costs.shape[0], costs.shape[1] - 1, costs.shape[2] - 1
     if not steps:
         return 0.0

@@ -1,6 +1,7 @@
 """Particle clouds as states: files, base distance of the metric, associate and reduce."""
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 from conftest import Answer
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles import programme
+from test_clouds import by_linear_programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
 from tgospa_eval.alignment import Stamps, align
@@ -24,7 +27,8 @@ from tgospa_eval.distances import (
     cloud_wasserstein,
     near_pairs,
 )
-from tgospa_eval.distances import clouds as bounds
+from tgospa_eval.distances import cloud_pairs as bounds
+from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
@@ -173,6 +177,8 @@ def test_reduction_belongs_to_the_distance() -> None:
     assert result.tgospa == evaluate(*reduced, distance=CloudWasserstein()).tgospa
     assert result.parameters["reduce"] == 5
     assert evaluate(a, a, distance=distance).tgospa <= 1e-6
+    with pytest.raises(ConfigError, match=r"reduction is 5: must be a Reduction\(size=\.\.\.\)"):
+        CloudWasserstein(reduction=5)
     drawn = CloudWasserstein(reduction=Reduction(size=5, method="multinomial"))
     assert evaluate(a, a, distance=drawn).tgospa <= 1e-6
 
@@ -186,15 +192,32 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
     near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(stopwatch=stopwatch))
     assert "transports of up to" in said[0]
     assert said[0].endswith("--reduce 50 makes them small")
-    bounds.reduced(scene(11).clouds, Reduction(size=2), Effort(stopwatch=stopwatch))
+    reduced(scene(11).clouds, Reduction(size=2), Effort(stopwatch=stopwatch))
     assert "clouds to reduce, at most about " in said[1]
-    assert bounds.estimated_seconds(np.array([1000]), np.array([1000])) == pytest.approx(0.25, 0.2)
+
+
+def test_the_time_to_import_is_not_multiplied(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first piece of work may take seconds, of which the others know nothing."""
+    clock = iter([0.0, 9.0, 9.0, 9.001])
+    monkeypatch.setattr(bounds.time, "perf_counter", lambda: next(clock))
+    said: list[str] = []
+    stopwatch = Stopwatch(lambda: 0.0)
+    stopwatch.tell = said.append
+    bounds.announce(Effort(stopwatch=stopwatch), 100, "100 clouds to reduce", lambda: None)
+    assert said == []
+
+
+def test_estimated_time() -> None:
+    size = np.array([1000])
+    assert bounds.estimated_seconds(size, size) == pytest.approx(0.25, 0.2)
+    assert bounds.estimated_seconds(size, size, is_line=True) < 1e-3
 
 
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounds, "LARGEST", 5)
     with pytest.raises(
-        InputError, match=r'id "\d" at t \d has \d+ particles, more than 5 take too'
+        InputError,
+        match=r'id "\d" with \d+ particles and id "\d" with \d+ particles at t \d: more than ',
     ):
         near_pairs(scene(13), scene(14), 100, CloudWasserstein())
 
@@ -258,21 +281,52 @@ def test_rows_of_one_id_and_time_are_a_cloud(write: Write) -> None:
     assert single.clouds.weights.tolist() == [1]
 
 
-def test_value_of_the_worked_example(write: Write, run: Run) -> None:
+def test_value_of_the_worked_example(write: Write, run: Run, invoke: Run) -> None:
     """Distances sqrt(1.6) and 1, then two particles at 1 from a point."""
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     status, out, _ = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
     assert status == 0
     assert json.loads(out)["total"] == pytest.approx(1.6 + 1 + 1, rel=1e-12)
-    status, out, _ = run(*paths, *WHOLE, "--cloud-order", "1", "-c", "10", "--format", "json")
+    status, out, _ = invoke(*paths, *WHOLE, "--cloud-order", "1", "-c", "10", "--format", "json")
     result = json.loads(out)
     assert result["total"] == pytest.approx(1.2**2 + 1 + 1, rel=1e-12)
     assert result["parameters"]["cloud_order"] == 1
-    status, out, err = run(*paths, "-c", "10", "-g", "2", "--format", "json")
+    status, out, err = invoke(*paths, "-c", "10", "-g", "2", "--format", "json")
     assert json.loads(out)["total"] == pytest.approx(0.2**2 + 1, rel=1e-12)
     assert "3 clouds of 6 particles are compared by their means; whole: --distance cloud-w" in err
-    status, out, _ = run("inspect", *paths, *WHOLE, "--format", "json")
+    status, out, _ = invoke("inspect", *paths, *WHOLE, "--format", "json")
     assert status == 0
+    assert json.loads(out)["truth"]["deviation"]["y"]["max"] == pytest.approx(1.2, rel=1e-12)
+
+
+@pytest.mark.parametrize("cloud_order", [1, 2])
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_value_is_the_optimum_of_plain_programmes(
+    write: Write, cloud_order: int, order: float
+) -> None:
+    """Of one for each pair of clouds, and one of the definition over their distances."""
+    rng = np.random.default_rng(13)
+    sides: list[dict] = [{}, {}]
+    texts = ["id,t,w,x,y\n", "id,t,w,x,y\n"]
+    for number, step, track in np.ndindex(2, 3, 3):
+        count = int(rng.integers(0, 4))  # none: absent at that step
+        points = 2 * track + rng.integers(-3, 4, (count, 2)) / 2
+        weights = rng.integers(1, 5, count)
+        rows = [f"{track},{step},{w},{x},{y}\n" for w, (x, y) in zip(weights, points, strict=True)]
+        texts[number] += "".join(rows)
+        if count:
+            sides[number][step, track] = points, weights / weights.sum()
+    c, gamma = 3.0, 1.0
+    costs = np.zeros((3, 4, 4))
+    for k, i, j in np.ndindex(3, 4, 4):
+        a, b = sides[0].get((k, i)), sides[1].get((k, j))
+        costs[k, i, j] = 0.5 * (a is not None) + 0.5 * (b is not None)
+        if a and b:
+            costs[k, i, j] = min(by_linear_programme(a, b, cloud_order) / c, 1) ** order
+    truth, estimate = (read_trajectories(write(f"{k}.csv", texts[k]), clouds=True) for k in (0, 1))
+    distance = CloudWasserstein(order=cloud_order)
+    result = evaluate(truth, estimate, c, order, gamma, distance=distance)
+    assert result.total == pytest.approx(programme(costs, c, order, gamma), rel=1e-8)
 
 
 def test_formats_hold_the_same(write: Write, tmp_path: Path) -> None:
@@ -317,17 +371,61 @@ def test_npz_with_one_array_of_positions(tmp_path: Path) -> None:
         ("1,0,inf,0,0\n1,0,1,1,1\n", 'column "weight": infinite: "inf"'),
     ],
 )
-def test_wrong_weights(write: Write, run: Run, text: str, message: str) -> None:
+def test_wrong_weights(write: Write, invoke: Run, text: str, message: str) -> None:
     path = write("t.csv", "id,t,weight,x,y\n" + text)
     for options in ((), WHOLE):
-        status, _, err = run(path, path, "-c", "1", *options)
+        status, _, err = invoke(path, path, "-c", "1", *options)
         assert status == 3
         assert message in err
 
 
-def test_repeated_rows_without_weight(write: Write, run: Run) -> None:
+def test_huge_and_tiny_weights_keep_their_ratio(write: Write) -> None:
+    for small, large in (("5e307", "1.5e308"), ("1e-123", "3e-123"), (".25", ".75")):
+        text = f"id,t,weight,x\n1,0,{small},0\n1,0,{large},4\n"
+        side = read_trajectories(write("t.csv", text))
+        np.testing.assert_allclose(side.clouds.weights, [0.25, 0.75], rtol=1e-15)
+
+
+def test_weights_that_sum_to_one_are_kept(write: Write) -> None:
+    rows = "".join(f"1,0,{1 / 30!r},{k}\n" for k in range(30))
+    side = read_trajectories(write("t.csv", "id,t,weight,x\n" + rows))
+    assert set(side.clouds.weights.tolist()) == {1 / 30}
+
+
+def test_texts_beside_points_are_no_weights(write: Write, invoke: Run) -> None:
+    """A column w may say anything as long as nobody needs weights."""
+    path = write("t.csv", "id,t,x,y,w\n1,0,1,0,heavy\n2,0,5,5,\n")
+    status, out, err = invoke(path, path, "-c", "1", "-g", "1", "--format", "json")
+    assert (status, json.loads(out)["total"]) == (0, 0)
+    assert "columns not used: w" in err
+    frame = pd.read_csv(path)
+    assert evaluate(frame, frame).tgospa == 0
+    status, _, err = invoke(path, path, "-c", "1", *WHOLE)
+    assert (status, 'line 2, column "w": not a number: "heavy"; weights must' in err) == (3, True)
+    with pytest.raises(InputError, match='row 0, column "w": not a number: "heavy"'):
+        evaluate(frame, frame, distance="cloud-wasserstein")
+    path = write("t.csv", "id,t,x,y,w\n1,0,1,0,heavy\n1,0,5,5,1\n")
+    status, _, err = invoke(path, path, "-c", "1")
+    assert (status, 'line 2, column "w": not a number: "heavy"' in err) == (3, True)
+
+
+def test_equal_clouds_in_another_order(write: Write, invoke: Run) -> None:
+    """Also reduced: what is kept does not depend on the order of the particles."""
+    rng = np.random.default_rng(0)
+    weights, points = rng.dirichlet(np.ones(40)), rng.standard_normal((40, 2))
+    paths = []
+    for name, factor, order in (("a", 1, np.arange(40)), ("b", 7, rng.permutation(40))):
+        table = np.column_stack((factor * weights, points))[order].tolist()
+        rows = "".join(f"1,0,{w},{x},{y}\n" for w, x, y in table)
+        paths.append(write(f"{name}.csv", "id,t,weight,x,y\n" + rows))
+    for options in ((), ("--cloud-order", "1"), ("--reduce", "5"), ("--inner", "mahalanobis")):
+        answer = invoke(*paths, *WHOLE, "-c", "10", "-g", "2", *options, "--format", "json")
+        assert json.loads(answer.out)["tgospa"] <= 1e-9
+
+
+def test_repeated_rows_without_weight(write: Write, invoke: Run) -> None:
     path = write("t.csv", "id,t,x\n1,0,1\n1,0,2\n")
-    status, _, err = run(path, path, *WHOLE)
+    status, _, err = invoke(path, path, *WHOLE)
     assert status == 3
     assert 'line 3: id "1" at t 0 was given before' in err
     assert "particles of one object need a column weight" in err
@@ -350,7 +448,7 @@ def test_a_cloud_is_inside_a_region_where_its_mean_is(write: Write) -> None:
     assert reading.left_out == {"region": 1}
 
 
-def test_options_that_do_not_fit(write: Write, run: Run) -> None:
+def test_options_that_do_not_fit(write: Write, invoke: Run) -> None:
     path = write("t.csv", TRUTH)
     for options, message in (
         (("--reduce", "5"), "--reduce is for cloud-wasserstein, not for euclidean"),
@@ -363,11 +461,11 @@ def test_options_that_do_not_fit(write: Write, run: Run) -> None:
         ((*WHOLE, "--cloud-order", "3"), "3 is not in the range 1<=x<=2"),
         ((*WHOLE, "--periodic", "x"), "--periodic is for the norms and gaussian-wasserstein"),
     ):
-        status, _, err = run(path, path, *options)
+        status, _, err = invoke(path, path, *options)
         assert status == 2
         assert message in err
     singular = write("p.csv", "1,1\n1,1\n")
-    status, _, err = run(path, path, *WHOLE, "--inner", "mahalanobis", "--inner-cov", singular)
+    status, _, err = invoke(path, path, *WHOLE, "--inner", "mahalanobis", "--inner-cov", singular)
     assert status == 3
     assert "p.csv: covariance is not positive definite" in err
 
@@ -375,11 +473,11 @@ def test_options_that_do_not_fit(write: Write, run: Run) -> None:
 # --- verbs ----------------------------------------------------------------------------------------
 
 
-def test_associate(write: Write, run: Run, tmp_path: Path) -> None:
+def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
     a = write("a.csv", TRUTH)
     b = write("b.csv", ESTIMATE.replace("b,0,1,50,51", "b,0,1,90,90"))
     files = "--cost-matrix", "costs.csv", "--cross-cov", "cross.csv"
-    status, out, err = run("associate", a, b, "-c", "4", *WHOLE, *files, "--format", "json")
+    status, out, err = invoke("associate", a, b, "-c", "4", *WHOLE, *files, "--format", "json")
     assert status == 0, err
     document = json.loads(out)
     assert document["counts"] == {"steps": 2, "associated": 2, "alone_a": 1, "alone_b": 1}
@@ -399,41 +497,41 @@ def test_associate(write: Write, run: Run, tmp_path: Path) -> None:
         [0.24, -0.48, -0.36, 0.72],
         atol=1e-12,
     )
-    status, _, err = run("associate", a, b, "-c", "4", *WHOLE, *files)
+    status, _, err = invoke("associate", a, b, "-c", "4", *WHOLE, *files)
     assert (status, "costs.csv: exists; name another file, or --force" in err) == (2, True)
 
 
-def test_associate_says_what_a_filter_leaves(write: Write, run: Run) -> None:
+def test_associate_says_what_a_filter_leaves(write: Write, invoke: Run) -> None:
     path = write("a.csv", "id,t,class,weight,x\n1,0,car,.5,0\n1,0,car,.5,2\n2,0,van,1,9\n")
-    status, out, _ = run("associate", path, path, "-c", "1", "--class", "car", "--format", "csv")
+    status, out, _ = invoke("associate", path, path, "-c", "1", "--class", "car", "--format", "csv")
     assert (status, out.splitlines()[1:]) == (0, ["0,1,1,0.0,0.0"])
-    status, _, err = run("associate", path, path, "-c", "1", "--class", "bus")
+    status, _, err = invoke("associate", path, path, "-c", "1", "--class", "bus")
     assert (status, 'no row is of that class; there are "car", "van"' in err) == (2, True)
 
 
-def test_associate_with_a_covariance_of_each_pair(write: Write, run: Run) -> None:
+def test_associate_with_a_covariance_of_each_pair(write: Write, invoke: Run) -> None:
     paths = write("a.csv", TRUTH), write("b.csv", ESTIMATE)
     pair = *WHOLE, "--inner", "mahalanobis", "--inner-cov", "pair"
     for order, value in ((1, 1.5991335783), (2, 1.6345506187)):
         options = *pair, "--cloud-order", str(order), "--time", "0:0", "--region", "x=:10"
-        status, out, _ = run("associate", *paths, "-c", "4", *options, "--format", "json")
+        status, out, _ = invoke("associate", *paths, "-c", "4", *options, "--format", "json")
         assert status == 0
         document = json.loads(out)
         assert document["associations"][0]["distance"] == pytest.approx(value, rel=1e-9)
         assert document["parameters"]["inner_cov"] == "pair"
-    status, _, err = run("associate", *paths, "-c", "4", *pair)
+    status, _, err = invoke("associate", *paths, "-c", "4", *pair)
     assert status == 3
     assert 'id "1" and id "b" at t 0' not in err
     assert "the covariance of the pair is singular, too few distinct particles" in err
-    status, _, err = run(*paths, *pair)
+    status, _, err = invoke(*paths, *pair)
     assert (status, "--inner-cov pair makes no metric, and is for associate" in err) == (2, True)
 
 
-def test_associate_points_takes_the_least_sum(write: Write, run: Run) -> None:
+def test_associate_points_takes_the_least_sum(write: Write, invoke: Run) -> None:
     """The nearest pair, 2-3, would leave one of 2.5; 1 and 1 are less than 0.5 and 2.5."""
     a = write("a.csv", "id,t,x\n1,0,0\n2,0,1.5\n")
     b = write("b.csv", "id,t,x\n3,0,1\n4,0,2.5\n")
-    status, out, _ = run("associate", a, b, "-c", "4", "--format", "csv")
+    status, out, _ = invoke("associate", a, b, "-c", "4", "--format", "csv")
     assert status == 0
     rows = [line.split(",")[:4] for line in out.splitlines()]
     assert rows == [
@@ -441,24 +539,24 @@ def test_associate_points_takes_the_least_sum(write: Write, run: Run) -> None:
         ["0", "1", "3", "1.0"],
         ["0", "2", "4", "1.0"],
     ]
-    status, out, _ = run("associate", a, b, "-c", "4")
+    status, out, _ = invoke("associate", a, b, "-c", "4")
     assert "2 associated, 0 of A and 0 of B alone, in 1 step" in out
-    assert run("associate", a, b, "-c", "-1")[0] == 2
-    status, out, _ = run("associate", a, b, "-c", "0.1")
+    assert invoke("associate", a, b, "-c", "-1")[0] == 2
+    status, out, _ = invoke("associate", a, b, "-c", "0.1")
     assert (status, "0 associated, 2 of A and 2 of B alone" in out) == (0, True)
     nothing = write("none.csv", "id,t,x\n")
-    status, out, _ = run("associate", nothing, nothing, "-c", "1")
+    status, out, _ = invoke("associate", nothing, nothing, "-c", "1")
     assert (status, "0 associated, 0 of A and 0 of B alone, in 0 steps" in out) == (0, True)
-    assert run("associate", a, b)[0] == 2
-    status, _, err = run("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
+    assert invoke("associate", a, b)[0] == 2
+    status, _, err = invoke("associate", a, b, "-c", "1", "--cross-cov", "c.csv")
     assert (status, "cross-covariances are those of particles" in err) == (3, True)
 
 
-def test_reduce(write: Write, run: Run, tmp_path: Path) -> None:
+def test_reduce(write: Write, invoke: Run, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     rows = "".join(f"7,3,.01,{x:.6f},{y:.6f}\n" for x, y in rng.standard_normal((100, 2)))
     path = write("in.csv", "id,t,weight,x,y\n" + rows)
-    status, out, err = run("reduce", path, "out.parquet", "-n", "10", "--format", "json")
+    status, out, err = invoke("reduce", path, "out.parquet", "-n", "10", "--format", "json")
     assert (status, err) == (0, "")
     document = json.loads(out)
     assert document["counts"] == {"clouds": 1, "particles": 100, "kept": 10}
@@ -467,21 +565,41 @@ def test_reduce(write: Write, run: Run, tmp_path: Path) -> None:
     before = read_trajectories(path)
     after = read_trajectories(tmp_path / "out.parquet")
     assert after.clouds.counts.tolist() == [10]
+    assert "--in-format to say otherwise" in invoke("reduce", "out.parquet", "p.npz", "-n", "9").err
     assert row["wasserstein"] == pytest.approx(
         cloud_wasserstein(*before.clouds[0], *after.clouds[0])
     )
-    assert run("reduce", path, "out.parquet", "-n", "10")[0] == 2
+    assert invoke("reduce", path, "out.parquet", "-n", "10")[0] == 2
     for target, text in (
         ("out.txt", "must end in .csv"),
         ("no/out.csv", "there is no such folder"),
     ):
-        status, _, err = run("reduce", path, target, "-n", "10")
+        status, _, err = invoke("reduce", path, target, "-n", "10")
         assert (status, text in err) == (2, True)
     points = write("points.csv", "id,t,x\n1,0,1\n")
-    status, _, err = run("reduce", points, "o.csv", "-n", "2")
+    status, _, err = invoke("reduce", points, "o.csv", "-n", "2")
     assert (status, "points.csv: no particles; a column weight makes" in err) == (3, True)
-    status, out, _ = run("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
+    status, out, _ = invoke("reduce", path, "again.csv", "-n", "10", "--reduce-method", "top")
     assert "1 cloud, 100 particles -> 10" in out
+
+
+def test_reduce_without_pot(
+    write: Write, invoke: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "ot", None)
+    path = write("in.csv", TRUTH)
+    status, out, err = invoke("reduce", path, "out.csv", "-n", "2", "--format", "json")
+    assert status == 0
+    assert "no exact distances from the clouds before: distances of particle clouds need the" in err
+    document = json.loads(out)
+    assert document["change"]["wasserstein"] is None
+    assert document["clouds"][0]["wasserstein"] is None
+    assert read_trajectories(tmp_path / "out.csv").clouds.counts.tolist() == [2, 1, 2]
+    status, out, _ = invoke("reduce", path, "out.csv", "-n", "2", "--force")
+    assert (status, "Wasserstein distance to the cloud " in out) == (0, False)
+    status, _, err = invoke("reduce", path, "o.csv", "-n", "2", "--reduce-method", "atl")
+    assert (status, "need the extra clouds: pip install" in err) == (2, True)
+    assert not (tmp_path / "o.csv").exists()
 
 
 LAW = "id,t,x,y,cov_xx,cov_yy\n1,0,0.4,0.8,0.24,0.96\n"
@@ -489,14 +607,14 @@ LAW = "id,t,x,y,cov_xx,cov_yy\n1,0,0.4,0.8,0.24,0.96\n"
 NORMAL = ("--distance", "gaussian-wasserstein", "-c", "10", "-g", "2")
 
 
-def test_clouds_against_normal_laws_by_their_moments(write: Write, run: Run) -> None:
+def test_clouds_against_normal_laws_by_their_moments(write: Write, invoke: Run) -> None:
     """The cloud has the covariance ((.24, -.48), (-.48, .96)), of rank one and trace 1.2.
 
     So C2 = u u' and B^2 = tr C1 + 1.2 - 2 sqrt(u' C1 u), with u = (.24, -.48) / sqrt(.24) and
     u' C1 u = .24 * .24 + .96 * .96.
     """
     law, cloud = write("law.csv", LAW), write("cloud.csv", CLOUD)
-    status, out, err = run(law, cloud, *NORMAL, "--mixed", "moments", "--format", "json")
+    status, out, err = invoke(law, cloud, *NORMAL, "--mixed", "moments", "--format", "json")
     assert status == 0
     result = json.loads(out)
     expected = 1.2 + 1.2 - 2 * (0.24 * 0.24 + 0.96 * 0.96) ** 0.5
@@ -505,14 +623,14 @@ def test_clouds_against_normal_laws_by_their_moments(write: Write, run: Run) -> 
     assert result["localisation_spread"] == pytest.approx(expected, rel=1e-12)
     assert result["parameters"]["mixed"] == "moments"
     assert "by their means" not in err
-    both = json.loads(run(cloud, cloud, *NORMAL, "--mixed", "moments", "--format", "json")[1])
+    both = json.loads(invoke(cloud, cloud, *NORMAL, "--mixed", "moments", "--format", "json")[1])
     assert both["total"] == pytest.approx(0, abs=1e-13)
 
 
 CLOUD = "id,t,weight,x,y\na,0,0.6,0,1.6\na,0,0.4,1,-0.4\n"
 
 
-def test_kinds_that_do_not_fit(write: Write, run: Run) -> None:
+def test_kinds_that_do_not_fit(write: Write, invoke: Run) -> None:
     law, cloud, point = write("law.csv", LAW), write("c.csv", CLOUD), write("p.csv", POINT)
     whole = (*WHOLE, "-c", "10", "-g", "2")
     for paths, options, message in (
@@ -521,10 +639,10 @@ def test_kinds_that_do_not_fit(write: Write, run: Run) -> None:
         ((point, cloud), NORMAL, "c.csv has particles: clouds are no normal laws; take --distance"),
         ((point, law), whole, "law.csv has covariances, not particles; take --distance gaussian"),
     ):
-        status, out, err = run(*paths, *options)
+        status, out, err = invoke(*paths, *options)
         assert (status, out) == (3, "")
         assert message in err
-    status, _, err = run(cloud, cloud, *whole, "--mixed", "moments")
+    status, _, err = invoke(cloud, cloud, *whole, "--mixed", "moments")
     assert status == 2
     assert "--mixed is for gaussian-wasserstein, not for cloud-wasserstein" in err
     with pytest.raises(InputError, match="a covariance each, or a cloud, not both"):
@@ -536,45 +654,45 @@ def test_kinds_that_do_not_fit(write: Write, run: Run) -> None:
 POINT = "id,t,x,y\n1,0,0,0\n"
 
 
-def test_covariances_of_particles_are_not_used(write: Write, run: Run) -> None:
+def test_covariances_of_particles_are_not_used(write: Write, invoke: Run) -> None:
     """Rows of a cloud with covariances are components of a mixture, which nothing compares."""
     mixture = write("m.csv", "id,t,weight,x,y,cov_xx,cov_yy\n1,0,.5,0,0,1,1\n1,0,.5,2,0,1,1\n")
-    status, out, err = run(mixture, mixture, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    status, out, err = invoke(mixture, mixture, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
     assert (status, json.loads(out)["total"]) == (0, 0)
     assert "columns not used: cov_xx, cov_yy" in err
 
 
-def test_localisation_of_clouds_in_parts(write: Write, run: Run) -> None:
+def test_localisation_of_clouds_in_parts(write: Write, invoke: Run) -> None:
     """Squared distances 1.6 and 1 of pairs whose means are 0.2 and 1 apart."""
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
-    answer = run(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
+    answer = invoke(*paths, *WHOLE, "-c", "10", "-g", "2", "--format", "json")
     result = json.loads(answer[1])
     mean, spread = result["localisation_mean"], result["localisation_spread"]
     assert mean + spread == pytest.approx(result["localisation"], rel=1e-12)
     assert mean == pytest.approx(0.2**2 + 1, rel=1e-12)
-    first = json.loads(run(*paths, *WHOLE, "--cloud-order", "1", "--format", "json")[1])
+    first = json.loads(invoke(*paths, *WHOLE, "--cloud-order", "1", "--format", "json")[1])
     assert "localisation_mean" not in first
 
 
-def test_associate_normal_laws(write: Write, run: Run, tmp_path: Path) -> None:
+def test_associate_normal_laws(write: Write, invoke: Run, tmp_path: Path) -> None:
     """W2 of N(0, 1) from N(3, 4) is sqrt(9 + 1), from N(2.9, 9) sqrt(8.41 + 4): not the nearest."""
     a = write("a.csv", "id,t,x,cov_xx\n1,0,0,1\n")
     b = write("b.csv", "id,t,x,cov_xx\nnear,0,2.9,9\nlike,0,3,4\n")
     laws = ("--distance", "gaussian-wasserstein", "-c", "5")
-    status, out, _ = run("associate", a, b, *laws, "--format", "csv")
+    status, out, _ = invoke("associate", a, b, *laws, "--format", "csv")
     assert status == 0
     row = out.splitlines()[1].split(",")
     assert row[:3] == ["0", "1", "like"]
     assert float(row[3]) == pytest.approx(10**0.5, rel=1e-14)
-    status, _, err = run("associate", a, b, *laws, "--cross-cov", "cross.csv")
+    status, _, err = invoke("associate", a, b, *laws, "--cross-cov", "cross.csv")
     assert status == 3
     assert "cross-covariances are those of particles, and neither file has any" in err
 
 
-def test_compare_with_clouds(write: Write, run: Run) -> None:
+def test_compare_with_clouds(write: Write, invoke: Run) -> None:
     """Solvers get prepared clouds; --seed is that of a study and not of a reduction."""
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     options = (*WHOLE, "-c", "10", "-g", "2", "--solvers", "certified", "--reduce", "2")
-    status, out, err = run("compare", *paths, *options, "--format", "json")
+    status, out, err = invoke("compare", *paths, *options, "--format", "json")
     assert status == 0, err
     assert json.loads(out)["agree"] is True

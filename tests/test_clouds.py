@@ -180,6 +180,37 @@ def test_weights_are_normalised_with_a_warning() -> None:
     assert cloud_wasserstein(X, U * (1 + 9e-4), Y, V, order=1) == pytest.approx(1.2)
 
 
+def test_warnings_are_for_the_line_that_calls() -> None:
+    for call in (
+        lambda: cloud_wasserstein(X, 7 * U, Y, V),
+        lambda: transport_plan(X, 7 * U, Y, V),
+        lambda: cross_covariance(X, 7 * U, Y, V),
+        lambda: reduce_cloud(X, 7 * U, 2),
+        lambda: restrict_cloud(X, 7 * U, 2),
+        lambda: resample_cloud(X, 7 * U, 2),
+    ):
+        with pytest.warns(UserWarning, match="the weights sum to 7") as found:
+            call()
+        assert found[0].filename == __file__
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_the_same_cloud_written_otherwise(size: int) -> None:
+    """Another order, other sums, particles in parts: rounding of weights is no distance."""
+    rng = np.random.default_rng(11)
+    for count in (3, 20, 100):
+        points, weights = rng.normal(0, 30, (count, size)), rng.random(count)
+        weights /= weights.sum()
+        turned = rng.permutation(count)
+        for other in (
+            (points[turned], weights[turned]),
+            (points, weights / 3 / (weights / 3).sum()),
+            (np.repeat(points, 3, axis=0), np.repeat(weights / 3, 3)),
+        ):
+            for options in ({}, {"order": 1}, {"covariance": 2 + np.eye(size)}):
+                assert cloud_wasserstein(points, weights, *other, **options) <= 1e-9
+
+
 @pytest.mark.parametrize(
     ("points", "weights", "message"),
     [
@@ -190,6 +221,7 @@ def test_weights_are_normalised_with_a_warning() -> None:
         (X, [0.5, 0.5], r"weights have the shape \(2,\): must be \(3,\), one per point"),
         ([(0, 0), (np.nan, 1)], [0.5, 0.5], "particle 1 is not finite; leave it out"),
         (np.zeros((0, 2)), [], r"points have the shape \(0, 2\): must be \(N, d\), not empty"),
+        ([1, 1], [1], r"must be \(2,\), one per point; a single point is \[\[x, y\]\]"),
         (np.zeros((1, 3)), [1], "first cloud has 3 components, the second 2"),
         ("abc", [1], "points and weights must be arrays of numbers"),
     ],
@@ -212,8 +244,14 @@ def test_wrong_orders_and_covariances() -> None:
 
 def test_clouds_that_are_too_large() -> None:
     many = np.random.default_rng(0).random((4001, 2))
-    with pytest.raises(ConfigError, match=r"a cloud has 4001 particles, more than 4000 .* reduce"):
-        cloud_wasserstein(many, None, Y, V)
+    for function in (cloud_wasserstein, transport_plan):
+        with pytest.raises(
+            ConfigError, match=r"clouds of 4001 and 4001 particles: more than 4000 "
+        ):
+            function(many, None, -many, None)
+    assert cloud_wasserstein(many, None, Y, V) > 0
+    assert cloud_wasserstein(many[:, :1], None, -many[:, :1], None) > 0
+    assert len(reduce_cloud(many, None, 3, method="atl", iterations=1)[0]) == 3
     assert cloud_wasserstein(many, None, [(0, 0)], [1]) > 0
 
 
@@ -231,8 +269,9 @@ def test_a_particle_is_taken_where_the_sum_exceeds_u() -> None:
     assert resample_cloud([1, 2], [0.5, 0.5], 1, offset=0.5)[0].item() == 2
     assert resample_cloud([1, 2, 3], [0, 0.5, 0.5], 1, offset=0.0)[0].item() == 2
     weights = np.full(10, 0.1)  # whose sum is less than 1
-    last = resample_cloud(np.arange(10), weights, 1, method="multinomial", offset=1 - 2**-53)
-    assert last[0].item() == 9
+    for u in (1 - 2**-53, 1):
+        last = resample_cloud(np.arange(10), weights, 1, method="multinomial", offset=u)
+        assert last[0].item() == 9
 
 
 @pytest.mark.parametrize("method", ["systematic", "stratified", "multinomial"])
@@ -241,6 +280,8 @@ def test_resampling_is_seeded_and_unbiased(method: str) -> None:
         resample_cloud(X, U, 50, method=method, rng=np.random.default_rng(3))[0] for _ in range(2)
     ]
     assert np.array_equal(*draws)
+    by_seed = resample_cloud(X, U, 50, method=method, rng=3)[0]
+    assert np.array_equal(by_seed, draws[0])
     rng = np.random.default_rng(4)
     means = [resample_cloud(X, U, 20, method=method, rng=rng)[0].mean(axis=0) for _ in range(400)]
     np.testing.assert_allclose(np.mean(means, axis=0), U @ X, atol=0.06)
@@ -254,6 +295,8 @@ def test_highest_weights() -> None:
 
 
 def test_wrong_resampling() -> None:
+    with pytest.raises(ConfigError, match=r"rng is 'x': must be a numpy.random.Generator or a se"):
+        resample_cloud(X, U, 2, rng="x")
     with pytest.raises(ConfigError, match='method is "best": must be one of systematic, strat'):
         resample_cloud(X, U, 2, method="best")
     for size in (0, 1.5, True):
@@ -261,8 +304,8 @@ def test_wrong_resampling() -> None:
             resample_cloud(X, U, size)
         with pytest.raises(ConfigError, match="must be a whole number of particles, from 1"):
             restrict_cloud(X, U, size)
-    for offset in (1.0, -0.1, [0.1, 0.2]):
-        with pytest.raises(ConfigError, match=r"offset must be in \[0, 1\)"):
+    for offset in (1.1, -0.1, np.nan, [0.1, 0.2]):
+        with pytest.raises(ConfigError, match=r"offset must be in \[0, 1\]|offset is nan"):
             resample_cloud(X, U, 3, offset=offset)
 
 
@@ -355,6 +398,25 @@ def test_small_clouds_are_returned_and_seeds_count(method: str) -> None:
     cloud = rng.standard_normal((50, 3)), None
     once, again = (reduce_cloud(*cloud, 5, method=method, seed=9)[0] for _ in range(2))
     assert np.array_equal(once, again)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_equal_clouds_are_reduced_alike(method: str) -> None:
+    rng = np.random.default_rng(12)
+    points, weights = rng.standard_normal((60, 2)), rng.dirichlet(np.ones(60))
+    turned = rng.permutation(60)
+    once = reduce_cloud(points, weights, 7, method=method)
+    again = reduce_cloud(points[turned], weights[turned], 7, method=method)
+    for one, other in zip(once, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_few_distinct_particles_are_all_kept() -> None:
+    """A resampled cloud of 3 places: nothing is lost with 4."""
+    places = np.array([(0, 0), (4, 0), (0, 4)], float)
+    points, weights = reduce_cloud(places[[0, 1, 1, 2, 2, 2]], None, 4)
+    assert points.tolist() == [[0, 0], [0, 4], [4, 0]]
+    np.testing.assert_allclose(weights, [1 / 6, 1 / 2, 1 / 3], rtol=1e-14)
 
 
 def test_large_coordinates_keep_their_digits() -> None:

@@ -246,6 +246,7 @@ def test_bad_settings(record: type, setting: dict, part: str) -> None:
 # --- writers --------------------------------------------------------------------------------------
 
 
+@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(
@@ -354,6 +355,7 @@ def test_a_folder_that_is_not_empty(invoke, write, tmp_path: Path) -> None:
         (["--noise", "-1"], "noise is -1: must be from 0 to 1e+12"),
         (["--false-length", "x"], "'x': must be A:B or A, in steps"),
         (["--seed", "-1"], "--seed"),
+        (["--particles", "30"], "--particles is for --state cloud"),
         (["--format", "kitti", "--state", "point"], "--state point: kitti files hold boxes"),
     ],
 )

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,11 @@ Cloud = tuple[Floats, Floats]
 
 UNEVEN = 1e-3
 """Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
+
+
+def are_normalised(sums: "Floats | float", counts: "Ints | int") -> Any:
+    """Whether sums of so many weights are 1 but for rounding: such weights are kept as given."""
+    return np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

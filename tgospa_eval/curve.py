@@ -7,16 +7,16 @@ whole. What comes out is proven as any result is.
 """
 
 import itertools
+import time
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.prefixes import propose
 from tgospa_eval.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.result import ROUNDING, prove
+from tgospa_eval.result import ROUNDING, Curve, prove
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.offers import Kept, Origin, keep, offer
 from tgospa_eval.states import States
@@ -26,36 +26,7 @@ SIZE = 1 << 18
 """Near pairs of the beginnings that are solved together."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
-    """Costs of the steps up to each of the T steps, in units of c^p.
-
-    Parameters
-    ----------
-    lower, upper : (T,) float arrays
-        Proven bounds.
-    parts : (4, T) float array
-        Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
-    allowance : (T,) float array
-        A bracket narrower than this is met: it is rounding.
-    """
-
-    lower: Floats
-    upper: Floats
-    parts: Floats
-    allowance: Floats
-
-    def met(self, gap: float) -> NDArray[np.bool_]:
-        """Where the bracket is as narrow as `gap`, relative, or as rounding allows, (T,)."""
-        met: NDArray[np.bool_] = self.upper - self.lower <= np.maximum(
-            gap * self.upper, self.allowance
-        )
-        return met
-
-
-def trace(
-    states: States, weights: Ints, prices: Floats, solver: Certified, stopwatch: Stopwatch
-) -> Curve:
+def trace(states: States, weights: Ints, prices: Floats, solver: Certified) -> Curve:
     """The curve of a solved problem.
 
     Parameters
@@ -68,9 +39,8 @@ def trace(
         Prices of its column slots, 0 or more.
     solver : Certified
         What solves beginnings, and to which gap; its time limit is that of all of them together.
-    stopwatch : Stopwatch
-        Gets the time.
     """
+    begin = time.monotonic()
     found = propose(states, weights, prices)
     cells, parts = found.cells, found.parts
     least = np.maximum(parts.sum(axis=0) - found.gap, 0.0)
@@ -83,6 +53,12 @@ def trace(
     copies = _Copies(states)
     for chosen in copies.groups(cells.block[wide], cells.step[wide]):
         at = wide[chosen]
+        if solver.time_limit is not None:
+            left = begin + solver.time_limit - time.monotonic()
+            if left <= 0:
+                break
+            solver = replace(solver, time_limit=left)
+            begin = time.monotonic()
         better, lower = copies.solve(cells.block[at], cells.step[at], whole, solver)
         wins = better.sum(axis=0) < cost[at]
         parts[:, at[wins]] = better[:, wins]
@@ -92,7 +68,7 @@ def trace(
     shown[1:3] += alone
     upper = shown.sum(axis=0)
     lower = alone.sum(axis=0) + cells.totals(np.minimum(least, parts.sum(axis=0)), len(upper))
-    return Curve(lower=np.minimum(lower, upper), upper=upper, parts=shown, allowance=allowance)
+    return Curve(lower=np.clip(lower, 0.0, upper), upper=upper, parts=shown, allowance=allowance)
 
 
 def _unpaired(states: States) -> Floats:

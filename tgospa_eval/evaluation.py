@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.notebook import card
 from tgospa_eval.problem import Floats, Ints, Parameters, sum_by
-from tgospa_eval.result import Bounds, Breakdown
+from tgospa_eval.result import Bounds, Breakdown, Curve
 from tgospa_eval.states import States
 from tgospa_eval.weights import ONE, changes
 
@@ -89,11 +89,15 @@ class Scene:
         Names of the d state columns.
     truth, estimate : (R, d) float arrays
         States in the order of the rows of the problem, by step and track.
+    truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
+        Lower triangles of the covariances of these states, of clouds the second moments.
     """
 
     columns: tuple[str, ...]
     truth: Floats
     estimate: Floats
+    truth_covariance: Floats | None = None
+    estimate_covariance: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -121,6 +125,8 @@ class Summary(ABC):
     split : pair of float, optional
         Cost of localisation by means and by spreads, in state units to the power p = 2, if the
         distance has such parts.
+    traced : Curve, optional
+        Costs of the steps up to each step, if they were asked for.
     """
 
     proof: Costs
@@ -132,6 +138,7 @@ class Summary(ABC):
     input: dict[str, Any]
     version: str
     split: tuple[float, float] | None = None
+    traced: Curve | None = None
 
     def __repr__(self) -> str:
         return (
@@ -176,6 +183,13 @@ class Summary(ABC):
     def certified(self) -> bool:
         """Whether the value is exact: the bracket is met."""
         return self.proof.bounds.met(self.gap)
+
+    @property
+    def finished(self) -> bool:
+        """Whether what was asked for is reached, at each step of the curve as well."""
+        if self.solver["name"] != "certified":
+            return bool(self.solver["finished"])
+        return self.certified and (self.traced is None or bool(self.traced.met(self.gap).all()))
 
     @property
     def localisation(self) -> float:
@@ -240,6 +254,27 @@ class Summary(ABC):
         table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
         return table
 
+    def curve_table(self) -> Table:
+        """The normalised curve (docs/theory, "The curve"): no columns if it was not asked for.
+
+        At each step the metric of the `steps` up to it at which something exists, with its bounds,
+        (cost / steps) ** (1 / order), and the parts of the cost divided by the steps.
+        """
+        traced, p = self.traced, self.proof.parameters.order
+        if traced is None:
+            return {}
+        steps = np.cumsum(self.occupied)
+        each = np.maximum(steps, 1)
+        names = ("localisation", "missed", "false", "switch")
+        table: Table = {"t": list(self.labels.times), "steps": steps.tolist()}
+        for name, cost in (
+            ("tgospa", traced.upper), ("lower_bound", traced.lower), ("upper_bound", traced.upper)
+        ):  # fmt: skip
+            table[name] = (self.proof.parameters.cutoff * (cost / each) ** (1 / p)).tolist()
+        for name, cost in zip(names, traced.parts, strict=True):
+            table[name] = (self.scale * cost / each).tolist()
+        return table
+
     @property
     @abstractmethod
     def sizes(self) -> dict[str, int]:
@@ -293,6 +328,11 @@ class Summary(ABC):
         return _frame(self.per_step_table())
 
     @cached_property
+    def curve(self) -> "pd.DataFrame":
+        """`curve_table` as a DataFrame."""
+        return _frame(self.curve_table())
+
+    @cached_property
     def switches(self) -> "pd.DataFrame":
         """`switches_table` as a DataFrame."""
         return _frame(self.switches_table())
@@ -315,8 +355,10 @@ class Summary(ABC):
     def to_dict(self) -> dict[str, Any]:
         """The JSON document as plain Python values."""
         parts = {name: getattr(self, name) for name in ("localisation_mean", "localisation_spread")}
+        curve = {} if self.traced is None else {"curve": records(self.curve_table())}
         return {
             **({} if self.split is None else parts),
+            **curve,
             "schema": SCHEMA,
             "tgospa": self.tgospa,
             "total": self.total,

@@ -110,10 +110,13 @@ def describe(reading: Reading) -> dict[str, Any]:
 
 
 def _deviations(side: Trajectories) -> dict[str, Any]:
-    """Standard deviations by column, where there are covariances."""
-    if side.covariance is None:
+    """Standard deviations by column, where there are covariances or clouds."""
+    if side.clouds is not None:
+        variances = np.diagonal(side.clouds.covariances, axis1=1, axis2=2).T
+    elif side.covariance is not None:
+        variances = side.covariance.T[[k * (k + 3) // 2 for k in range(len(side.columns))]]
+    else:
         return {}
-    variances = side.covariance.T[[k * (k + 3) // 2 for k in range(len(side.columns))]]
     return {
         "deviation": {
             name: spread(np.sqrt(values))

@@ -2,7 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
+from tgospa_eval.covariances import pack
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation import Labels, Proof, Result, Scene, sizes_of
@@ -24,6 +25,8 @@ from tgospa_eval.weights import ONE
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from tgospa_eval.solvers.certified import Certified
 
 BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
@@ -44,6 +47,7 @@ def evaluate(
     unit: str | None = None,
     time_tolerance: float = 0.0,
     grid: str = "union",
+    curve: bool = False,
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -76,6 +80,8 @@ def evaluate(
         of the truth.
     grid : {"union", "truth", "estimate", "common"}
         Steps that count. Rows at other steps are left out, and counted in `Result.input`.
+    curve : bool
+        Whether to evaluate the steps up to each step as well, for `Result.curve`.
 
     Returns
     -------
@@ -109,6 +115,7 @@ def evaluate(
         stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
         stopwatch=stopwatch,
+        curve=curve,
     )
 
 
@@ -124,6 +131,7 @@ def evaluate_trajectories(
     settings: dict[str, Any] | None = None,
     inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
     stopwatch: Stopwatch | None = None,
+    curve: bool = False,
 ) -> Result:
     """`evaluate` with everything resolved.
 
@@ -147,6 +155,8 @@ def evaluate_trajectories(
         What the result says of the two files beside their digests; by default their rows.
     stopwatch : Stopwatch, optional
         Running clock with the time of reading.
+    curve : bool
+        Whether to evaluate the steps up to each step as well.
 
     Raises
     ------
@@ -154,6 +164,8 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
+    if curve:
+        check_curve(solver)
     prepared = prepare(
         truth,
         estimate,
@@ -166,7 +178,7 @@ def evaluate_trajectories(
         stopwatch=stopwatch,
         jobs=getattr(solver, "jobs", None),
     )
-    return solve(prepared, solver, stopwatch)
+    return solve(prepared, solver, stopwatch, curve=curve)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,6 +203,8 @@ class Prepared:
         Every option that changes the number, but for those of the solver.
     input : dict
         Rows and digest of either side.
+    scene : Scene
+        Where the objects were before the distance prepared them, for pictures.
     """
 
     parameters: Parameters
@@ -201,6 +215,7 @@ class Prepared:
     moments: NDArray[Any]
     settings: dict[str, Any]
     input: dict[str, Any]
+    scene: Scene
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -247,7 +262,7 @@ class Measured:
 
     Parameters
     ----------
-    sides, distance, labels, moments, settings, input
+    sides, distance, labels, moments, settings, input, scene
         As of `Prepared`, `settings` without the parameters.
     """
 
@@ -257,6 +272,7 @@ class Measured:
     moments: NDArray[Any]
     settings: dict[str, Any]
     input: dict[str, Any]
+    scene: Scene
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
@@ -313,6 +329,7 @@ def measure(
     with stopwatch.span("distances"):
         aligned = align(truth, estimate, stamps)
         truth, estimate = aligned.truth, aligned.estimate
+        scene = _scene(truth, estimate)
         chosen = chosen.fitted(truth, estimate)
         effort = Effort(jobs=jobs, stopwatch=stopwatch)
         truth, estimate, prepared = chosen.prepared(truth, estimate, effort)
@@ -345,17 +362,40 @@ def measure(
             }
             for side, name in enumerate(("truth", "estimate"))
         },
+        scene=scene,
     )
     return measured, pairs
 
 
-def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
+def solve(
+    prepared: Prepared, solver: Solver, stopwatch: Stopwatch, *, curve: bool = False
+) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
-    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch)
+    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, curve=curve)
 
 
-def prove(prepared: Prepared, solver: Solver, solution: Solution, stopwatch: Stopwatch) -> Result:
+def check_curve(solver: Solver) -> None:
+    """Only the certified solver solves the steps up to each step.
+
+    Raises
+    ------
+    ConfigError
+        It is another one.
+    """
+    if solver.name != "certified":
+        raise ConfigError(f"the curve needs the solver certified, not {solver.name}")
+
+
+def prove(
+    prepared: Prepared,
+    solver: Solver,
+    solution: Solution,
+    stopwatch: Stopwatch,
+    *,
+    curve: bool = False,
+) -> Result:
     """What a solution proves of a problem; the solution may be used up."""
+    prices = solution.prices.copy() if curve else None
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution)
     proof = Proof(
@@ -365,6 +405,12 @@ def prove(prepared: Prepared, solver: Solver, solution: Solution, stopwatch: Sto
         weights=weights,
         breakdown=breakdown,
     )
+    traced = None
+    if prices is not None:
+        from tgospa_eval.curve import trace  # here: only when it is asked for
+
+        with stopwatch.span("curve"):
+            traced = trace(prepared.states, weights, prices, cast("Certified", solver))
     truth, estimate = prepared.sides
     with stopwatch.span("report"):
         split = _split(truth, estimate, prepared.distance, proof)
@@ -372,6 +418,7 @@ def prove(prepared: Prepared, solver: Solver, solution: Solution, stopwatch: Sto
     return Result(
         proof=proof,
         split=split,
+        traced=traced,
         labels=prepared.labels,
         gap=gap,
         settings={**prepared.settings, **solver_settings(solver)},
@@ -379,8 +426,27 @@ def prove(prepared: Prepared, solver: Solver, solution: Solution, stopwatch: Sto
         timings=_nested(stopwatch),
         input=prepared.input,
         version=__version__,
-        scene=Scene(columns=truth.columns, truth=truth.state, estimate=estimate.state),
+        scene=prepared.scene,
     )
+
+
+def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:
+    """What pictures show: states as they were read, not as a distance scales or whitens them."""
+    return Scene(
+        columns=truth.columns,
+        truth=truth.state,
+        estimate=estimate.state,
+        truth_covariance=_second_moments(truth),
+        estimate_covariance=_second_moments(estimate),
+    )
+
+
+def _second_moments(side: Trajectories) -> Floats | None:
+    """Lower triangles of what is around each state, if anything is."""
+    if side.clouds is None:
+        return side.covariance
+    with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
+        return pack(side.clouds.covariances).T
 
 
 def _split(

@@ -40,7 +40,8 @@ class Cells:
     @property
     def step(self) -> Ints:
         """Step of each cell."""
-        return np.arange(self.first[-1]) - (self.first[:-1] - self.begin)[self.block]
+        step: Ints = np.arange(self.first[-1]) - (self.first[:-1] - self.begin)[self.block]
+        return step
 
     def sums(self, block: Ints, step: Ints, value: Floats) -> Floats:
         """For each cell the sum of the values of its block up to its step."""

@@ -1,14 +1,16 @@
 """Clouds of a whole recording reduced, and what that changed. Knows no file."""
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
 from tgospa_eval.clouds import Cloud, Clouds
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
+from tgospa_eval.distances.cloud_pairs import announce, counted
 from tgospa_eval.distances.clouds import reduced
 from tgospa_eval.distances.reduction import sliced_wasserstein, spread_directions
-from tgospa_eval.distances.transport import LARGEST
+from tgospa_eval.distances.transport import LARGEST, NEEDED, can_transport
 from tgospa_eval.trajectories import Trajectories
 
 Table = dict[str, list[Any]]
@@ -35,26 +37,43 @@ def reduce_trajectories(
     dict of lists
         By cloud: id, t, particles, kept, wasserstein and sliced_wasserstein distance of both
         clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift. None
-        where a cloud is too large for the exact distance or has no spread.
+        where a cloud is too large for the exact distance, POT is missing, or there is no spread.
     """
     effort = effort or Effort()
     if side.clouds is None:
-        return side, _table(side, None, None)
+        return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
     after = reduced(side.clouds, reduction, effort)
-    return side.with_clouds(after), _table(side, side.clouds, after)
+    return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
 
 
-def _table(side: Trajectories, before: Clouds | None, after: Clouds | None) -> Table:
-    table: Table = {name: [] for name in NAMES}
-    directions = spread_directions(len(side.columns), None, np.random.default_rng(0))
-    shown, ids = side.shown.tolist(), side.ids.tolist()
-    for row, (step, track) in enumerate(zip(side.step.tolist(), side.track.tolist(), strict=True)):
-        values: tuple[Any, ...] = (1, 1, 0.0, 0.0, None, 0.0)
-        if before is not None and after is not None:
-            values = _compared(before[row], after[row], directions)
-        for name, value in zip(NAMES, (ids[track], shown[step], *values), strict=True):
-            table[name].append(value)
-    return table
+def _table(side: Trajectories, changes: list[tuple[Any, ...]]) -> Table:
+    ids = side.ids[side.track].tolist()
+    moments = side.shown[side.step].tolist()
+    rows = [(*row[:2], *row[2]) for row in zip(ids, moments, changes, strict=True)]
+    return {name: [row[k] for row in rows] for k, name in enumerate(NAMES)}
+
+
+def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, ...]]:
+    """What is said of each cloud: in threads, and announced, as it takes longer than to reduce."""
+    directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
+    is_exact = can_transport()
+
+    def change(row: int) -> tuple[Any, ...]:
+        return _compared(before[row], after[row], directions, is_exact=is_exact)
+
+    count = int(np.count_nonzero(before.counts > after.counts))
+    if count:
+        largest = int(np.argmax(before.counts * (before.counts > after.counts)))
+        what = f"{counted(count, 'cloud')} to compare with those before"
+        announce(effort, count, what, lambda: change(largest))
+        if not is_exact:
+            effort.stopwatch.tell(f"no exact distances from the clouds before: {NEEDED}")
+    outer, effort.stopwatch.stage = effort.stopwatch.stage, "comparing clouds with those before"
+    try:
+        with ThreadPoolExecutor(effort.jobs) as pool:
+            return list(pool.map(change, range(len(before))))
+    finally:
+        effort.stopwatch.stage = outer
 
 
 NAMES = (
@@ -69,7 +88,9 @@ NAMES = (
 )
 
 
-def _compared(before: Cloud, after: Cloud, directions: np.ndarray[Any, Any]) -> tuple[Any, ...]:
+def _compared(
+    before: Cloud, after: Cloud, directions: np.ndarray[Any, Any], *, is_exact: bool
+) -> tuple[Any, ...]:
     sizes = len(before[1]), len(after[1])
     if sizes[0] == sizes[1]:
         return (*sizes, 0.0, 0.0, 1.0, 0.0)
@@ -79,7 +100,11 @@ def _compared(before: Cloud, after: Cloud, directions: np.ndarray[Any, Any]) -> 
         for (points, weights), mean in zip((before, after), means, strict=True)
     ]
     # Without a warning for weights of single precision: they were normalised when read.
-    exact = cloud_wasserstein(*before, *after) if sizes[0] <= LARGEST else None
+    exact = (
+        cloud_wasserstein(*before, *after)
+        if is_exact and sizes[0] * sizes[1] <= LARGEST**2
+        else None
+    )
     return (
         *sizes,
         exact,

@@ -7,6 +7,7 @@ Weights become integers (multiples of 2^-50) first, so that feasibility is check
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.paths import regrets
 from tgospa_eval.problem import Floats, Ints, sum_by, sum_parts
@@ -106,6 +107,33 @@ class Breakdown:
     def total(self) -> float:
         """The whole cost."""
         return float((self.localisation + self.missed + self.false + self.switch).sum())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Costs of the steps up to each of the T steps, in units of c^p.
+
+    Parameters
+    ----------
+    lower, upper : (T,) float arrays
+        Proven bounds.
+    parts : (4, T) float array
+        Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
+    allowance : (T,) float array
+        A bracket narrower than this is met: it is rounding.
+    """
+
+    lower: Floats
+    upper: Floats
+    parts: Floats
+    allowance: Floats
+
+    def met(self, gap: float) -> NDArray[np.bool_]:
+        """Where the bracket is as narrow as `gap`, relative, or as rounding allows, (T,)."""
+        met: NDArray[np.bool_] = self.upper - self.lower <= np.maximum(
+            gap * self.upper, self.allowance
+        )
+        return met
 
 
 def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:

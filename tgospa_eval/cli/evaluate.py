@@ -5,7 +5,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.options import evaluation_options
+from tgospa_eval.cli.options import OF_PICTURES, evaluation_options
 
 ACCURACY_MISSED = 4
 
@@ -17,6 +17,10 @@ ACCURACY_MISSED = 4
     "--sweep", metavar="NAME=VALUES", multiple=True,
     help="Over a range of cutoff, switch-penalty or order: cutoff=2:50:12 (12 values, evenly "
     "spaced), cutoff=2:50:12:log, or cutoff=2,5,10.",
+)  # fmt: skip
+@click.option(
+    "--curve", is_flag=True,
+    help="Evaluate the steps up to each step as well: the normalised curve of the literature.",
 )  # fmt: skip
 @evaluation_options
 @click.pass_context
@@ -31,6 +35,9 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input file, 4 accuracy not reached.
     """
+    for name in OF_PICTURES if options["output"] is None else ():
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     from tgospa_eval.cli.work import evaluate_files, show
 
     given = {

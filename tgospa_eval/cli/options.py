@@ -235,6 +235,26 @@ CONFIG_FILE = click.option(
 )  # fmt: skip
 QUIET = option("-q", "--quiet", is_flag=True, help="No notices.")
 
+PICTURES = (
+    option(
+        "--pictures", metavar="FORMATS", default="png",
+        help="Of -o: png, svg, pdf, with commas, or none.",
+    ),
+    option(
+        "--style", type=click.Choice(("screen", "paper")), default="screen",
+        help="Of the pictures: with titles; or small, for a column of a journal.",
+    ),
+    option(
+        "--components", metavar="PARTS", show_default="all four",
+        help="Of the pictures of costs: localisation, missed, false, switch, with commas.",
+    ),
+    option(
+        "--plane", metavar="X,Y", show_default="the first two columns",
+        help="Of the picture in the plane: two state columns, or t.",
+    ),
+)  # fmt: skip
+"""Of the pictures in a folder."""
+
 OUTPUT = (
     option(
         "--format", "format_", type=click.Choice(FORMATS), default="table",
@@ -242,8 +262,9 @@ OUTPUT = (
     ),
     option(
         "-o", "--output", metavar="DIR", type=click.Path(),
-        help="Write result.json and CSV tables to this folder.",
+        help="Write result.json, CSV tables, report.html and pictures to this folder.",
     ),
+    *PICTURES,
     option("--force", is_flag=True, help="Write into a folder that is not empty."),
     CONFIG_FILE,
     QUIET,
@@ -251,6 +272,7 @@ OUTPUT = (
 )  # fmt: skip
 
 VERBOSE = OUTPUT[-1]
+OF_PICTURES = tuple(KEYS[add][0] for add in PICTURES)
 
 GATE = (
     option(

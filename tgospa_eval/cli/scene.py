@@ -55,9 +55,12 @@ def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
         raise ConfigError(
             f"--state {options['state']}: {options['format']} files hold boxes; leave it out"
         )
+    if options["particles"] is not None and options["state"] != "cloud":
+        raise ConfigError("--particles is for --state cloud")
     scene = Scene(
         state=options["state"] or ("box" if boxes else "point"),
-        **{name: options[name] for name in ("scenario", "targets", "steps", "area", "particles")},
+        particles=options["particles"] or 100,
+        **{name: options[name] for name in ("scenario", "targets", "steps", "area")},
     )
     scaled = {"noise": scene.area / 200, "near": scene.area / 20}
     given: dict[str, Any] = {field.name: options[field.name] for field in fields(Tracker)}

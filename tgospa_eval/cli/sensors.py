@@ -65,7 +65,7 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
     cutoff = settings.parameters.cutoff
 
     def work(effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
-        sides = _read(paths, settings, options)
+        sides = _read(paths, settings, options, ("a-format", "b-format"))
         distance, aligned = settings.fit(sides, paths)
         found = associate(
             aligned.truth, aligned.estimate, cutoff=cutoff, distance=distance, effort=effort
@@ -130,7 +130,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     )
 
     def work(effort: Effort) -> tuple[Reading, bytes, dict[str, list[Any]]]:
-        (side,) = _read((source,), settings, options)
+        (side,) = _read((source,), settings, options, ("in-format",))
         if side.trajectories.clouds is None:
             raise InputError(
                 f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
@@ -153,7 +153,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
             "particles": sum(table["particles"]),
             "kept": sum(table["kept"]),
         },
-        "change": {name: _spread(table[name]) for name in list(table)[4:]},
+        "change": {name: _spread(name, table[name]) for name in list(table)[4:]},
         "clouds": records(table),
     }
     texts = {
@@ -165,14 +165,20 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
 
 
 def _read(
-    paths: tuple[str, ...], settings: Settings, options: dict[str, Any]
+    paths: tuple[str, ...],
+    settings: Settings,
+    options: dict[str, Any],
+    names: tuple[str, ...],
 ) -> tuple[Reading, ...]:
-    """The states of sensors: the role of challenge formats is that of results."""
+    """The states of sensors: the role of challenge formats is that of results.
+
+    `names` are those of the options that say the format of each.
+    """
     sides = settings.read(*paths, roles=("estimate",) * len(paths))
     if not options["quiet"]:
-        for path, side in zip(paths, sides, strict=True):
+        for path, side, name in zip(paths, sides, names, strict=True):
             for notice in side.notices:
-                click.echo(f"{path}: {notice}", err=True)
+                click.echo(f"{path}: {notice.replace('estimate-format', name)}", err=True)
     return sides
 
 
@@ -184,10 +190,14 @@ def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:
     return run(lambda: work(effort), stopwatch, show=not options["quiet"])
 
 
-def _spread(values: list[float | None]) -> dict[str, float] | None:
+def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
+    """Of what is known; nothing of distances of which some are not, those of large changes."""
     import numpy as np
 
-    return spread(np.array([value for value in values if value is not None]))
+    known = [value for value in values if value is not None]
+    if name == "wasserstein" and len(known) < len(values):
+        return None
+    return spread(np.array(known))
 
 
 def _spelt(name: str) -> str:

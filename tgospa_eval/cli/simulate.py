@@ -34,7 +34,9 @@ def _option(name: str, default: Any, text: str, **settings: Any) -> Callable[[An
     help="x,y; x,y with covariances of the estimates; x,y of weighted particles in the estimate; "
     "left,top,width,height.  [default: box for motchallenge and kitti, else point]",
 )  # fmt: skip
-@_option("--particles", 100, "Of each cloud.", type=click.IntRange(min=1))
+@click.option(
+    "--particles", type=click.IntRange(min=1), help="Of each cloud.  [default: 100]",
+)  # fmt: skip
 @click.option(
     "--noise", type=float,
     help="Standard deviation of each estimated coordinate.  [default: area / 200]",

@@ -145,6 +145,8 @@ def _check(name: str, options: dict[str, Any], typed: set[str]) -> None:
     """
     if name in typed:
         raise ConfigError(f"--{_key(name)} and --sweep {_key(name)}=...: leave one of them out")
+    if options["curve"]:
+        raise ConfigError("--sweep and --curve: leave one of them out")
     if options["by"]:
         if "by" in typed:
             raise ConfigError(

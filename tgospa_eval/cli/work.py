@@ -4,9 +4,11 @@ import math
 import os
 import sys
 from collections.abc import Callable, Iterator
-from typing import Any
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from tgospa_eval.alignment import Alignment
 from tgospa_eval.cli.distance import notices
@@ -18,12 +20,15 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
-from tgospa_eval.pipeline import evaluate_trajectories
+from tgospa_eval.pipeline import check_curve, evaluate_trajectories
 from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.plots.report import Pictures
 
 
 def say(text: str) -> None:
@@ -59,8 +64,12 @@ def evaluate_files(
     quiet = options["quiet"]
     settings = make_settings(options, given)
     solver = make_solver(options)
+    if options.get("curve"):
+        check_curve(solver)
+    wanted = None
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
+        wanted = wanted_pictures(options)
     stopwatch = Stopwatch()
     if not quiet:
         stopwatch.tell = say
@@ -68,20 +77,27 @@ def evaluate_files(
     def work() -> Summary:
         said = None if quiet else tell
         sides, distance = read_sides((truth, estimate), settings, solver, given, said, stopwatch)
-        return evaluate_sides(sides, distance, settings, solver, stopwatch)
+        if wanted is not None:
+            with _named_options():
+                wanted.check(sides[0].trajectories.columns)
+        return evaluate_sides(
+            sides, distance, settings, solver, stopwatch, curve=options.get("curve", False)
+        )
 
     result = run(work, stopwatch, show=not quiet)
     if options["verbose"]:
         for text in _progress(result, stopwatch):
             tell(text)
-    finished = result.certified if solver.name == "certified" else bool(result.solver["finished"])
-    if not finished:
+    if result.certified and not result.finished:
+        missed = np.count_nonzero(~result.traced.met(result.gap)) if result.traced else 0
+        tell(f"accuracy not reached at {missed} steps of the curve, asked was {result.gap:g}")
+    elif not result.finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
         tell(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}"
         )
-    return result, finished
+    return result, result.finished
 
 
 def read_sides(
@@ -121,9 +137,12 @@ def evaluate_sides(
     settings: Settings,
     solver: Solver,
     stopwatch: Stopwatch,
+    *,
+    curve: bool = False,
 ) -> Summary:
     """One evaluation of what was read, or one for each class and their sum."""
     common: dict[str, Any] = {
+        "curve": curve,
         "parameters": settings.parameters,
         "distance": distance,
         "solver": solver,
@@ -255,9 +274,7 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
-        missing = write_folder(result, options["output"], force=options["force"], names=names)
-        for extra in () if options["quiet"] else missing:
-            say(f"report.html is not written: it needs pip install 'tgospa-eval[{extra}]'")
+        _write(result, options, names)
     name = options["format_"]
     if name == "table" and _on_terminal():
         from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
@@ -265,6 +282,64 @@ def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> No
         emit(report(result, sys.stdout.encoding or "ascii"))
     else:
         emit(REPORTS[name](result))
+
+
+def wanted_pictures(options: dict[str, Any]) -> "Pictures | None":
+    """The pictures that the options ask for; None without an option of that kind, or for none.
+
+    Raises
+    ------
+    ConfigError
+        Something is wrong with them.
+    """
+    from tgospa_eval.plots.report import Pictures, names_in  # here: of folders alone
+
+    if options.get("pictures", "none") == "none":
+        return None
+    parts, plane = options["components"], options["plane"]
+    with _named_options():
+        return Pictures(
+            formats=names_in(options["pictures"]),
+            style=options["style"],
+            components=None if parts is None else names_in(parts),
+            columns=None if plane is None else names_in(plane),
+        )
+
+
+@contextmanager
+def _named_options() -> Iterator[None]:
+    """What is wrong with pictures, with the name of the option as it is typed."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"--{error}") from None
+
+
+def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
+    """The result folder; says what is not in it for want of an extra."""
+    from tgospa_eval import plots
+
+    wanted = wanted_pictures(options)
+    pictures: dict[str, bytes] = {}
+    absent = []
+    if wanted is not None and plots.available():
+        from tgospa_eval.plots.report import result_pictures
+
+        pictures = result_pictures(result, wanted)
+    elif wanted is not None:
+        absent = [("the pictures", "plot")]
+    missing = write_folder(
+        result, options["output"], force=options["force"], names=names, more=pictures
+    )
+    absent = [("report.html", extra) for extra in missing] + absent
+    if absent and not options["quiet"]:
+        what, extras = (list(column) for column in zip(*absent, strict=True))
+        single = absent == [("report.html", "report")]
+        say(
+            f"{' and '.join(what)} {'is' if single else 'are'} not written: "
+            f"{'it needs' if single else 'they need'} "
+            f"pip install 'tgospa-eval[{','.join(extras)}]'"
+        )
 
 
 def _on_terminal() -> bool:

@@ -46,7 +46,8 @@ class Reduction:
     Parameters
     ----------
     size : int
-        Particles to keep, >= 1. A cloud that has no more is not changed.
+        Particles to keep, >= 1. A cloud that has no more is not changed; of one that has no more
+        distinct ones, those are returned with their weights.
     method : str
         ``"sliced"``: least squares on projections, `directions` of them; ``"recursive"``: the same
         direction by direction; ``"atl"``: transport and location in turn (Cooper); ``"kmeans"``:
@@ -64,7 +65,7 @@ class Reduction:
         Steps of ``"atl"`` after the last iteration of sliced and recursive.
     seed : int
         Of random directions, starts and draws. Every cloud begins with it anew: equal clouds are
-        reduced alike.
+        reduced alike, in whatever order their particles are.
 
     Raises
     ------
@@ -112,6 +113,9 @@ class Reduction:
         points, weights = cloud
         if self.size >= len(points):
             return cloud
+        points, weights = merged(cloud)  # in order: equal clouds are reduced alike
+        if self.size >= len(points):
+            return points, weights
         rng = np.random.default_rng(self.seed)
         if self.method == "top":
             return restrict_cloud(points, weights, self.size)
@@ -132,8 +136,7 @@ class Reduction:
             found.append(improve(first))
         best = found[0]
         if len(found) > 1:
-            target = merged(whole)
-            best = min(found, key=lambda each: distance(merged(each), target, 2))
+            best = min(found, key=lambda each: distance(merged(each), whole, 2))
         return best[0] + centre, best[1]
 
 
@@ -159,7 +162,8 @@ def reduce_cloud(
     weights : (N,) array-like or None
         >= 0, not all zero; normalised. None: equal ones.
     size : int
-        Particles to keep, >= 1. A cloud that has no more is returned as it is.
+        Particles to keep, >= 1. A cloud that has no more is returned as it is; of one that has no
+        more distinct ones, those are returned with their weights.
     method, directions, iterations, restarts, polish, seed
         See `Reduction`. Resampling and ``"top"`` do not keep the mean.
     start : (size, d) array-like, optional
@@ -168,8 +172,7 @@ def reduce_cloud(
     Returns
     -------
     points, weights : (size, d) and (size,) arrays
-        Of equal weight, but for ``"kmeans"`` and ``"top"``; k-means may return fewer where there
-        are fewer distinct particles.
+        Of equal weight, but for ``"kmeans"`` and ``"top"``.
 
     Raises
     ------
@@ -337,10 +340,9 @@ def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> I
     """Lloyd's iteration; a centre without particles goes to the one that costs most."""
     from scipy.spatial.distance import cdist
 
-    points, weights = merged(cloud)
+    points, weights = cloud
 
     def improve(x: Floats) -> Cloud:
-        x = x[: len(points)].copy()
         for _ in range(reduction.iterations):
             before = x
             apart = cdist(points, x, "sqeuclidean")

@@ -3,12 +3,13 @@
 Sources: [Danu], sections 4.2 and 4.3. Knows single clouds only.
 """
 
+import math
 import warnings
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tgospa_eval.clouds import UNEVEN
+from tgospa_eval.clouds import UNEVEN, are_normalised
 from tgospa_eval.errors import ConfigError, real_number
 
 Floats = NDArray[np.float64]
@@ -16,10 +17,12 @@ Floats = NDArray[np.float64]
 RESAMPLING = ("systematic", "stratified", "multinomial")
 
 
-def as_cloud(points: ArrayLike, weights: ArrayLike | None, name: str) -> tuple[Floats, Floats]:
+def as_cloud(
+    points: ArrayLike, weights: ArrayLike | None, name: str, *, depth: int = 2
+) -> tuple[Floats, Floats]:
     """Points (N, d) and weights (N,) that sum to 1; `name` begins the messages.
 
-    Weights that are None are equal ones.
+    Weights that are None are equal ones. A warning is for the line `depth` calls further out.
 
     Warns
     -----
@@ -51,19 +54,21 @@ def as_cloud(points: ArrayLike, weights: ArrayLike | None, name: str) -> tuple[F
     if given.shape != (len(points),):
         raise ConfigError(
             f"{name}: weights have the shape {given.shape}: must be ({len(points)},), one per point"
+            + ("; a single point is [[x, y]]" if given.shape == (1,) else "")
         )
     fault = weight_fault(given)
     if fault is not None:
         raise ConfigError(f"{name}: {fault[1]}")
-    # Divided first: a sum of huge weights may overflow.
-    largest = given.max()
+    # Divided first: a sum of huge weights may overflow. Exact: the order of particles is no matter.
+    largest = float(given.max())
     scaled = given / largest
-    total = float(scaled.sum())
+    total = math.fsum(scaled)
     if abs(total * largest - 1) > UNEVEN:
         warnings.warn(
-            f"{name}: the weights sum to {total * largest:g}, not 1: normalised", stacklevel=3
+            f"{name}: the weights sum to {total * largest:g}, not 1: normalised",
+            stacklevel=depth + 1,
         )
-    return points, scaled / total
+    return points, given if are_normalised(total * largest, len(given)) else scaled / total
 
 
 def weight_fault(weights: Floats) -> tuple[int, str] | None:
@@ -95,7 +100,9 @@ def as_size(size: object) -> int:
     return int(size)
 
 
-def restrict_cloud(points: ArrayLike, weights: ArrayLike, size: int) -> tuple[Floats, Floats]:
+def restrict_cloud(
+    points: ArrayLike, weights: ArrayLike | None, size: int
+) -> tuple[Floats, Floats]:
     """The particles of the highest weights, their weights normalised again.
 
     The tails of the distribution go with the light particles: the distance between clouds that are
@@ -105,8 +112,8 @@ def restrict_cloud(points: ArrayLike, weights: ArrayLike, size: int) -> tuple[Fl
     ----------
     points : (N, d) array-like
         Particles.
-    weights : (N,) array-like
-        >= 0, not all zero; normalised.
+    weights : (N,) array-like or None
+        >= 0, not all zero; normalised. None: equal ones.
     size : int
         Particles to keep, >= 1; of equal weights the earlier. All are kept if there are no more.
 
@@ -134,12 +141,12 @@ def restrict_cloud(points: ArrayLike, weights: ArrayLike, size: int) -> tuple[Fl
 
 def resample_cloud(
     points: ArrayLike,
-    weights: ArrayLike,
+    weights: ArrayLike | None,
     size: int,
     *,
     method: str = "systematic",
     offset: float | ArrayLike | None = None,
-    rng: "np.random.Generator | None" = None,
+    rng: "np.random.Generator | int | None" = None,
 ) -> tuple[Floats, Floats]:
     """Particles drawn with replacement, each with the weight ``1 / size``.
 
@@ -155,16 +162,16 @@ def resample_cloud(
     ----------
     points : (N, d) array-like
         Particles.
-    weights : (N,) array-like
-        >= 0, not all zero; normalised.
+    weights : (N,) array-like or None
+        >= 0, not all zero; normalised. None: equal ones.
     size : int
         Particles to draw, >= 1.
     method : {"systematic", "stratified", "multinomial"}
         How.
     offset : float or (size,) array-like, optional
-        U or the U_i, in [0, 1), instead of random ones.
-    rng : numpy.random.Generator, optional
-        Where they come from; by default ``numpy.random.default_rng(0)``.
+        U or the U_i, in [0, 1], instead of random ones; at u_i = 1 the last particle is taken.
+    rng : numpy.random.Generator or int, optional
+        Where they come from, or a seed; 0 by default.
 
     Returns
     -------
@@ -174,7 +181,7 @@ def resample_cloud(
     Raises
     ------
     ConfigError
-        As for `cloud_wasserstein`, or an unknown method, a size below 1, an offset outside [0, 1).
+        As for `cloud_wasserstein`, or an unknown method, a size below 1, an offset outside [0, 1].
 
     Notes
     -----
@@ -191,21 +198,21 @@ def drawn(
     size: int,
     method: str,
     offset: float | ArrayLike | None = None,
-    rng: "np.random.Generator | None" = None,
+    rng: "np.random.Generator | int | None" = None,
 ) -> NDArray[np.intp]:
     """Positions of the particles that are drawn; the weights sum to 1."""
     if method not in RESAMPLING:
         raise ConfigError(f'method is "{method}": must be one of {", ".join(RESAMPLING)}')
     count = 1 if method == "systematic" else size
     if offset is None:
-        within = (rng or np.random.default_rng(0)).random(count)
+        within = _generator(rng).random(count)
     elif np.ndim(offset) == 0:
         within = np.full(count, real_number("offset", offset))
     else:
         within = np.asarray(offset, np.float64)
-    if within.shape not in ((count,), (1,)) or not np.all((within >= 0) & (within < 1)):
+    if within.shape not in ((count,), (1,)) or not np.all((within >= 0) & (within <= 1)):
         raise ConfigError(
-            f"offset must be in [0, 1), one number{'' if count == 1 else f' or {count}'}"
+            f"offset must be in [0, 1], one number{'' if count == 1 else f' or {count}'}"
         )
     at = within if method == "multinomial" else (np.arange(size) + within) / size
     # Rounding may leave the last sum below 1, and a particle without weight is never drawn.
@@ -213,3 +220,10 @@ def drawn(
     return np.searchsorted(np.cumsum(weights), np.broadcast_to(at, (size,)), side="right").clip(
         max=last
     )
+
+
+def _generator(rng: "np.random.Generator | int | None") -> "np.random.Generator":
+    try:
+        return np.random.default_rng(0 if rng is None else rng)
+    except (TypeError, ValueError):
+        raise ConfigError(f"rng is {rng!r}: must be a numpy.random.Generator or a seed") from None

@@ -10,6 +10,7 @@ dimension sorting solves it, against one point there is nothing to choose, cloud
 particles of equal weight are an assignment; the rest is solved by POT, the extra ``clouds``.
 """
 
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,17 @@ ASSIGNED = 200
 """Particles up to which an assignment is quicker than transport."""
 
 LARGEST = 4000
-"""Particles of a cloud: the costs of a pair of such take 128 MB, their transport half a minute."""
+"""Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
+
+TOO_LARGE = (
+    f"more than {LARGEST} x {LARGEST} particles of a pair take too long and too much memory; "
+    "reduce the clouds first, --reduce 100 or reduce_cloud"
+)
+
+NEEDED = "distances of particle clouds need the extra clouds: pip install 'tgospa-eval[clouds]'"
+
+ALIKE = 1e-13
+"""Of a weight: what rounding makes of one, added and divided in another order."""
 
 
 def cloud_wasserstein(
@@ -67,8 +78,8 @@ def cloud_wasserstein(
     ------
     ConfigError
         A weight is negative, NaN or infinite, or all are zero; a point is not finite; shapes,
-        order or covariance are wrong; a cloud has more than 4,000 distinct particles; POT is
-        needed and not installed.
+        order or covariance are wrong; the clouds have more than 4,000 x 4,000 distinct particles,
+        and not on a line; POT is needed and not installed.
 
     Notes
     -----
@@ -174,8 +185,8 @@ def _pair(
     points_b: ArrayLike,
     weights_b: ArrayLike | None,
 ) -> tuple[Cloud, Cloud]:
-    a = as_cloud(points_a, weights_a, "first cloud")
-    b = as_cloud(points_b, weights_b, "second cloud")
+    a = as_cloud(points_a, weights_a, "first cloud", depth=4)
+    b = as_cloud(points_b, weights_b, "second cloud", depth=4)
     if a[0].shape[1] != b[0].shape[1]:
         raise ConfigError(
             f"the first cloud has {a[0].shape[1]} components, the second {b[0].shape[1]}; "
@@ -186,13 +197,23 @@ def _pair(
 
 def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
     """Clouds ``L^-1 (x - centre)``, in which the Mahalanobis distance with L L' is Euclidean."""
-    from scipy.linalg import solve_triangular
-
     centre = clouds[0][0][0]
-    return tuple(
-        (solve_triangular(factor, (points - centre).T, lower=True).T, weights)
-        for points, weights in clouds
-    )
+    return tuple((whitened_points(points, factor, centre), weights) for points, weights in clouds)
+
+
+def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:
+    """``L^-1 (x - centre)`` by forward substitution.
+
+    Number by number, and not by a routine for matrices, which may round equal particles to
+    different places.
+    """
+    found = np.empty(points.shape)
+    for k, row in enumerate(factor):
+        rest = points[:, k] - centre[k]
+        for weight, done in zip(row[:k], found.T, strict=False):
+            rest = rest - weight * done
+        found[:, k] = rest / row[k]
+    return found
 
 
 def merged(cloud: Cloud) -> Cloud:
@@ -217,12 +238,23 @@ def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
 
 
 def distance(a: Cloud, b: Cloud, order: int) -> float:
-    """W_q of two clouds; distinct particles of positive weight save time."""
+    """W_q of two clouds; distinct particles of positive weight, in order, save time."""
+    if _are_alike(a, b):
+        return 0.0
     if a[0].shape[1] == 1:
         return float(_along_a_line(a, b, order) ** (1 / order))
     _check_size(a, b)
     costs = _costs(a[0], b[0], order)
     return float(np.vdot(_optimal(a[1], b[1], costs), costs) ** (1 / order))
+
+
+def _are_alike(a: Cloud, b: Cloud) -> bool:
+    """Whether they are the same particles, with weights that only rounding tells apart.
+
+    The least mass that rounding leaves over would have to go far: its root is not small.
+    """
+    (x, u), (y, v) = a, b
+    return x.shape == y.shape and bool((np.abs(u - v) <= ALIKE * u).all()) and bool((x == y).all())
 
 
 def plan(a: Cloud, b: Cloud, order: int) -> Floats:
@@ -265,13 +297,8 @@ def _along_a_line(a: Cloud, b: Cloud, order: int) -> float:
 
 
 def _check_size(a: Cloud, b: Cloud) -> None:
-    """One particle on a side needs no transport, however many there are on the other."""
-    most = max(len(a[0]), len(b[0]))
-    if most > LARGEST and min(len(a[0]), len(b[0])) > 1:
-        raise ConfigError(
-            f"a cloud has {most} particles, more than {LARGEST} take too long and too much memory; "
-            "reduce the clouds first, --reduce 100 or reduce_cloud"
-        )
+    if len(a[0]) * len(b[0]) > LARGEST**2:
+        raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {TOO_LARGE}")
 
 
 def _costs(x: Floats, y: Floats, order: int) -> Floats:
@@ -298,11 +325,14 @@ def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
     return np.asarray(best)
 
 
+def can_transport() -> bool:
+    """Whether POT is installed."""
+    return find_spec("ot") is not None
+
+
 def _pot() -> Any:
     try:
         from ot import lp  # here: slow to import, and an extra
     except ImportError:
-        raise ConfigError(
-            "distances of particle clouds need the extra clouds: pip install 'tgospa-eval[clouds]'"
-        ) from None
+        raise ConfigError(NEEDED) from None
     return lp

@@ -43,6 +43,8 @@ class Rows:
         Says where a row is, for messages.
     classes : Numbered, optional
         Classes, if the roles ask for them.
+    weight_fault : str, optional
+        What is wrong with the texts of the weights, for those who need them.
     apart : dict of str to (R,) bool array and str
         Rows that the format itself leaves out, by its rule, and what to say of them.
     """
@@ -54,6 +56,7 @@ class Rows:
     numbers: Floats
     where: Callable[[int], str]
     classes: Numbered | None = None
+    weight_fault: str | None = None
     apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
 
 

@@ -58,10 +58,16 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str, decimal: str) -> 
         header = f'column "{frame.columns[column]}"'
         return _numbered(frame.iloc[:, column], header, where, wanted)
 
+    weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
         header = f'column "{frame.columns[column]}"'
-        states[:, k] = _numbers(frame.iloc[:, column], header, where, name, decimal)
+        try:
+            states[:, k] = _numbers(frame.iloc[:, column], header, where, name, decimal)
+        except InputError as error:
+            if column != roles.weight:
+                raise
+            states[:, k], weight_fault = np.nan, str(error)  # it may be something else
     header = f'column "{frame.columns[roles.time]}"'
     try:
         times = _times(frame.iloc[:, roles.time], header, name, decimal)
@@ -83,6 +89,7 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str, decimal: str) -> 
         numbers=states,
         where=where,
         classes=None if roles.klass is None else named(roles.klass, "a class"),
+        weight_fault=weight_fault,
     )
 
 

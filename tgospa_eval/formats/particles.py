@@ -5,14 +5,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.clouds import UNEVEN, Clouds
+from tgospa_eval.clouds import UNEVEN, Clouds, are_normalised
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
-from tgospa_eval.formats.times import more, quoted
+from tgospa_eval.formats.times import BLANK, more, quoted
 from tgospa_eval.trajectories import Floats, Ints
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.assemble import Rows
+
+
+RULE = "weights must be >= 0 and not all zero"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,8 +64,9 @@ class Particles:
         found = []
         if not compared:
             found.append(
-                f"{len(clouds)} clouds of {len(clouds.points)} particles are compared by their "
-                "means; whole: --distance cloud-wasserstein"
+                f"{len(clouds)} {'clouds' if len(clouds) > 1 else 'cloud'} of "
+                f"{len(clouds.points)} particles are compared by their means; whole: --distance "
+                "cloud-wasserstein"
             )
         if self.uneven:
             have = "clouds have" if self.uneven > 1 else "cloud has"
@@ -82,12 +86,14 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
     Raises
     ------
     InputError
-        A weight is blank, infinite or negative, or all weights of a cloud are zero.
+        A weight is no number, blank, infinite or negative, or all weights of a cloud are zero.
     """
     used = np.flatnonzero(mask)
     distinct, number = np.unique(key[used], return_inverse=True)
     if len(distinct) == len(used) and not always:
         return None
+    if rows.weight_fault is not None:
+        raise InputError(rows.weight_fault.replace(BLANK, RULE))
     roles = rows.roles
     given = rows.numbers[:, roles.numbers.index(roles.weight or 0)]
     weights = np.zeros(len(given))
@@ -98,20 +104,27 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
             text = what if what == "blank" else f"negative: {weights[at[0]]:g}"
             raise InputError(
                 f"{rows.where(int(at[0]))}: the weight of a particle of {_name(rows, int(at[0]))} "
-                f"is {text}{more(len(at))}; weights must be >= 0 and not all zero"
+                f"is {text}{more(len(at))}; {RULE}"
             )
-    sums = np.bincount(number, weights[used], minlength=len(distinct))
-    empty = np.flatnonzero(sums[number] == 0)
+    largest = np.zeros(len(distinct))
+    np.maximum.at(largest, number, weights[used])
+    empty = np.flatnonzero(largest[number] == 0)
     if len(empty):
         row = int(used[empty[0]])
-        clouds = int(np.count_nonzero(sums == 0))
+        clouds = int(np.count_nonzero(largest == 0))
         raise InputError(
-            f"{rows.where(row)}: all weights of {_name(rows, row)} are zero{more(clouds)}; weights "
-            "must be >= 0 and not all zero; leave out the rows of what does not exist"
+            f"{rows.where(row)}: all weights of {_name(rows, row)} are zero{more(clouds)}; {RULE}; "
+            "leave out the rows of what does not exist"
         )
     cloud = np.zeros(len(given), np.int64)
     cloud[used] = number
-    weights[used] /= sums[number]
+    # Divided first: a sum of huge weights may overflow.
+    scaled = weights[used] / largest[number]
+    totals = np.bincount(number, scaled, minlength=len(distinct))
+    with np.errstate(over="ignore"):
+        sums = totals * largest
+    kept = are_normalised(sums, np.bincount(number, minlength=len(distinct)))[number]
+    weights[used] = np.where(kept, weights[used], scaled / totals[number])
     off = np.abs(sums - 1)
     return Particles(
         weights=weights,

@@ -182,6 +182,7 @@ def convert(
     del coders
     places = Places(path=path, lines=lines, names=names)
     problems: list[str] = []
+    of_weights: list[str] = []  # a column of this name may be something else
     ids = numbered(coded[roles.id], name_id)
     blank = blanks(ids)
     if len(blank):
@@ -191,7 +192,8 @@ def convert(
     for k, column in enumerate(roles.numbers):
         reader = readers.pop(column)
         values[:, k] = reader.values()
-        problems += [f"{places.field(row, column)}: {message}" for row, message in reader.mistakes]
+        wrong = of_weights if column == roles.weight else problems
+        wrong += [f"{places.field(row, column)}: {message}" for row, message in reader.mistakes]
     try:
         times = coded_times(coded[roles.time], decimal)
     except TimeError as error:
@@ -206,6 +208,7 @@ def convert(
         numbers=values,
         where=places.row,
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
+        weight_fault="\n".join(of_weights) or None,
     )
     return rows, {column: coded[column] for column in texts}, places
 

@@ -144,13 +144,17 @@ def more(count: int) -> str:
     return f" (and {count - 1} more)" if count > 1 else ""
 
 
+BLANK = "leave it blank where the object is absent"
+"""Of a number that has no remedy of its own."""
+
+
 def remedy_for(text: str) -> str:
     """What to do about a text that is no number."""
     if "," in text:
         return "use a decimal point, or --decimal ,"
     if "." in text:
         return "use one decimal mark (--decimal) and no thousands separator"
-    return "leave it blank where the object is absent"
+    return BLANK
 
 
 def quoted(text: str) -> str:

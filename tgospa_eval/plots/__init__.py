@@ -4,13 +4,27 @@ matplotlib is imported when a picture is made.
 """
 
 import io
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from tgospa_eval.plots.lanes import plot_lanes
+    from tgospa_eval.plots.overtime import plot_costs, plot_cumulative
+    from tgospa_eval.plots.plane import plot_plane
+    from tgospa_eval.plots.worst import plot_worst
+
+__all__ = [
+    "plot_costs",
+    "plot_cumulative",
+    "plot_lanes",
+    "plot_plane",
+    "plot_worst",
+]
 
 T = TypeVar("T")
 
@@ -23,6 +37,32 @@ DOTS = 150
 
 MISSING = 'no pictures: they need the extra plot, pip install "tgospa-eval[plot]"'
 
+_HOMES = {
+    "plot_costs": "overtime",
+    "plot_cumulative": "overtime",
+    "plot_lanes": "lanes",
+    "plot_plane": "plane",
+    "plot_worst": "worst",
+}
+
+FILES: Mapping[str, dict[str, Any]] = {
+    "png": {"metadata": {"Software": None}},
+    "svg": {"metadata": {"Creator": None, "Date": None}},
+    "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
+}
+"""Formats, and what is left out of each: nothing depends on the time or on who made it."""
+
+_SAME = {"svg.hashsalt": "tgospa-eval", "pdf.fonttype": 42}
+"""The ids of an SVG are the same each time; in a PDF fonts are those that publishers take."""
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        from importlib import import_module
+
+        return getattr(import_module(f"tgospa_eval.plots.{_HOMES[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 def available() -> bool:
     """Whether matplotlib is installed."""
@@ -31,33 +71,52 @@ def available() -> bool:
 
 def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tuple[Figure, Any]":
     """An empty figure of inches, and its axes as a (rows, columns) array."""
+    from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    grid = 0.75 * rcParams["grid.linewidth"]
     made = Figure(figsize=(width, height), layout="constrained", facecolor="white")
     FigureCanvasAgg(made)
     axes = made.subplots(rows, columns, squeeze=False)
     for axis in axes.flat:
-        axis.grid(visible=True, which="major", color="#dddddd", linewidth=0.6)
+        axis.grid(visible=True, which="major", color="#dddddd", linewidth=grid)
         axis.set_axisbelow(True)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)
     return made, axes
 
 
-def pictures(draw: Callable[[T], "Mapping[str, Figure]"], subject: T) -> dict[str, bytes]:
-    """PNG files of what `draw` makes of the subject, whatever the user's settings of matplotlib."""
+def pictures(
+    draw: "Callable[[T], Mapping[str, Figure]]", subject: T, formats: Sequence[str] = ("png",)
+) -> dict[str, bytes]:
+    """Files of what `draw` makes of the subject, whatever the user's settings of matplotlib."""
     import matplotlib
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        return {f"{name}.png": _png(made) for name, made in draw(subject).items()}
+        return {
+            f"{name}.{kind}": written(made, kind)
+            for name, made in draw(subject).items()
+            for kind in formats
+        }
 
 
-def _png(made: "Figure") -> bytes:
-    """The picture; nothing in it depends on the time or the version of the program."""
+def written(made: "Figure", kind: str = "png", dots: int = DOTS) -> bytes:
+    """The picture as a file of one of `FILES`; to be called under `styled`."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    matplotlib.rcParams.update(_SAME)
     target = io.BytesIO()
-    made.savefig(target, format="png", dpi=DOTS, metadata={"Software": None})
+    with warnings.catch_warnings():
+        # An id in a script that the font does not have is drawn as boxes, which says enough.
+        warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
+        if kind == "png":  # as savefig does it, which draws everything once more before
+            made.set_dpi(dots)
+            FigureCanvasAgg(made).print_png(target, **FILES[kind])
+        else:
+            made.savefig(target, format=kind, dpi=dots, **FILES[kind])
     return target.getvalue()
 
 

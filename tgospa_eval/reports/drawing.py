@@ -14,10 +14,14 @@ import numpy as np
 from tgospa_eval.by_class import ByClass
 from tgospa_eval.evaluation import Result, Summary, Table
 from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.reports import spreads
 from tgospa_eval.weights import ONE
 
 VALUES = 800_000
 """Coordinates that are drawn; beyond, tracks are thinned."""
+
+COARSEST = 50
+"""Steps between positions from which on thinning saves little: what is left are events."""
 
 LEVELS = 1 << 16
 """Steps into which the extent of a coordinate is divided."""
@@ -43,6 +47,8 @@ class Side:
         Distance to it as a fraction of the cutoff; 1 where it is unassigned.
     state : (R, d) float array
         d = 0 where the states are unknown.
+    spread : (R, d (d + 1) / 2) float array
+        Lower triangles of covariances; (R, 0) where the states are points.
     shared : int
         Number of states that are assigned to `other` in part only.
     """
@@ -52,6 +58,7 @@ class Side:
     other: Ints
     error: Floats
     state: Floats
+    spread: Floats
     shared: int
 
 
@@ -65,14 +72,13 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
     scenes = [part.scene for part in parts]
     columns = scenes[0].columns if scenes and scenes[0] is not None else ()
     sides = {name: _joined(parts, name, len(columns)) for name in ("truth", "estimate")}
-    stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
+    runs = {name: _runs(side) for name, side in sides.items()}
+    stride, kept = _thinned(sides, runs)
     low, quantum = _grid([side.state for side in sides.values()], len(columns))
+    spread = spreads.described([side.spread for side in sides.values()], stride)
     arrays: dict[str, Ints] = {}
-    kept = {}
     for name, side in sides.items():
-        opens, closes = _runs(side)
-        keep = _kept(side, opens, closes, stride) if columns else np.zeros(0, np.int64)
-        kept[name] = len(keep)
+        (opens, closes), keep = runs[name], kept[name]
         arrays |= {
             f"{name}/run/track": side.track[opens],
             f"{name}/run/begin": side.step[opens],
@@ -86,6 +92,9 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
             offset = side.state[keep, axis] / 2 - low[axis] / 2
             value = np.rint(offset / (quantum[axis] / 2))
             arrays[f"{name}/row/{axis}"] = value.astype(np.int64)
+        if spread:
+            told = spreads.told(side.track[keep], side.step[keep], side.spread[keep], spread)
+            arrays |= {f"{name}/spread/{key}": values for key, values in told.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
@@ -106,13 +115,14 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
         "boxes": columns[:4] == BOX,
         "low": low,
         "quantum": quantum,
+        "spread": spread,
         "cutoff": result.proof.parameters.cutoff,
         "order": result.proof.parameters.order,
         "unit": result.labels.unit or "",
         "errors": ERRORS,
         "stride": stride,
         "shared": sides["truth"].shared,
-        "rows": {name: [kept[name], len(side.track)] for name, side in sides.items()},
+        "rows": {name: [len(kept[name]), len(side.track)] for name, side in sides.items()},
         "arrays": [[name, len(array)] for name, array in arrays.items()],
     }, arrays
 
@@ -121,15 +131,19 @@ def curves(result: Summary) -> dict[str, list[float]]:
     """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
 
     (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of those steps at which something
-    exists; the last value of ``total`` is `normalised`. Costs are those of the assignment of the
-    whole recording, so this bounds the metric of the steps 1..k from above.
+    exists; the last value of ``total`` is `normalised`. Where the curve was asked for, costs are
+    those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
+    of the steps 1..k from above.
     """
     split, occupied = result.proof.breakdown, np.maximum(np.cumsum(result.occupied), 1)
-    parts = {name: getattr(split, name) for name in PARTS}
+    if result.traced is not None:
+        parts = dict(zip(PARTS, result.traced.parts, strict=True))
+    else:
+        parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
     parts["total"] = sum(parts.values(), np.zeros(len(occupied)))
     parameters = result.proof.parameters
     return {
-        name: (parameters.cutoff * (np.cumsum(cost) / occupied) ** (1 / parameters.order)).tolist()
+        name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
         for name, cost in parts.items()
     }
 
@@ -165,6 +179,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Side:
                 other=np.where(side.other == NONE, NONE, side.other + first[other]),
                 error=side.error,
                 state=side.state,
+                spread=side.spread,
                 shared=side.shared,
             )
         )
@@ -176,6 +191,7 @@ def _joined(parts: list[Result], name: str, size: int) -> Side:
         other=np.concatenate([side.other for side in sides]),
         error=np.concatenate([side.error for side in sides]),
         state=np.concatenate([side.state for side in sides]),
+        spread=spreads.concatenated([side.spread for side in sides]),
         shared=sum(side.shared for side in sides),
     )
 
@@ -205,6 +221,8 @@ def _side(result: Result, name: str, size: int) -> Side:
 
     scene = result.scene
     state = np.zeros((len(step), 0)) if scene is None or not size else getattr(scene, name)
+    spread = getattr(scene, f"{name}_covariance", None)
+    spread = np.zeros((len(step), 0)) if spread is None else spread
     by_track = np.argsort(track, kind="stable")
     return Side(
         track=track[by_track],
@@ -212,6 +230,7 @@ def _side(result: Result, name: str, size: int) -> Side:
         other=partner[by_track],
         error=error[by_track],
         state=state[by_track],
+        spread=spread[by_track],
         shared=int(np.count_nonzero((partner != NONE) & (best < ONE))),
     )
 
@@ -226,8 +245,25 @@ def _runs(side: Side) -> tuple[Ints, Ints]:
     return first, np.append(first[1:], len(side.track)) - 1
 
 
+def _thinned(
+    sides: dict[str, Side], runs: dict[str, tuple[Ints, Ints]]
+) -> tuple[int, dict[str, Ints]]:
+    """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
+    stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
+    while True:
+        kept = {name: _kept(side, *runs[name], stride) for name, side in sides.items()}
+        # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
+        each = [side.state.shape[1] + (stride > 1) for side in sides.values()]
+        size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
+        if size <= VALUES or stride >= COARSEST:
+            return stride, kept
+        stride += -(-stride // 4)
+
+
 def _kept(side: Side, opens: Ints, closes: Ints, stride: int) -> Ints:
     """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
+    if not side.state.shape[1]:
+        return np.zeros(0, np.int64)
     keep = (side.step % stride == 0) | (side.other == NONE)
     keep[opens] = True
     keep[closes] = True
@@ -239,7 +275,8 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
-    low, high = known.min(axis=0), known.max(axis=0)
+    # one after the other: along the first axis of what has few columns it takes ten times as long
+    low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
     quantum = 2 * (high / 2 - low / 2) / LEVELS
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 

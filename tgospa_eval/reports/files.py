@@ -76,6 +76,7 @@ def write_folder(
     *,
     force: bool,
     names: tuple[str, str] = ("truth", "estimate"),
+    more: Mapping[str, bytes] | None = None,
 ) -> tuple[str, ...]:
     """Write the result folder.
 
@@ -89,6 +90,8 @@ def write_folder(
         Whether it may hold files already.
     names : pair of str
         What truth and estimate are called in the report.
+    more : mapping of str to bytes, optional
+        Further files by name.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def write_folder(
         The folder cannot be written.
     """
     check_folder(folder, force=force)
-    texts = {
+    texts: dict[str, str | bytes] = {
         "result.json": result.to_json(),
         "per_step.csv": per_step_csv(result),
         "assignments.csv": csv_text(result.assignments_table()),
@@ -110,6 +113,8 @@ def write_folder(
         "per_estimate.csv": csv_text(result.per_estimate_table()),
         "timings.csv": csv_text(_timings(result)),
     }
+    if result.traced is not None:
+        texts["curve.csv"] = csv_text(result.curve_table())
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
     missing: tuple[str, ...] = ()
@@ -119,7 +124,7 @@ def write_folder(
         from tgospa_eval.reports.html import page
 
         texts["report.html"] = page(result, names)
-    write_texts(texts, folder, force=force)
+    write_texts(texts | dict(more or {}), folder, force=force)
     return missing
 
 

@@ -13,7 +13,7 @@ from tgospa_eval.evaluation import Summary, Table
 from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
 
-SCRIPTS = ("data", "canvas", "costs", "lanes", "plane", "tables", "page")
+SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
 
 WORST = 10
@@ -57,14 +57,14 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         value=result.quantity(result.tgospa),
         bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
         certified=result.certified,
+        traced=result.traced is not None,
         meaning=meaning(result),
         sizes=result.sizes,
         parts=_parts(result),
         total=f"{result.total:.6g}",
         per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
-        switches=len(data["switches"]["step"]),
-        timings=_flat(result.timings),
+        seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         parameters=_flat(result.parameters),
         inputs={name: _flat(told) for name, told in result.input.items()},
         solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
@@ -85,9 +85,18 @@ def _parts(result: Summary) -> list[dict[str, str]]:
             "share": result.share(getattr(result, name)),
             "count": f"{result.counts[name]:.6g}" if name in result.counts else "",
             "note": NOTES[name],
+            "split": _split(result) if name == "localisation" else "",
         }
         for name in PARTS
     ]
+
+
+def _split(result: Summary) -> str:
+    """What means and spreads cost, where the distance tells them apart."""
+    if result.split is None:
+        return ""
+    means, spread = map(result.share, result.split)
+    return f"means {means}, spread {spread}"
 
 
 def _classes(result: Summary) -> list[list[str]]:

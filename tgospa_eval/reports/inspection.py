@@ -67,7 +67,7 @@ def _files(files: list[Document]) -> Iterator[str]:
         yield _row(column, [_interval(file["extent"].get(column)) for file in files])
         if any("deviation" in file for file in files):
             deviations = [file.get("deviation", {}).get(column) for file in files]
-            yield _row("  std", [_range(spread, "") for spread in deviations])
+            yield _row("  std", [_range(spread, "", digits=3) for spread in deviations])
     for name in dict.fromkeys(name for file in files for name in file["classes"]):
         parts = [file["classes"].get(name) for file in files]
         yield _row(f"class {name}", [_class(part) for part in parts])
@@ -125,14 +125,16 @@ def steps_of(count: int) -> str:
 
 
 def _row(name: str, cells: list[str]) -> str:
-    return (f"{clip(name, NAME):<{NAME}} " + "".join(f"{cell:<{CELL}}" for cell in cells)).rstrip()
+    return (
+        f"{clip(name, NAME):<{NAME}} " + "".join(f"{cell:<{CELL - 2}}  " for cell in cells)
+    ).rstrip()
 
 
-def _range(spread: Document | None, unit: str) -> str:
+def _range(spread: Document | None, unit: str, digits: int = 6) -> str:
     """Smallest to largest, and the median between them."""
     if spread is None:
         return "-"
-    low, middle, high = (_number(spread[key]) for key in ("min", "median", "max"))
+    low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
     text = low if low == high else f"{low} to {high}, median {middle}"
     return f"{text} {unit}".strip()
 
@@ -141,8 +143,8 @@ def _interval(extent: Document | None) -> str:
     return "-" if extent is None else f"{_number(extent['min'])} to {_number(extent['max'])}"
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.6g}"
+def _number(value: float | None, digits: int = 6) -> str:
+    return "-" if value is None else f"{value:.{digits}g}"
 
 
 def _plain(value: Any) -> str:

@@ -89,9 +89,7 @@ def _parameters(document: Document) -> str:
 
 
 def _remarks(document: Document) -> Iterator[str]:
-    """Where the counts do not depend on the parameter; of assignments that are not the best
-    nothing follows.
-    """
+    """Where the counts do not depend on the parameter; told of the best assignments alone."""
     letter, points = LETTERS[document["parameter"]], document["points"]
     if len(points) < 2 or not document["certified"]:
         return

@@ -1,6 +1,7 @@
 // What the pictures share: the selection, the range of steps, colours, canvases.
 const state = { step: null, side: null, track: null, from: 0, to: Math.max(steps - 1, 0) };
 const LEFT = 74, RIGHT = 10;
+const PAPER = 690; // CSS pixels between the margins of a page
 let style = null;
 
 function colour(name) {
@@ -47,7 +48,7 @@ const fillOf = (context, name) => name === "missed" || name === "false" ? patter
 
 // A context in CSS pixels with a clean canvas of the given height.
 function prepare(canvas, height) {
-  const width = canvas.clientWidth || canvas.parentElement.clientWidth, ratio = Math.max(devicePixelRatio, printing ? 2 : 1);
+  const width = printing ? PAPER : canvas.clientWidth || canvas.parentElement.clientWidth, ratio = Math.max(devicePixelRatio, printing ? 2 : 1);
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
   canvas.style.height = `${height}px`;
@@ -100,15 +101,24 @@ function tick(value, ticks) {
   return Number(text) === 0 ? "0" : text;
 }
 
-// Of times that are texts what is the same in all, as the date, is left out on axes.
+// Of times that are texts what is the same in all, as the date or the seconds, is left out on axes.
+const SECONDS = /(?<=\d\d:\d\d):\d\d(\.\d+)?(Z|[+-]\d\d:?\d\d)?$/;
+const seconds = (SECONDS.exec(time(0)) || [""])[0];
+const sharedEnd = steps > 1 && doc.times.every((t) => String(t).endsWith(seconds)) ? seconds.length : 0;
 const shared = (() => {
   const [first, last] = [time(0), time(Math.max(steps - 1, 0))];
   if (!steps || typeof doc.times[0] === "number") return 0;
   let same = 0;
   while (same < first.length && first[same] === last[same]) same++;
-  return Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
+  const day = Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
+  return day || (/^\d{4}-/.test(first) && same >= 5 ? 5 : 0);
 })();
-const shortTime = (step) => time(step).slice(shared);
+// Whole numbers beyond the digits of a browser, as fine stamps since 1970, are told from the first.
+const stamps = steps > 1 && doc.times.every((t) => typeof t === "string" && /^-?\d+$/.test(t)) ? doc.times.map(BigInt) : null;
+// Numbers that were computed, as 0.1 + 0.2, lose the digits that are rounding.
+const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
+const shortTime = (step) => stamps ? `+${number(Number(stamps[step] - stamps[0]))}` : roundTime(doc.times[step]).slice(shared, roundTime(doc.times[step]).length - sharedEnd);
+const stepAtRound = new Map(doc.times.map((t, k) => [roundTime(t), k]));
 
 function timeAxis(context, width, bottom) {
   context.fillStyle = colour("soft");
@@ -120,17 +130,17 @@ function timeAxis(context, width, bottom) {
     // Round times where there are such steps, else steps at round distances.
     const [begin, end] = [doc.times[state.from], doc.times[state.to]];
     const round = typeof begin === "number" && end > begin ? niceSteps(begin, end, count) : [];
-    ticks = round.map((value) => stepOf.get(String(+value.toPrecision(12)))).filter((step) => step !== undefined);
+    ticks = round.map((value) => stepAtRound.get(roundTime(value))).filter((step) => step !== undefined);
     if (ticks.length < Math.max(2, round.length / 2)) ticks = niceSteps(0, state.to - state.from, count).filter(Number.isInteger).map((step) => step + state.from);
   }
-  let last = -1e9;
+  let end = -1e9;
   for (const step of ticks) {
-    const x = (left(step, width) + left(step + 1, width)) / 2;
-    if (x - last < longest * 0.8) continue;
-    last = x;
+    const x = (left(step, width) + left(step + 1, width)) / 2, half = context.measureText(shortTime(step)).width / 2;
+    const middle = Math.min(Math.max(x, half), width - half);
+    if (middle - half < end + 10) continue;
+    end = middle + half;
     context.fillRect(x, bottom, 1, 4);
-    const half = context.measureText(shortTime(step)).width / 2;
-    context.fillText(shortTime(step), Math.min(Math.max(x, half), width - half), bottom + 13);
+    context.fillText(shortTime(step), middle, bottom + 13);
   }
 }
 
@@ -192,3 +202,8 @@ function timePointer(canvas, describe, choose) {
   });
   canvas.addEventListener("dblclick", () => setRange(0, steps - 1));
 }
+
+// Keys with Ctrl, Alt or Cmd belong to the browser: its zoom, its way back.
+const taken = (event) => event.ctrlKey || event.metaKey || event.altKey;
+const bigger = ({ key }) => key === "+" || key === "="; // without Shift on many keyboards
+const smaller = ({ key }) => key === "-" || key === "_";

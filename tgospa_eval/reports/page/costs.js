@@ -1,6 +1,15 @@
 // Stacked cost of each step, and the normalised cumulative cost.
 const costs = {
   canvas: document.getElementById("costs"),
+  // Where there are more steps than pixels the dearest of each pixel stands for it, also in a click.
+  together: (width) => Math.max(1, Math.ceil(span() / (width - LEFT - RIGHT))),
+  dearest(step, width) {
+    const size = this.together(width), first = step - (step - state.from) % size;
+    let found = first;
+    for (let k = first; k < Math.min(first + size, state.to + 1); k++) if (total[k] > total[found]) found = k;
+    return found;
+  },
+
   draw() {
     alignWithLanes(this.canvas);
     const [context, width, height] = prepare(this.canvas, 190), top = 8, bottom = height - 24;
@@ -8,11 +17,9 @@ const costs = {
     for (let k = state.from; k <= state.to; k++) high = Math.max(high, total[k]);
     high = high || 1;
     valueAxis(context, width, top, bottom, high);
-    // Where there are more steps than pixels the dearest of each pixel stands for it.
-    const together = Math.max(1, Math.ceil(span() / (width - LEFT - RIGHT)));
+    const together = this.together(width);
     for (let first = state.from; first <= state.to; first += together) {
-      let step = first;
-      for (let k = first; k < Math.min(first + together, state.to + 1); k++) if (total[k] > total[step]) step = k;
+      const step = this.dearest(first, width);
       const begin = left(first, width), end = left(first + together, width), fine = end - begin < 4;
       // Thin bars begin and end at pixels, else they show a pattern that is not in the data.
       const x = fine ? Math.floor(begin) : begin, wide = fine ? Math.max(Math.floor(end) - x, 1) : end - begin;
@@ -34,7 +41,10 @@ const costs = {
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
     chosenStep(context, width, top, bottom);
-    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the dearest of ${together} steps` : "";
+    document.getElementById("costs-note").textContent = [
+      ...(together > 1 ? [`each bar is the dearest of ${together} steps`] : []),
+      ...(stamps ? [`times from ${time(0)}`] : []),
+    ].join("; ");
   },
 };
 
@@ -54,9 +64,10 @@ const curve = {
       context.setLineDash(dashes[name] || []);
       context.beginPath();
       const stride = Math.max(1, Math.floor(span() / width));
-      for (let k = state.from; k <= state.to; k += stride) {
-        context.lineTo((left(k, width) + left(k + 1, width)) / 2, bottom - doc.curve[name][k] / high * (bottom - top));
-      }
+      const point = (k) => [(left(k, width) + left(k + 1, width)) / 2, bottom - doc.curve[name][k] / high * (bottom - top)];
+      for (let k = state.from; k < state.to; k += stride) context.lineTo(...point(k));
+      context.lineTo(...point(state.to));
+      if (span() === 1) context.lineTo(point(state.to)[0] + 5, point(state.to)[1]); // one point is no line
       context.stroke();
     }
     context.setLineDash([]);
@@ -75,13 +86,15 @@ function costWords(step) {
   return `step ${time(step)}: cost ${number(total[step])}${parts.length ? `\n${parts.join(", ")}` : ""}`;
 }
 
-timePointer(costs.canvas, (event) => costWords(stepAt(event.offsetX, costs.canvas.clientWidth)), (_, step) => choose({ step }));
+const barAt = (step) => costs.dearest(step, costs.canvas.clientWidth);
+timePointer(costs.canvas, (event) => costWords(barAt(stepAt(event.offsetX, costs.canvas.clientWidth))), (_, step) => choose({ step: barAt(step) }));
 timePointer(curve.canvas, (event) => {
   const step = stepAt(event.offsetX, curve.canvas.clientWidth);
   return `steps up to ${time(step)}: ${withUnit(doc.curve.total[step])} per step\n${PARTS.map((name) => `${name} ${number(doc.curve[name][step])}`).join(", ")}`;
 }, (_, step) => choose({ step }));
 
 costs.canvas.addEventListener("keydown", (event) => {
+  if (taken(event)) return;
   const now = state.step ?? state.from - (event.key === "ArrowRight" ? 1 : 0), jump = event.shiftKey ? 10 : 1;
   const target = {
     ArrowLeft: now - jump, ArrowDown: now - jump, ArrowRight: now + jump, ArrowUp: now + jump, Home: 0, End: steps - 1,
@@ -89,8 +102,8 @@ costs.canvas.addEventListener("keydown", (event) => {
   if (target !== undefined) choose({ step: Math.min(Math.max(target, 0), steps - 1) });
   else if (event.key === "PageDown") act("next");
   else if (event.key === "PageUp") act("previous");
-  else if (event.key === "+") act("in");
-  else if (event.key === "-") act("out");
+  else if (bigger(event)) act("in");
+  else if (smaller(event)) act("out");
   else if (event.key === "0") act("all");
   else return;
   event.preventDefault();

@@ -29,6 +29,18 @@ async function readArrays() {
   return arrays;
 }
 
+// What either direction of the plane can show: the columns, the middle of boxes, the time.
+const moments = doc.times.every((t) => typeof t === "number") ? Float64Array.from(doc.times) : Float64Array.from(doc.times.keys());
+const derived = doc.boxes ? [["centre x", 0, 2], ["centre y", 1, 3]] : [];
+const TIME = doc.columns.length + derived.length;
+const axisNames = [...doc.columns, ...derived.map(([name]) => name), moments[0] === doc.times[0] ? "t" : "number of the step"];
+
+// The unit is that of distances: of haversine it is not that of the columns.
+const titleOf = (axis) => {
+  const name = axisNames[axis], angle = name === "lat" || name === "lon";
+  return isolate(name + (angle ? " / °" : doc.unit && +axis !== TIME ? ` / ${doc.unit}` : ""));
+};
+
 // Where each track begins in an array that is sorted by track.
 function firsts(track, count) {
   const first = new Int32Array(count + 1);
@@ -47,6 +59,8 @@ function makeSide(name, arrays) {
     for (let k = 0; k < levels.length; k++) values[k] = doc.low[axis] + levels[k] * doc.quantum[axis];
     return values;
   });
+  for (const [, corner, size] of derived) row.axes.push(row.axes[corner].map((value, k) => value + row.axes[size][k] / 2));
+  row.axes.push(Float64Array.from(row.step, (step) => moments[step]));
   run.first = firsts(run.track, count);
   row.first = firsts(row.track, count);
   // Whom each row is assigned to: rows and runs are in the same order.
@@ -55,8 +69,13 @@ function makeSide(name, arrays) {
     while (run.track[r] < row.track[k] || run.end[r] < row.step[k]) r++;
     row.other[k] = run.other[r];
   }
+  const told = arrays[`${name}/spread/row`];
+  const spread = told && {
+    row: told, first: firsts(told.map((k) => row.track[k]), count),
+    levels: Array.from({ length: doc.columns.length * (doc.columns.length + 1) / 2 }, (_, entry) => arrays[`${name}/spread/${entry}`]),
+  };
   const label = table.id.map((id, k) => table.class ? `${table.class[k]}: ${id}` : id);
-  return { name, table, count, run, row, label, other: name === "truth" ? "estimate" : "truth" };
+  return { name, table, count, run, row, spread, label, other: name === "truth" ? "estimate" : "truth" };
 }
 
 // The run of a track at a step, or -1.

@@ -116,16 +116,17 @@ const lanes = {
     for (const r of inside) {
       if (run.other[r] === NONE) continue;
       const x = Math.max(left(run.begin[r], width), LEFT), room = left(run.end[r] + 1, width) - x - 8;
-      const name = sides[side.other].label[run.other[r]];
-      if (room < 14 || context.measureText(name).width > room) continue;
+      let name = sides[side.other].label[run.other[r]];
+      if (room < 14 || (room < 40 && context.measureText(name).width > room)) continue;
+      name = clipped(context, name, room);
       context.fillStyle = truth ? colour("label") : colour("ink");
-      if (truth) context.fillText(isolate(name), x + 5, middle + 0.5);
+      if (truth) context.fillText(name, x + 5, middle + 0.5);
       else {
         const size = context.measureText(name).width;
         context.fillStyle = colour("paper");
         context.fillRect(x + 3, y + 1, size + 5, tall - 2);
         context.fillStyle = colour("ink");
-        context.fillText(isolate(name), x + 5, middle + 0.5);
+        context.fillText(name, x + 5, middle + 0.5);
       }
     }
     context.restore();
@@ -136,7 +137,7 @@ const lanes = {
   drawErrors(context, side, track, y, width) {
     const { row } = side, tall = this.tall - 4;
     const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
-    context.fillStyle = "rgb(0 0 0 / 0.3)";
+    context.fillStyle = "rgb(0 0 0 / 0.25)";
     const wide = (left(1, width) - left(0, width)) * doc.stride;
     let last = -1, most = 0;
     for (let k = from; k < to; k++) {
@@ -217,6 +218,7 @@ timePointer(lanes.canvas, (event) => {
 });
 lanes.box.addEventListener("scroll", () => { if (!pending) pending = requestAnimationFrame(() => { pending = 0; lanes.draw(); }); });
 lanes.canvas.addEventListener("keydown", (event) => {
+  if (taken(event)) return;
   const way = { ArrowUp: -1, ArrowDown: 1, PageUp: -10, PageDown: 10, Home: -1e9, End: 1e9 }[event.key];
   if (way !== undefined) {
     const lots = lanes.rows.filter((row) => !row.title);
@@ -225,8 +227,8 @@ lanes.canvas.addEventListener("keydown", (event) => {
     if (row) choose({ side: row.side.name, track: row.track });
   } else if (event.key === "ArrowLeft") act("back");
   else if (event.key === "ArrowRight") act("forth");
-  else if (event.key === "+") act("in");
-  else if (event.key === "-") act("out");
+  else if (bigger(event)) act("in");
+  else if (smaller(event)) act("out");
   else if (event.key === "0") act("all");
   else return;
   event.preventDefault();

@@ -90,6 +90,9 @@ document.getElementById("step").addEventListener("change", (event) => {
 document.addEventListener("keydown", (event) => { if (event.key === "Escape") act("clear"); });
 addEventListener("hashchange", () => { if (location.hash !== "#main") { readAddress(); refresh(); } });
 addEventListener("resize", redraw);
+// Widths change with scroll bars, too.
+const resized = new ResizeObserver(redraw);
+for (const view of [lanes.box, plane.canvas]) resized.observe(view);
 const forget = () => { style = null; patterns.clear(); plane.drawn = null; };
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { forget(); redraw(); });
 for (const [name, on] of [["beforeprint", true], ["afterprint", false]]) {

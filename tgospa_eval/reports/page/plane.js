@@ -12,18 +12,22 @@ const plane = {
   drawn: null,
 
   arrange() {
-    doc.columns.forEach((name, axis) => {
+    axisNames.forEach((name, axis) => {
       for (const select of [this.axisX, this.axisY]) select.add(new Option(name, axis));
     });
-    this.axisX.value = 0;
-    this.axisY.value = Math.min(1, doc.columns.length - 1);
+    const across = doc.boxes ? doc.columns.length : doc.columns.includes("lon") ? doc.columns.indexOf("lon") : 0;
+    const up = doc.boxes ? across + 1 : doc.columns.includes("lat") ? doc.columns.indexOf("lat") : 1;
+    // What has one column is shown over time.
+    [this.axisX.value, this.axisY.value] = doc.columns.length > 1 ? [across, up] : [TIME, 0];
     this.downward.checked = doc.boxes;
-    this.equal.checked = !doc.columns.includes("lat");
-    if (doc.columns.includes("lat") && doc.columns.includes("lon")) {
-      this.axisX.value = doc.columns.indexOf("lon");
-      this.axisY.value = doc.columns.indexOf("lat");
-    }
+    this.scales();
     document.getElementById("plane-section").hidden = !doc.columns.length;
+  },
+
+  // A metre is as long across as up, where both are lengths.
+  scales() {
+    const names = [this.axisX, this.axisY].map((select) => axisNames[select.value]);
+    this.equal.checked = !names.some((name) => name === axisNames[TIME] || name === "lat" || name === "lon");
   },
 
   // All tracks of a side, or those that the selection is about.
@@ -79,12 +83,12 @@ const plane = {
     document.getElementById("plane-note").textContent =
       (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
       (doc.stride > 1 ? `One in ${doc.stride} positions, and all misses, false targets and changes. ` : "") +
-      (doc.boxes ? "Lines join the corners (left, top); boxes are drawn at the selected step." : "");
+      shapes.note();
   },
 
   // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
   still(context, width, height) {
-    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, printing];
+    const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, printing];
     const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, this.canvas.width, ways]);
     if (drawn !== this.drawn) {
       this.kept.width = this.canvas.width;
@@ -110,13 +114,14 @@ const plane = {
     this.mark = !this.crowded || state.track !== null ? 1 : Math.max(0.45, 1 - Math.log10(count / 400) * 0.4);
     const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
     for (const name of ["truth", "estimate"]) this.lines(context, sides[name], only[name], width, height);
+    shapes.along(context, only, width, height);
     for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
     this.switches(context, only.truth, width, height);
     context.restore();
   },
 
   axes(context, width, height) {
-    const { centre, scale } = this.view, unit = doc.unit ? ` / ${doc.unit}` : "";
+    const { centre, scale } = this.view;
     context.strokeStyle = colour("line");
     context.strokeRect(56.5, 4.5, width - 61, height - 31);
     const halfX = (width - 60) / 2 / scale[0], halfY = (height - 30) / 2 / scale[1];
@@ -124,7 +129,7 @@ const plane = {
     const across = niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110);
     for (const value of across) {
       const [x] = this.place(value, centre[1], width, height);
-      if (x < 58 || x > width - 14) continue;
+      if (x < 58 || x + context.measureText(tick(value, across)).width / 2 > width - 4) continue;
       context.fillStyle = colour("grid");
       context.fillRect(x, 5, 1, height - 32);
       context.fillStyle = colour("soft");
@@ -134,18 +139,19 @@ const plane = {
     const upwards = niceSteps(centre[1] - halfY, centre[1] + halfY, height / 80);
     for (const value of upwards) {
       const [, y] = this.place(centre[0], value, width, height);
-      if (y < 22 || y > height - 40) continue;
+      if (y < 26 || y > height - 40) continue;
       context.fillStyle = colour("grid");
       context.fillRect(57, y, width - 62, 1);
       context.fillStyle = colour("soft");
       context.fillText(tick(value, upwards), 52, y);
     }
     context.fillStyle = colour("ink");
-    context.fillText(isolate(doc.columns[this.axisX.value] + unit), width - 8, height - 5);
-    context.fillText(isolate(doc.columns[this.axisY.value] + unit), 52, 11);
+    context.fillText(titleOf(this.axisX.value), width - 8, height - 5);
+    context.textAlign = "left";
+    context.fillText(titleOf(this.axisY.value), 62, 14);
   },
 
-  // A line for each stretch of steps; points nearer than a pixel to the last are left out.
+  // A line for each stretch of steps; points near the last are left out, of faded lines more of them.
   lines(context, side, only, width, height) {
     const { row } = side, [xs, ys] = this.coordinates(side), truth = side.name === "truth";
     context.lineJoin = "round";
@@ -155,8 +161,9 @@ const plane = {
       context.strokeStyle = truth ? colour("truth") : colourOf(track);
       context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
       context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
+      const near = dim ? 4 : 1;
       context.beginPath();
-      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, drawnX = 0, drawnY = 0;
+      let lastStep = -2, lastX = 0, lastY = 0, lastTold = -2, begun = -1, drawnX = 0, drawnY = 0;
       const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
       for (let k = from; k < to; k++) {
         const [x, y] = this.place(xs[k], ys[k], width, height);
@@ -164,20 +171,29 @@ const plane = {
         const joined = row.step[k] - lastStep <= 1 || (row.step[k] - lastStep <= doc.stride && lastStep >= 0);
         if (!joined) {
           if (lastTold !== lastStep && lastStep >= 0) context.lineTo(lastX, lastY);
+          else if (lastStep === begun) this.dot(context, lastX, lastY);
           context.moveTo(x, y);
+          begun = row.step[k];
           lastTold = row.step[k];
           [drawnX, drawnY] = [x, y];
-        } else if (Math.abs(x - drawnX) + Math.abs(y - drawnY) > 1 || k === to - 1) {
+        } else if (Math.abs(x - drawnX) + Math.abs(y - drawnY) > near || k === to - 1) {
           context.lineTo(x, y);
           lastTold = row.step[k];
           [drawnX, drawnY] = [x, y];
         }
         [lastStep, lastX, lastY] = [row.step[k], x, y];
       }
+      if (lastStep === begun) this.dot(context, lastX, lastY);
       context.stroke();
     }
     context.setLineDash([]);
     context.globalAlpha = 1;
+  },
+
+  // What exists at one step and not at the next is no line.
+  dot(context, x, y) {
+    context.moveTo(x + 1.5, y);
+    context.arc(x, y, 1.5, 0, 7);
   },
 
   events(context, side, only, width, height) {
@@ -211,15 +227,15 @@ const plane = {
       const at = placeAt(sides.truth, truth[k], step[k]) || placeAt(sides.truth, truth[k], step[k] - 1);
       if (!at) continue;
       const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height), size = (mass[k] >= 0.99 ? 6 : 4) * this.mark;
-      context.globalAlpha = only && !only.has(truth[k]) ? 0.15 : 1;
+      context.globalAlpha = only && !only.has(truth[k]) ? 0.15 : this.mark > 0.5 ? 1 : 0.5;
       context.beginPath();
       context.moveTo(x, y - size); context.lineTo(x + size, y); context.lineTo(x, y + size); context.lineTo(x - size, y);
       context.closePath();
       context.fillStyle = colour("switch");
       context.strokeStyle = colour("paper");
-      context.lineWidth = 1.2;
+      context.lineWidth = 1.2 * this.mark;
       context.fill();
-      context.stroke();
+      if (this.mark > 0.5) context.stroke();
     }
     context.globalAlpha = 1;
   },
@@ -236,8 +252,9 @@ const plane = {
         const [x, y] = this.place(at[this.axisX.value], at[this.axisY.value], width, height);
         places[side.name].set(track, [x, y]);
         fade(side.name, track);
-        this.outline(context, side, track, at, width, height);
+        const around = shapes.outline(side, track, state.step, at, +this.axisX.value, +this.axisY.value);
         context.lineWidth = 2;
+        if (around) shapes.stroke(context, side, track, around.map((point) => this.place(...point, width, height)));
         context.beginPath();
         context.arc(x, y, side.name === "truth" ? 6 : 3.5, 0, 7);
         if (side.name === "truth") {
@@ -279,22 +296,12 @@ const plane = {
         if (!few && !named[side.name].has(track)) continue;
         context.strokeStyle = colour("paper");
         context.fillStyle = truth ? colour("ink") : colour("accent");
-        context.strokeText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
-        context.fillText(isolate(side.label[track]), x + (truth ? -9 : 9), y + (truth ? -8 : 8));
+        const name = clipped(context, side.label[track], 110);
+        context.strokeText(name, x + (truth ? -9 : 9), y + (truth ? -8 : 8));
+        context.fillText(name, x + (truth ? -9 : 9), y + (truth ? -8 : 8));
       }
     }
   },
-  // The shape of a state, where it has one and the two columns show it.
-  outline(context, side, track, at, width, height) {
-    if (!doc.boxes || this.axisX.value !== "0" || this.axisY.value !== "1") return;
-    const [x0, y0] = this.place(at[0], at[1], width, height), [x1, y1] = this.place(at[0] + at[2], at[1] + at[3], width, height);
-    context.strokeStyle = side.name === "truth" ? colour("ink") : colourOf(track);
-    context.lineWidth = 2;
-    context.setLineDash(side.name === "truth" ? [5, 3] : []);
-    context.strokeRect(Math.min(x0, x1), Math.min(y0, y1), Math.abs(x1 - x0), Math.abs(y1 - y0));
-    context.setLineDash([]);
-  },
-
   nearest(event) {
     if (!this.view) return null;
     let best = 14 ** 2, found = null;
@@ -332,49 +339,6 @@ const plane = {
   },
 };
 
-{
-  let grip = null, moved = false;
-  const { canvas } = plane;
-  canvas.addEventListener("pointerdown", (event) => {
-    if (event.pointerType === "touch" || event.button) return;
-    grip = [event.offsetX, event.offsetY];
-    moved = false;
-    canvas.setPointerCapture(event.pointerId);
-  });
-  canvas.addEventListener("pointermove", (event) => {
-    if (!grip) {
-      const found = plane.nearest(event);
-      showTip(event, found ? laneWords(found, found.step).replace(/^/, `t = ${time(found.step)}\n`) : "");
-      return;
-    }
-    if (!moved && Math.hypot(event.offsetX - grip[0], event.offsetY - grip[1]) < 5) return;
-    moved = true;
-    tip.hidden = true;
-    plane.move(event.offsetX - grip[0], event.offsetY - grip[1]);
-    grip = [event.offsetX, event.offsetY];
-  });
-  canvas.addEventListener("pointerup", () => { grip = null; });
-  canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
-  canvas.addEventListener("click", (event) => {
-    if (moved) { moved = false; return; }
-    const found = plane.nearest(event);
-    if (found) choose({ side: found.side.name, track: found.track, step: found.step });
-  });
-  canvas.addEventListener("wheel", (event) => {
-    if (document.activeElement !== canvas && !event.ctrlKey) return;
-    event.preventDefault();
-    plane.zoom(event.deltaY < 0 ? 1.25 : 0.8, event.offsetX, event.offsetY);
-  }, { passive: false });
-  canvas.addEventListener("keydown", (event) => {
-    const way = { ArrowLeft: [40, 0], ArrowRight: [-40, 0], ArrowUp: [0, 40], ArrowDown: [0, -40] }[event.key];
-    if (way) plane.move(...way);
-    else if (event.key === "+") plane.zoom(1.4);
-    else if (event.key === "-") plane.zoom(1 / 1.4);
-    else if (event.key === "0") planeAct("all");
-    else return;
-    event.preventDefault();
-  });
-}
 function planeAct(name) {
   if (name === "in") plane.zoom(1.5);
   else if (name === "out") plane.zoom(1 / 1.5);
@@ -384,5 +348,10 @@ function planeAct(name) {
   }
 }
 for (const button of document.querySelectorAll("[data-plane]")) button.addEventListener("click", () => planeAct(button.dataset.plane));
-for (const control of [plane.axisX, plane.axisY, plane.equal]) control.addEventListener("change", () => planeAct("all"));
-plane.downward.addEventListener("change", redraw);
+for (const control of [plane.axisX, plane.axisY, plane.equal]) {
+  control.addEventListener("change", () => {
+    if (control !== plane.equal) plane.scales();
+    planeAct("all");
+  });
+}
+for (const control of [plane.downward, shapes.control]) control.addEventListener("change", redraw);

@@ -60,7 +60,7 @@ function trackTable(name) {
     if (!all) {
       const more = make("button", `show all ${side.count}`, { type: "button", class: "more" });
       more.addEventListener("click", () => { all = true; draw(); box.querySelector("a")?.focus(); });
-      parts.push(more);
+      parts.push(make("p", [`The first ${FEW} of ${side.count} in this order. `, more], { class: "small" }));
     }
     box.replaceChildren(...parts);
     if (!side.count) box.replaceChildren(make("p", "none"));
@@ -171,6 +171,8 @@ function drawDetail() {
     if (begin + MANY < end) runs.push(`and ${end - begin - MANY} more`);
     parts.push(make("ul", runs.map((item) => make("li", item))));
   }
+  const detail = document.getElementById("detail");
+  detail.parentElement.classList.toggle("idle", !parts.length);
   if (!parts.length) parts.push(make("p", "Click a step, a lane, a point or a row."));
-  document.getElementById("detail").replaceChildren(...parts);
+  detail.replaceChildren(...parts);
 }

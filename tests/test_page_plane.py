@@ -1,0 +1,252 @@
+"""What is around states in the report: boxes and ellipses, and moving about in the plane."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pages import embedded, note, pick, picture
+
+from tgospa_eval import Trajectories, evaluate
+from tgospa_eval.clouds import Clouds
+from tgospa_eval.distances import CloudWasserstein
+from tgospa_eval.evaluation import Result
+from tgospa_eval.reports import spreads
+from tgospa_eval.reports.drawing import document
+
+
+def laws(covariance: np.ndarray, steps: int = 4) -> Result:
+    """A truth of points and one estimate with this covariance at every step."""
+    truth = np.stack([np.linspace(0, 60, steps), np.linspace(0, 40, steps)], axis=1)[:, None]
+    estimate = Trajectories.from_array(truth + 0.5, covariance=covariance)
+    return evaluate(
+        Trajectories.from_array(truth), estimate, cutoff=50.0, distance="gaussian-wasserstein"
+    )
+
+
+def read(levels: dict[str, np.ndarray], how: dict, size: int) -> np.ndarray:
+    """Covariances (K, d, d) from what the page is told, as its script reads them."""
+    count = len(levels["row"])
+    found = np.zeros((count, size, size))
+    deviation = [
+        np.where(
+            levels[str(i * (i + 3) // 2)] >= how["faint"],
+            0,
+            how["largest"][i] * np.exp(-levels[str(i * (i + 3) // 2)] / how["fine"]),
+        )
+        for i in range(size)
+    ]
+    for i in range(size):
+        for j in range(i + 1):
+            share = 1.0 if i == j else np.sin(levels[str(i * (i + 1) // 2 + j)] / how["angle"])
+            found[:, i, j] = found[:, j, i] = share * deviation[i] * deviation[j]
+    return found
+
+
+def told(result: Result, side: str = "estimate") -> tuple[dict, dict[str, np.ndarray]]:
+    data, arrays = document(result)
+    mark = f"{side}/spread/"
+    return data, {key.removeprefix(mark): v for key, v in arrays.items() if key.startswith(mark)}
+
+
+@pytest.mark.parametrize("size", [2, 3, 6])
+def test_covariances_are_told_to_a_few_percent(size: int) -> None:
+    rng = np.random.default_rng(size)
+    factors = rng.normal(size=(50, 3, size, size)) * 10.0 ** rng.uniform(-3, 3, (50, 3, 1, 1))
+    matrices = factors @ factors.transpose(0, 1, 3, 2)
+    truth = rng.uniform(0, 100, (50, 3, size))
+    columns = tuple(f"s{k}" for k in range(size))
+    side = Trajectories.from_array(truth, columns, covariance=matrices)
+    points = Trajectories.from_array(truth, columns)
+    result = evaluate(points, side, cutoff=1e4, distance="gaussian-wasserstein")
+    data, levels = told(result)
+    found = read(levels, data["spread"], size)
+    exact = matrices.transpose(1, 0, 2, 3).reshape(-1, size, size)[levels["row"]]
+    scale = np.sqrt(np.einsum("kii,kjj->kij", exact, exact))
+    assert np.abs((found - exact) / scale).max() < 0.05
+    assert len(levels["row"]) == 150
+    assert told(result, "truth")[1] == {}
+
+
+def test_points_and_what_is_nearly_singular() -> None:
+    """No deviation is no ellipse; correlations of 1 stay; nothing is divided by 0."""
+    flat = np.array([[[[4.0, 2.0], [2.0, 1.0]]], [[[0.0, 0.0], [0.0, 9.0]]], [np.zeros((2, 2))]])
+    data, levels = told(laws(flat, 3))
+    assert read(levels, data["spread"], 2) == pytest.approx(flat[:, 0], rel=0.05, abs=1e-12)
+    data, arrays = document(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2)), cutoff=1.0))
+    assert data["spread"] == {}
+    assert not any("spread" in name for name in arrays)
+
+
+def test_many_covariances_are_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spreads, "NUMBERS", 60)
+    data, levels = told(laws(np.eye(2), 100))
+    assert data["stride"] == 1
+    assert data["spread"]["stride"] == 5  # 300 numbers
+    assert levels["row"].tolist() == [*range(0, 100, 5), 99]
+
+
+def test_a_class_without_estimates_has_no_ellipses(
+    invoke: Callable, write: Callable, tmp_path: Path
+) -> None:
+    truth = write("a.csv", "id,t,x,y,class\n1,0,0,0,car\n1,1,0,0,car\n2,0,9,9,van\n")
+    estimate = write("b.csv", "id,t,x,y,cov_xx,cov_yy,class\n7,0,0,0,1,4,car\n7,1,0,0,1,4,car\n")
+    distance = ("--distance", "gaussian-wasserstein", "--by", "class", "-o", "out", "-q")
+    assert invoke(truth, estimate, *distance).status == 0
+    data = embedded((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
+    assert data["spread"]["largest"] == [1, 2]
+    assert [a for a in data["arrays"] if "spread/row" in a[0]] == [["estimate/spread/row", 2]]
+
+
+def test_the_plane_shows_what_was_read() -> None:
+    """Not what a distance makes of it: scaled and whitened states."""
+    points = np.array([[0.0, 0.0], [2.0, 4.0], [10.0, 10.0], [12.0, 14.0]])
+    clouds = Clouds(points=points, weights=np.full(4, 0.5), first=np.array([0, 2, 4]))
+    side = Trajectories(
+        step=np.array([0, 1]),
+        track=np.array([0, 0]),
+        state=clouds.means,
+        ids=np.array(["a"], object),
+        times=np.array([0, 1]),
+        columns=("x", "y"),
+        clouds=clouds,
+    )
+    distance = CloudWasserstein(
+        scale=(3.0, 3.0), inner="mahalanobis", covariance=np.diag([4.0, 9.0])
+    )
+    result = evaluate(side, side, cutoff=10.0, distance=distance)
+    assert result.scene is not None
+    assert result.scene.truth.tolist() == [[1, 2], [11, 12]]
+    assert result.scene.estimate_covariance == pytest.approx(np.array([[1, 2, 4]] * 2))
+
+
+# --- in a browser ---------------------------------------------------------------------------------
+
+
+def test_ellipses_are_drawn_and_can_be_hidden(shown: Callable) -> None:
+    tab = shown(laws(np.diag([25.0, 4.0])), "#step=1")
+    assert "2-sigma ellipses are drawn at the selected step" in note(tab)
+    assert tab.run("document.querySelector('#plane-section .legend').innerText").endswith("ellipse")
+    drawn = picture(tab)
+    tab.run("document.getElementById('shapes').click()")
+    assert picture(tab) != drawn
+    assert note(tab) == ""
+
+
+def test_an_ellipse_is_where_it_should_be(shown: Callable) -> None:
+    """Along a circle of two standard deviations around the estimate there is its colour."""
+    truth = np.array([[[0.0, 0.0], [100.0, 100.0]]])
+    estimate = Trajectories.from_array(truth[:, :1] + 50, covariance=np.diag([100.0, 100.0]))
+    result = evaluate(
+        Trajectories.from_array(truth), estimate, cutoff=1.0, distance="gaussian-wasserstein"
+    )
+    tab = shown(result, "#step=0")
+    picture(tab)
+    # 100 units are 94 % of the lesser extent, and the estimate is in the middle.
+    count = """(() => {
+      const canvas = document.getElementById('plane'), wide = canvas.clientWidth, high = 460;
+      const scale = Math.min(wide - 70, high - 50) * 0.94 / 100;
+      const { data } = canvas.getContext('2d').getImageData(0, 0, wide, high);
+      const vivid = (x, y) => {
+        const at = 4 * (Math.round(y) * wide + Math.round(x)), rgb = data.slice(at, at + 3);
+        return Math.max(...rgb) - Math.min(...rgb) > 60;
+      };
+      const hits = (radius) => Array.from({ length: 60 }, (_, k) => k * Math.PI / 30).filter((u) =>
+        vivid((wide + 44) / 2 + radius * scale * Math.cos(u),
+              (high - 22) / 2 + radius * scale * Math.sin(u))).length;
+      return [20, 13, 30].map(hits);
+    })()"""
+    on, inside, outside = tab.run(count)
+    assert on >= 55
+    assert inside + outside < 10
+
+
+def test_boxes_are_drawn_around_their_centres(shown: Callable) -> None:
+    boxes = np.array([[[0.0, 0.0, 10.0, 20.0]], [[30.0, 0.0, 10.0, 20.0]]])
+    tab = shown(evaluate(boxes, boxes + 0.5, distance="iou"), "#step=1")
+    across = "document.getElementById('axis-x').selectedOptions[0].text"
+    assert tab.run(across) == "centre x"
+    assert "Boxes are drawn" in note(tab)
+    pick(tab, "#axis-x", "width")
+    picture(tab)
+    assert note(tab) == ""
+
+
+def test_one_column_has_no_ellipses() -> None:
+    truth = np.zeros((3, 1, 1))
+    side = Trajectories.from_array(truth, covariance=np.ones((3, 1, 1, 1)))
+    data, arrays = document(evaluate(side, side, distance="gaussian-wasserstein"))
+    assert data["spread"] == {}
+    assert not any("spread" in name for name in arrays)
+
+
+def test_one_column_is_shown_over_time(shown: Callable) -> None:
+    truth = np.linspace(0, 9, 10)[:, None, None]
+    tab = shown(evaluate(truth, truth + 0.1, cutoff=1.0))
+    names = "['x', 'y'].map((a) => document.getElementById('axis-' + a).selectedOptions[0].text)"
+    assert tab.run(names) == ["t", "x"]
+    assert not tab.run("document.getElementById('equal').checked")
+
+
+def test_fingers_zoom_where_they_are(shown: Callable) -> None:
+    """What is between two fingers stays there; the page is not zoomed, nothing is selected."""
+    truth = np.stack([np.arange(21.0), np.arange(21.0) % 2 * 10], axis=1)[:, None]
+    tab = shown(evaluate(truth, truth + 0.01, cutoff=1.0), width=390)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    box = tab.box("#plane")
+    x, y = box["x"] + (box["width"] + 44) / 2, box["y"] + box["height"] / 2
+    before = picture(tab)
+
+    def touch(kind: str, *apart: float) -> None:
+        points = [{"x": x + side * a, "y": y, "id": k} for k, (side, a) in enumerate(apart)]
+        tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    touch("touchStart", (-1, 30), (1, 30))
+    for apart in (40, 60, 90):
+        touch("touchMove", (-1, apart), (1, apart))
+    touch("touchEnd")
+    assert picture(tab) != before
+    assert tab.run("visualViewport.scale") == 1
+    assert tab.run("location.hash") == ""
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
+
+
+def test_keys_of_the_browser_stay_its_own(shown: Callable) -> None:
+    """Ctrl + enlarges the page and Alt Left goes back, wherever the focus is."""
+    truth = np.zeros((5, 1, 2))
+    tab = shown(evaluate(truth, truth, cutoff=1.0), "#step=2")
+    for name in ("costs", "lanes-canvas", "plane"):
+        before = picture(tab)
+        taken = tab.run(
+            "['ctrlKey', 'metaKey', 'altKey'].map((held) =>"
+            "['+', '-', '0', 'ArrowLeft'].map((key) =>"
+            f"document.getElementById('{name}').dispatchEvent(new KeyboardEvent('keydown',"
+            "{ key, [held]: true, cancelable: true, bubbles: true })))).flat()"
+        )
+        assert taken == [True] * 12
+        assert picture(tab) == before
+        assert tab.run("location.hash") == "#step=2"
+    tab.run("document.getElementById('plane').focus()")
+    tab.press("=")
+    assert picture(tab) != before
+
+
+def test_a_tap_selects_and_one_finger_scrolls(shown: Callable) -> None:
+    truth = np.array([[[0.0, 0.0]], [[10.0, 10.0]], [[20.0, 0.0]]])
+    tab = shown(evaluate(truth, truth + 0.1, cutoff=1.0), width=390)
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    box = tab.box("#plane")
+    x = box["x"] + (box["width"] + 44) / 2
+    before = picture(tab)
+    for down in range(20, 300, 8):
+        for kind, points in (("touchStart", [{"x": x, "y": box["y"] + down}]), ("touchEnd", [])):
+            tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+        if tab.run("location.hash"):
+            break
+    assert tab.run("location.hash").startswith("#step=1&")
+    assert picture(tab) != before
+    assert tab.run("getComputedStyle(document.getElementById('plane')).touchAction") in (
+        "pan-x pan-y",
+        "pan-y pan-x",
+    )
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=False)

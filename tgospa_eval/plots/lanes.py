@@ -1,0 +1,345 @@
+"""Swim-lanes: who followed whom. A lane for each truth, below them estimates with false steps."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.plots import figure
+from tgospa_eval.plots.overtime import MARGIN, time_axis
+from tgospa_eval.plots.style import (
+    FALSE,
+    FILLS,
+    INK,
+    MISSED,
+    SOFT,
+    TRACKS,
+    Style,
+    legend,
+    literal,
+    styled,
+    titled,
+)  # fmt: skip
+from tgospa_eval.plots.views import Side, View, view
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.reports.drawing import NONE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+VECTOR = 4000
+"""Shapes of a kind that are drawn as such in vector files; more become dots."""
+
+NAMES = 400
+"""Most names inside the lanes."""
+
+HALF = 0.4
+"""Half the height of a bar; lanes are 1 apart."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lanes:
+    """Which tracks of a side have a lane, and where.
+
+    Parameters
+    ----------
+    side : Side
+        The tracks.
+    tracks : (L,) int array
+        Those with a lane of their own, from above.
+    others : (K,) int array
+        Those that share the last lane.
+    first : int
+        Place of the first lane; the words stand above it.
+    """
+
+    side: Side
+    tracks: Ints
+    others: Ints
+    first: int
+
+    @property
+    def end(self) -> int:
+        """Place below the last lane."""
+        return self.first + len(self.tracks) + bool(len(self.others))
+
+    @property
+    def title(self) -> str:
+        """The words above."""
+        count = len(self.tracks) + len(self.others)
+        word = self.side.name + ("" if count == 1 else "s")
+        return f"{count:,} {word}" + ("" if self.side.name == "truth" else " with false steps")
+
+    def place(self, track: Ints) -> Floats:
+        """Where lanes are; not a number for tracks without one of their own."""
+        places = np.full(len(self.side.ids), np.nan)
+        places[self.tracks] = self.first + np.arange(len(self.tracks))
+        return places[track]
+
+
+def plot_lanes(result: Summary, *, style: str = "screen") -> "Figure":
+    """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
+
+    A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error as
+    a share of the cutoff. Of more trajectories than have room the dearest have lanes, and the
+    others share one, in which a height says how many of them are missed, or false.
+
+    Parameters
+    ----------
+    result : Result
+        What to draw.
+    style : {"screen", "paper"}
+        With a title; or small, for one column of a journal.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Belongs to no window.
+
+    Raises
+    ------
+    ConfigError
+        The style is unknown, or matplotlib is not installed.
+    """
+    with styled(style) as made:
+        return draw_lanes(view(result), made)
+
+
+def draw_lanes(seen: View, style: Style) -> "Figure":
+    """`plot_lanes` of a view."""
+    truths = arranged(seen.truth, np.arange(len(seen.truth.ids)), style.lanes, 1)
+    wrong = np.flatnonzero(np.asarray(seen.estimate.table["unassigned_count"], float) > 0)
+    estimates = arranged(seen.estimate, wrong, style.lanes // 2, truths.end + 1)
+    count = max(estimates.end, 3)
+    tall = (0.2 if count < 50 else 0.15) * (1.0 if style.titles else 0.62)
+    made, ((axis,),) = figure(style.width, 0.85 * (style.low / 2.9) ** 0.5 + tall * count)
+    axis.grid(visible=False, axis="y")
+    axis.set_ylim(count - 0.3, -0.5)
+    letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
+    columns = min(max(seen.steps, 1), style.bars)
+    pixel = seen.steps / ((style.width - MARGIN) * 72) * 0.8  # the least that is seen, in steps
+    if seen.steps > columns:
+        _shares(axis, truths, seen, columns, MISSED)
+        _shares(axis, estimates, seen, columns, FALSE)
+    handles = _bars(axis, truths, style, pixel, whole=seen.steps <= columns)
+    handles |= _bars(axis, estimates, style, pixel, whole=seen.steps <= columns)
+    _errors(axis, truths, columns, seen.steps)
+    for lanes in (truths, estimates):
+        _others(axis, lanes, columns, seen.steps)
+        _names(axis, lanes, seen, letters, (style.width - MARGIN) * 72)
+        if lanes.side.name == "truth" or len(lanes.tracks):
+            axis.annotate(
+                lanes.title, (0.004, lanes.first - 0.95), xycoords=("axes fraction", "data"),
+                fontsize=letters, fontweight="bold", color=SOFT, va="center",
+            )  # fmt: skip
+    handles |= _switches(axis, truths, seen, style)
+    _ids(axis, (truths, estimates), letters)
+    time_axis(axis, seen, style)
+    titled(axis, style, "Who followed whom", seen.about)
+    legend(made, list(handles.values()), list(handles), 4 if style.titles else 2)
+    return made
+
+
+def arranged(side: Side, tracks: Ints, most: int, first: int) -> Lanes:
+    """Lanes in the order of the files; of too many the dearest."""
+    if len(tracks) <= most:
+        return Lanes(side=side, tracks=tracks, others=tracks[:0], first=first)
+    cost = np.asarray(side.table["total"], float)[tracks]
+    order = np.argsort(-cost, kind="stable")
+    return Lanes(
+        side=side,
+        tracks=np.sort(tracks[order[: most - 1]]),
+        others=np.sort(tracks[order[most - 1 :]]),
+        first=first,
+    )
+
+
+def _boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
+    """Corners (N, 4, 2)."""
+    x = np.stack([left, right, right, left], axis=1)
+    return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
+
+
+def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> Any:
+    """One collection; what is too much for a vector file becomes dots there."""
+    from matplotlib.collections import PolyCollection
+
+    polygons: Any = boxes  # as an array: ten times as fast as a list
+    made = PolyCollection(polygons, label=name, **looks)
+    made.set_rasterized(len(boxes) > VECTOR)
+    made.set_in_layout(False)  # it lies inside the axes, and to find that out takes long
+    axis.add_collection(made, autolim=False)
+    return made
+
+
+def _bars(axis: "Axes", lanes: Lanes, style: Style, pixel: float, *, whole: bool) -> dict[str, Any]:
+    """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
+
+    Where there are more steps than can be told apart, `whole` is false, and those that are not
+    are told by `_shares`.
+    """
+    run, truth = lanes.side.run, lanes.side.name == "truth"
+    place = lanes.place(run["track"])
+    begin, end = run["begin"] - 0.5, run["end"] + 0.5
+    held = ~np.isnan(place) & (run["other"] != NONE)
+    half = HALF if truth else 0.14
+    track = run["other"] if truth else run["track"]
+    thin = 0.6 if style.titles else 0.3
+    handles: dict[str, Any] = {}
+    if held.any():
+        boxes = _boxes(begin[held], end[held], place[held] - half, place[held] + half)
+        colours = np.array(TRACKS)[track[held] % len(TRACKS)]
+        bars = _put(
+            axis, boxes, f"{lanes.side.name}/assigned", facecolors=colours,
+            edgecolors=SOFT if whole else "none", linewidths=thin / 2,
+        )  # fmt: skip
+        if truth:
+            handles["assigned, foot: error / c"] = bars
+    kind = "missed" if truth else "false"
+    alone = ~np.isnan(place) & (run["other"] == NONE)
+    if whole and alone.any():
+        short = np.maximum(pixel - (end - begin), 0)[alone] / 2
+        boxes = _boxes(
+            begin[alone] - short, end[alone] + short, place[alone] - 0.3, place[alone] + 0.3
+        )
+        name = f"{lanes.side.name}/{kind}"
+        handles[kind] = _put(axis, boxes, name, linewidths=thin, **FILLS[kind])
+    elif alone.any():
+        from matplotlib.patches import Patch
+
+        handles[f"share of steps {kind}"] = Patch(facecolor=MISSED if truth else FALSE)
+    return handles
+
+
+def _columns(step: Ints, columns: int, steps: int) -> Ints:
+    """Of each step the column in which it is drawn."""
+    return step * columns // max(steps, 1)
+
+
+def _alone(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
+    """Lane and step of all that is unassigned, of lanes that are a number."""
+    run = lanes.side.run
+    kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
+    length = run["end"][kept] - run["begin"][kept] + 1
+    first = np.repeat(run["begin"][kept] - np.cumsum(length) + length, length)
+    return np.repeat(chosen[kept], length).astype(np.int64), first + np.arange(length.sum())
+
+
+def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -> None:
+    """What hangs from the top of a lane: the share of the steps of a column that are wrong."""
+    lane, step = _alone(lanes, lanes.place(lanes.side.run["track"]))
+    if not len(lane):
+        return
+    cells = lane * columns + _columns(step, columns, seen.steps)
+    cell, count = np.unique(cells, return_counts=True)
+    wide = seen.steps / columns
+    tall = np.clip(count / wide, 0.2, 1.0) * 2 * HALF
+    left, top = (cell % columns) * wide - 0.5, cell // columns - HALF
+    made = _put(
+        axis, _boxes(left, left + wide, top, top + tall), f"{lanes.side.name}/share",
+        facecolors=colour, edgecolors=colour, linewidths=0.1,
+    )  # fmt: skip
+    made.set_zorder(2.2)
+
+
+def _errors(axis: "Axes", lanes: Lanes, columns: int, steps: int) -> None:
+    """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
+    row = lanes.side.row
+    place = lanes.place(row["track"])
+    kept = np.flatnonzero((row["other"] != NONE) & ~np.isnan(place))
+    if not len(kept):
+        return
+    column = _columns(row["step"][kept], columns, steps)
+    cell, back = np.unique(place[kept].astype(np.int64) * columns + column, return_inverse=True)
+    tall = np.zeros(len(cell))
+    np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
+    wide = max(steps, 1) / columns
+    left, low = (cell % columns) * wide - 0.5, cell // columns + HALF
+    # As one outline for each cell, which is a fraction of a bar.
+    _put(
+        axis, _boxes(left, left + wide, low - tall, low), "truth/error", facecolors="black",
+        alpha=0.25, linewidths=0,
+    )  # fmt: skip
+
+
+def _others(axis: "Axes", lanes: Lanes, columns: int, steps: int) -> None:
+    """The last lane: how many of the tracks without a lane of their own are wrong, as a height."""
+    if not len(lanes.others):
+        return
+    chosen = np.full(len(lanes.side.ids), np.nan)
+    chosen[lanes.others] = 0
+    _, step = _alone(lanes, chosen[lanes.side.run["track"]])
+    count = np.bincount(_columns(step, columns, steps), minlength=columns).astype(float)
+    most = count.max(initial=0.0) or 1.0
+    edges = np.arange(columns + 1) * max(steps, 1) / columns - 0.5
+    low = lanes.end - 1 + HALF
+    # What is wrong at all is seen.
+    height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
+    axis.stairs(
+        low - height, edges, baseline=low, fill=True,
+        color=MISSED if lanes.side.name == "truth" else FALSE, label=f"{lanes.side.name}/others",
+    )  # fmt: skip
+
+
+def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str, Any]:
+    """Triangles at the top of the lanes; small ones for parts of a switch."""
+    switches = seen.switches
+    if not len(switches["step"]):
+        return {}
+    place = truths.place(switches["truth"])
+    place = np.where(np.isnan(place), truths.end - 1, place)
+    many = len(place) > 400
+    size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
+    marks = axis.scatter(
+        switches["step"] - 0.5, place - HALF, s=np.where(switches["mass"] >= 0.99, size, size / 2),
+        marker="v", color=INK, edgecolors="white", linewidths=0 if many else 0.3, zorder=4,
+        label="switch", clip_on=False, rasterized=len(place) > VECTOR,
+    )  # fmt: skip
+    return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
+
+
+def _names(axis: "Axes", lanes: Lanes, seen: View, letters: float, room: float) -> None:
+    """Ids of the other side inside stretches where there is room, the longest first."""
+    if letters < 4:
+        return
+    from matplotlib.text import Text
+
+    run, truth = lanes.side.run, lanes.side.name == "truth"
+    other = seen.estimate if truth else seen.truth
+    place = lanes.place(run["track"])
+    wide = (run["end"] - run["begin"] + 1) * room / max(seen.steps, 1)
+    held = np.flatnonzero((run["other"] != NONE) & ~np.isnan(place) & (wide > letters))
+    for k in held[np.argsort(-wide[held], kind="stable")][:NAMES]:
+        name = literal(other.ids[run["other"][k]], 16)
+        if len(name) * 0.66 * letters + 3 > wide[k]:
+            continue
+        text = Text(
+            run["begin"][k] - 0.5 + 2 * seen.steps / room, place[k], name, fontsize=letters,
+            va="center_baseline", color=INK, parse_math=False, zorder=3,
+            backgroundcolor="none" if truth else "white",
+        )  # fmt: skip
+        text.set_in_layout(False)
+        if not truth:
+            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})
+        axis.add_artist(text)
+
+
+def _ids(axis: "Axes", groups: tuple[Lanes, ...], letters: float) -> None:
+    """Names of the lanes."""
+    places: list[float] = []
+    names: list[str] = []
+    for lanes in groups:
+        places += list(range(lanes.first, lanes.end))
+        names += [literal(lanes.side.ids[track], 14) for track in lanes.tracks]
+        names += _rest(lanes)
+    axis.set_yticks(places, names, fontsize=letters, parse_math=False)
+    axis.tick_params(axis="y", length=0)
+
+
+def _rest(lanes: Lanes) -> Iterator[str]:
+    """What the last lane is called."""
+    if len(lanes.others):
+        yield f"{len(lanes.others):,} others"

@@ -1,0 +1,200 @@
+"""Trajectories in the plane, with what was missed, false and switched where it happened."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.plots import figure
+from tgospa_eval.plots.overtime import time_axis
+from tgospa_eval.plots.shapes import outlines
+from tgospa_eval.plots.style import (
+    DARK,
+    FALSE,
+    INK,
+    MISSED,
+    SOFT,
+    Style,
+    legend,
+    literal,
+    styled,
+    titled,
+)  # fmt: skip
+from tgospa_eval.plots.views import TIME, Side, View, plane_columns, view
+from tgospa_eval.problem import Floats, Ints
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+VECTOR = 40_000
+"""Points that are drawn as lines and marks in vector files; more become dots."""
+
+CROWDED = 400
+"""Events from which on marks become smaller."""
+
+STRETCH = 8
+"""How much longer one axis may be for both to have one scale."""
+
+
+def plot_plane(
+    result: Summary, *, columns: tuple[str, str] | None = None, style: str = "screen"
+) -> "Figure":
+    """Trajectories in two of the state columns, with misses, false targets and switches.
+
+    Boxes and 2-sigma ellipses are drawn here and there along the trajectories where the states
+    have such, the two columns show them, and there are few trajectories.
+
+    Parameters
+    ----------
+    result : Result
+        What to draw.
+    columns : pair of str, optional
+        What is across and up: state columns, ``"t"`` for the time, of boxes ``"centre x"`` and
+        ``"centre y"``. By default the first two columns, the centres of boxes, ``lon`` and
+        ``lat``; of a single column it over the time.
+    style : {"screen", "paper"}
+        With a title; or small, for one column of a journal.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Belongs to no window.
+
+    Raises
+    ------
+    ConfigError
+        A column or the style is unknown, or matplotlib is not installed.
+    """
+    with styled(style) as made:
+        return draw_plane(view(result), made, columns)
+
+
+def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -> "Figure":
+    """`plot_plane` of a view."""
+    boxes = seen.data["boxes"]
+    across, up = plane_columns(seen.data["columns"], columns, boxes=boxes)
+    sides = [side for side in (seen.truth, seen.estimate) if side.axes]
+    places = {side.name: (side.axes[across], side.axes[up]) for side in sides}
+    extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
+    scale = _scale(extent, across, up)
+    ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
+    tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
+    made, ((axis,),) = figure(style.width, tall)
+    if scale is not None:
+        axis.set_aspect(scale, adjustable="datalim")
+    handles: dict[str, Any] = {}
+    many = sum(len(side.row["track"]) for side in sides) > VECTOR
+    for side in sides:
+        handles |= _lines(axis, side, places[side.name], style, seen, many=many)
+    handles |= outlines(axis, seen, across, up, style)
+    handles |= _events(axis, seen, places, style)
+    axis.autoscale_view()
+    for name, which, upright in ((across, axis.xaxis, False), (up, axis.yaxis, True)):
+        if name == TIME:
+            time_axis(axis, seen, style, upright=upright)
+        else:
+            which.set_label_text(_named(name, seen.data["unit"]), parse_math=False)
+    if boxes and up in ("top", "centre y"):
+        axis.invert_yaxis()
+    if not sides or not sum(len(side.row["track"]) for side in sides):
+        axis.annotate("no positions", (0.5, 0.5), xycoords="axes fraction", ha="center")
+    titled(axis, style, "In the plane", seen.about)
+    beside = 7 if style.titles else 5 if len(handles) <= 5 else -(-len(handles) // 2)
+    legend(made, list(handles.values()), list(handles), beside)
+    return made
+
+
+def _extent(values: list[Floats]) -> float:
+    known = np.concatenate([*values, np.zeros(0)])
+    return float(np.ptp(known)) if len(known) and np.ptp(known) > 0 else 1.0
+
+
+def _scale(extent: list[float], across: str, up: str) -> float | None:
+    """Length of a unit upwards by that of one across, where both are places in one unit."""
+    if TIME in (across, up) or {across, up} == {"lat", "lon"}:
+        return None
+    return 1.0 if 1 / STRETCH <= extent[1] / extent[0] <= STRETCH else None
+
+
+def _named(column: str, unit: str) -> str:
+    inside = f" ({literal(unit)})" if unit and column not in ("lat", "lon") else ""
+    return literal(column) + inside
+
+
+def _lines(
+    axis: "Axes", side: Side, place: tuple[Floats, Floats], style: Style, seen: View, *, many: bool
+) -> dict[str, Any]:
+    """A line for each stretch of steps, those of estimates in turn in several colours."""
+    row, truth = side.row, side.name == "truth"
+    if not len(row["track"]):
+        return {}
+    thin = style.settings.get("lines.linewidth", 1.3)
+    apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.data["stride"])
+    breaks = np.flatnonzero(apart) + 1
+    alone = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
+    alone[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(alone)]])) == 1]] = True
+    # One line with holes for each colour: a thousand artists take seconds.
+    x, y = (np.insert(values, breaks, np.nan) for values in place)
+    colour = np.insert(row["track"] % len(DARK), breaks, -1)
+    made = None
+    for turn in range(1 if truth else len(DARK)):
+        drawn = truth | (colour == turn) | (colour == -1)
+        looks: dict[str, Any]
+        if truth:
+            looks = {"color": SOFT, "linestyle": "-" if many else (0, (4, 2))}
+        else:
+            looks = {"color": DARK[turn], "linestyle": "-"}
+        line = axis.plot(
+            x[drawn], y[drawn], linewidth=thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
+            zorder=2 if truth else 2.1, rasterized=many, label=f"{side.name}/{turn}", **looks,
+        )[0]  # fmt: skip
+        dots = alone & (truth | (row["track"] % len(DARK) == turn))
+        if dots.any():
+            axis.plot(
+                *(values[dots] for values in place), ".", color=looks["color"],
+                markersize=2.5 * thin, zorder=2.1, rasterized=many, label=f"{side.name}/alone",
+            )  # fmt: skip
+        made = made or line
+    return {side.name: made}
+
+
+def _events(
+    axis: "Axes", seen: View, places: dict[str, tuple[Floats, Floats]], style: Style
+) -> dict[str, Any]:
+    """Crosses, triangles and diamonds where something is wrong."""
+    marks: list[tuple[str, Floats, Floats, dict[str, Any]]] = []
+    for side, name, looks in (
+        (seen.truth, "missed", {"marker": "x", "color": MISSED}),
+        (seen.estimate, "false", {"marker": "^", "color": FALSE, "markerfacecolor": "none"}),
+    ):
+        if side.name in places:
+            x, y = places[side.name]
+            marks.append((name, x[side.unassigned], y[side.unassigned], looks))
+    if "truth" in places and len(places["truth"][0]):
+        row = rows_of_switches(seen)
+        diamond: dict[str, Any] = {"marker": "D", "color": INK, "zorder": 4}
+        if len(row) < CROWDED:
+            diamond["markeredgecolor"] = "white"
+        marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
+    count = sum(len(x) for _, x, _, _ in marks)
+    size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
+    return {
+        name: axis.plot(
+            x, y, linestyle="none", label=name, rasterized=count > VECTOR // 8,
+            **{"markersize": size, "markeredgewidth": size / 6, "zorder": 3, **looks},
+        )[0]
+        for name, x, y, looks in marks
+        if len(x)
+    }  # fmt: skip
+
+
+def rows_of_switches(seen: View) -> Ints:
+    """The row of the truth at which each switch is, or the last one before it."""
+    key = seen.steps + 1
+    row, switches = seen.truth.row, seen.switches
+    wanted = switches["truth"].astype(np.int64) * key + switches["step"].astype(np.int64)
+    found = np.searchsorted(row["track"] * key + row["step"], wanted, side="right") - 1
+    return np.asarray(np.maximum(found, 0))

@@ -1,0 +1,89 @@
+"""The pictures of a result folder: which, in what formats, as files."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.plots import FILES, written
+from tgospa_eval.plots.style import STYLES, styled
+from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """What pictures of a result are wanted, checked.
+
+    Parameters
+    ----------
+    formats : tuple of str
+        Of `FILES`; none draws nothing.
+    style : str
+        Of `STYLES`.
+    components : tuple of str, optional
+        Parts of the cost; all by default.
+    columns : pair of str, optional
+        What is across and up in the plane.
+
+    Raises
+    ------
+    ConfigError
+        A name is unknown.
+    """
+
+    formats: tuple[str, ...] = ("png",)
+    style: str = "screen"
+    components: tuple[str, ...] | None = None
+    columns: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        odd = [name for name in self.formats if name not in FILES]
+        if odd:
+            raise ConfigError(f'pictures "{odd[0]}": must be of {", ".join(FILES)}, or none')
+        if self.style not in STYLES:
+            raise ConfigError(f'style "{self.style}": must be one of {", ".join(STYLES)}')
+        parts_of(self.components)
+
+    def check(self, known: Sequence[str]) -> None:
+        """See that the plane can be drawn of these state columns, before any work is done.
+
+        Raises
+        ------
+        ConfigError
+            It has a column that there is not.
+        """
+        plane_columns(known, self.columns, boxes=is_box(known))
+
+
+def result_pictures(result: Summary, wanted: Pictures) -> dict[str, bytes]:
+    """Files by name: costs, lanes, plane, cumulative and worst, each in all formats."""
+    if not wanted.formats:
+        return {}
+    from tgospa_eval.plots.lanes import draw_lanes
+    from tgospa_eval.plots.overtime import draw_costs, draw_cumulative
+    from tgospa_eval.plots.plane import draw_plane
+    from tgospa_eval.plots.worst import draw_worst
+
+    seen, parts = view(result), parts_of(wanted.components)
+    files: dict[str, bytes] = {}
+    with styled(wanted.style) as style:
+        draw: dict[str, Callable[[], Figure]] = {
+            "costs": lambda: draw_costs(seen, style, parts),
+            "lanes": lambda: draw_lanes(seen, style),
+            "plane": lambda: draw_plane(seen, style, wanted.columns),
+            "cumulative": lambda: draw_cumulative(seen, style, parts),
+            "worst": lambda: draw_worst(seen, style, parts),
+        }
+        for name, make in draw.items():  # one after the other: a figure holds memory
+            for kind in wanted.formats:  # each anew: a layout remembers the one before
+                files[f"{name}.{kind}"] = written(make(), kind, style.dots)
+    return files
+
+
+def names_in(text: str) -> tuple[str, ...]:
+    """The names of a list with commas."""
+    return tuple(part.strip() for part in text.split(","))

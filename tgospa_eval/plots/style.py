@@ -1,0 +1,152 @@
+"""What pictures of a kind have in common: sizes, fills, words. No data."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.plots import DOTS, MISSING, available
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Style:
+    """Sizes of a kind of pictures.
+
+    Parameters
+    ----------
+    width : float
+        Inches.
+    low : float
+        Height of a picture over time, in inches.
+    dots : int
+        Dots per inch, of a PNG and of what is too much for a vector.
+    titles : bool
+        Whether a picture says what it shows; papers have captions.
+    bars : int
+        Most bars beside each other; of more steps the dearest stand for several.
+    lanes : int
+        Most truths with a lane of their own, and half as many estimates.
+    worst : int
+        Bars of each kind of what is worst.
+    settings : dict
+        Settings of matplotlib.
+    """
+
+    width: float
+    low: float
+    dots: int
+    titles: bool
+    bars: int
+    lanes: int
+    worst: int
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+_SCREEN = {"font.size": 9, "hatch.linewidth": 0.8}
+_PAPER = {
+    "font.size": 7,
+    "axes.titlesize": 7,
+    "axes.labelpad": 2,
+    "axes.linewidth": 0.5,
+    "grid.linewidth": 0.5,
+    "hatch.linewidth": 0.5,
+    "legend.handlelength": 1.8,
+    "lines.linewidth": 0.9,
+    "patch.linewidth": 0.5,
+    "xtick.major.pad": 2,
+    "xtick.major.size": 2.5,
+    "xtick.major.width": 0.5,
+    "ytick.major.pad": 2,
+    "ytick.major.size": 2.5,
+    "ytick.major.width": 0.5,
+}
+
+STYLES = {
+    "screen": Style(
+        width=8.0, low=2.9, dots=DOTS, titles=True, bars=600, lanes=60, worst=8, settings=_SCREEN
+    ),
+    "paper": Style(
+        width=3.5, low=1.7, dots=400, titles=False, bars=300, lanes=24, worst=5, settings=_PAPER
+    ),
+}
+"""``--style``: a window or a page of notes, or one column of a journal without titles."""
+
+INK, SOFT = "#16191d", "#50575f"
+MISSED, FALSE = "#b83a00", "#6d35b0"
+
+FILLS: Mapping[str, dict[str, Any]] = {
+    "localisation": {"facecolor": "#a9c9e8", "edgecolor": "#3f78ad"},
+    "missed": {"facecolor": "#fdece3", "edgecolor": MISSED, "hatch": "/////"},
+    "false": {"facecolor": "#f0e8fa", "edgecolor": FALSE, "hatch": "....."},
+    "switch": {"facecolor": INK, "edgecolor": INK},
+}
+"""Of the parts of the cost, told apart by their patterns where there are no colours."""
+
+LINES: Mapping[str, dict[str, Any]] = {
+    "localisation": {"color": "#3f78ad", "linestyle": (0, (1, 1))},
+    "missed": {"color": MISSED, "linestyle": (0, (6, 2))},
+    "false": {"color": FALSE, "linestyle": (0, (2, 2))},
+    "switch": {"color": SOFT, "linestyle": (0, (8, 2, 2, 2))},
+    "total": {"color": INK, "linestyle": "-"},
+}
+
+TRACKS = ("#77AADD", "#EEDD88", "#D9B38C", "#99DDFF", "#BBCC33", "#FFAABB", "#44BB99", "#C9B2E6")
+"""Of estimates, in turn: light, for their ids are written on them; after Tol's scheme "light"."""
+
+DARK = ("#33669A", "#8A7A1E", "#8C6239", "#2F8FB8", "#6F7A10", "#B5566C", "#1F7A63", "#7A58A8")
+"""The same for lines."""
+
+
+@contextmanager
+def styled(name: str = "screen") -> Iterator[Style]:
+    """The settings of matplotlib that make a picture of this style, whatever those of the user.
+
+    Raises
+    ------
+    ConfigError
+        There is no such style, or no matplotlib.
+    """
+    if name not in STYLES:
+        raise ConfigError(f'style "{name}": must be one of {", ".join(STYLES)}')
+    if not available():
+        raise ConfigError(MISSING)
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(STYLES[name].settings)
+        yield STYLES[name]
+
+
+def titled(axis: "Axes", style: Style, title: str, about: str = "") -> None:
+    """What is to be seen, and of what, where pictures have titles."""
+    if not style.titles:
+        return
+    axis.set_title(title, loc="left", fontsize="medium", fontweight="bold", parse_math=False)
+    axis.set_title(about, loc="right", fontsize="small", color=SOFT, parse_math=False)
+
+
+def legend(made: "Figure", handles: list[Any], names: list[str], columns: int) -> None:
+    """Above the axes, where it hides nothing."""
+    if handles:
+        made.legend(
+            handles, names, loc="outside upper left", ncols=columns, frameon=False,
+            fontsize="small", columnspacing=1.2, handletextpad=0.5, borderpad=0.1,
+        )  # fmt: skip
+
+
+def literal(text: str, most: int = 24) -> str:
+    """A text of the user's on one line; of a long one the ends, of which the last tells more."""
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    return text if len(text) <= most else f"{text[: most // 3]}…{text[-(most - most // 3 - 1) :]}"
+
+
+def power(unit: str, order: float) -> str:
+    """The unit of a cost in brackets, with a space in front; nothing without unit."""
+    raised = {1.0: "", 2.0: "²", 3.0: "³"}.get(float(order), f"^{order:g}")
+    return f" ({literal(unit)}{raised})" if unit else ""

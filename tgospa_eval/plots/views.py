@@ -1,0 +1,256 @@
+"""From a result to what the pictures draw: the document of the HTML report, as arrays.
+
+`reports.drawing` is the one home of what the views show; here its numbers get the shapes that
+suit matplotlib. No artist, no choice of looks.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.reports.drawing import BOX, NONE, PARTS, document
+
+TIME = "t"
+"""The time as an axis of the plane."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Side:
+    """The tracks of one side.
+
+    Parameters
+    ----------
+    name : str
+        ``"truth"`` or ``"estimate"``.
+    ids : list of str
+        With the class in front where classes are evaluated apart.
+    table : dict
+        Of each track its costs, counts and steps.
+    run : dict
+        Stretches of one assignment, by track and step: ``track``, ``begin``, ``end``, ``other``.
+    row : dict
+        States that are drawn, by track and step: ``track``, ``step``, ``other``; of the truth the
+        ``error`` as a share of the cutoff.
+    axes : dict
+        Of these rows what the plane can show, by name.
+    spread : dict
+        What is around states: ``row``, and the entries of `reports.spreads` by number.
+    """
+
+    name: str
+    ids: list[str]
+    table: dict[str, list[Any]]
+    run: dict[str, Ints]
+    row: dict[str, Any]
+    axes: dict[str, Floats]
+    spread: dict[str, Ints]
+
+    @property
+    def unassigned(self) -> Ints:
+        """Rows that are missed, or false."""
+        return np.flatnonzero(self.row["other"] == NONE)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """What all pictures of a result draw.
+
+    Parameters
+    ----------
+    data : dict
+        The document of the HTML report.
+    truth, estimate : Side
+        The tracks.
+    about : str
+        Value and parameters in words.
+    """
+
+    data: dict[str, Any]
+    truth: Side
+    estimate: Side
+    about: str
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.data["times"])
+
+    @property
+    def switches(self) -> dict[str, Any]:
+        """Columns of the table of switches, as arrays."""
+        return {name: np.asarray(column) for name, column in self.data["switches"].items()}
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """The times in words."""
+        return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in self.data["times"]]
+
+    @cached_property
+    def shared(self) -> str:
+        """Of times that are texts what is the same in all, as the date."""
+        if not self.steps or not isinstance(self.data["times"][0], str):
+            return ""
+        first, last = self.labels[0], self.labels[-1]
+        same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
+        return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
+
+    @property
+    def time_name(self) -> str:
+        """What the axis of time is called."""
+        return f"time {self.shared}…" if self.shared else "time"
+
+    def ticks(self, room: float) -> tuple[list[int], list[str]]:
+        """Steps to name on an axis that has room for so many characters, and their names."""
+        names = [label[len(self.shared) :] for label in self.labels]
+        longest = max(map(len, names), default=1) + 2
+        count = max(2, int(room / longest))
+        if self.steps <= count:
+            chosen = list(range(self.steps))
+        else:
+            chosen = self._round(count) or [
+                round(step) for step in nice(0, self.steps - 1, count) if step == round(step)
+            ]
+        return chosen, [names[step] for step in chosen]
+
+    def _round(self, count: int) -> list[int]:
+        """Steps at round times, if there are such."""
+        times = self.data["times"]
+        if isinstance(times[0], str) or isinstance(times[-1], str):
+            return []
+        wanted = nice(times[0], times[-1], count)
+        step_of = {f"{t:.12g}": k for k, t in enumerate(times)}
+        found = [step_of[f"{t:.12g}"] for t in wanted if f"{t:.12g}" in step_of]
+        return found if len(found) >= max(2, len(wanted) / 2) else []
+
+
+def view(result: Summary) -> View:
+    """What the pictures of a result draw."""
+    data, arrays = document(result)
+    parameters, unit = result.proof.parameters, data["unit"]
+    unit = f" {unit}" if unit else ""
+    about = (
+        f"{result.claim}; c = {parameters.cutoff:g}{unit}, p = {parameters.order:g}, "
+        f"gamma = {parameters.switch_penalty:g}{unit}"
+    )
+    return View(
+        data=data,
+        truth=_side("truth", data, arrays),
+        estimate=_side("estimate", data, arrays),
+        about=about,
+    )
+
+
+def parts_of(components: Sequence[str] | None) -> tuple[str, ...]:
+    """The parts of the cost that are chosen, in their order; all where nothing is.
+
+    Raises
+    ------
+    ConfigError
+        One is none, or there is none.
+    """
+    if components is None:
+        return PARTS
+    if isinstance(components, str) or not components or set(components) - set(PARTS):
+        odd = components if isinstance(components, str) else ", ".join(map(str, components))
+        raise ConfigError(f'components "{odd}": must be of {", ".join(PARTS)}')
+    return tuple(name for name in PARTS if name in components)
+
+
+def plane_columns(
+    known: Sequence[str], asked: Sequence[str] | None, *, boxes: bool
+) -> tuple[str, str]:
+    """What is across and up.
+
+    Raises
+    ------
+    ConfigError
+        A column is unknown, or there are not two.
+    """
+    names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
+    if asked is not None:
+        odd = [name for name in asked if name not in names]
+        if odd or len(asked) != 2 or isinstance(asked, str):
+            said = asked if isinstance(asked, str) else ",".join(asked)
+            raise ConfigError(f'plane "{said}": must be two of {", ".join(names)}')
+        return asked[0], asked[1]
+    if boxes:
+        return "centre x", "centre y"
+    if "lat" in known and "lon" in known:
+        return "lon", "lat"
+    return (known[0], known[1]) if len(known) > 1 else (TIME, known[0] if known else TIME)
+
+
+def is_box(columns: Sequence[str]) -> bool:
+    """Whether states are boxes in pictures."""
+    return tuple(columns[: len(BOX)]) == BOX
+
+
+def nice(low: float, high: float, count: int) -> list[float]:
+    """Round numbers from low to high, about so many."""
+    if not high > low:
+        return [low]
+    raw = (high - low) / max(count, 1)
+    size = 10.0 ** math.floor(math.log10(raw))
+    size *= next(factor for factor in (1, 2, 5, 10) if factor * size >= raw * (1 - 1e-9))
+    first = math.ceil(low / size - 1e-9)
+    return [k * size for k in range(first, math.floor(high / size + 1e-9) + 1)]
+
+
+def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
+    """First steps of at most so many bins of equal length, and of each its dearest step."""
+    together = max(1, -(-len(total) // most))
+    first = np.arange(0, len(total), together)
+    padded = np.full(len(first) * together, -1.0)
+    padded[: len(total)] = total
+    return first, first + padded.reshape(len(first), together).argmax(axis=1)
+
+
+def _side(name: str, data: dict[str, Any], arrays: dict[str, Ints]) -> Side:
+    table = data["tracks"][name]
+    run = {field: arrays[f"{name}/run/{field}"] for field in ("track", "begin", "end", "other")}
+    row: dict[str, Any] = {field: arrays[f"{name}/row/{field}"] for field in ("track", "step")}
+    key = len(data["times"]) + 1
+    place = np.searchsorted(
+        run["track"] * key + run["begin"], row["track"] * key + row["step"], side="right"
+    )
+    row["other"] = run["other"][place - 1] if len(place) else place
+    if name == "truth":
+        row["error"] = arrays["truth/row/error"] / data["errors"]
+    spread = {
+        key.rpartition("/")[2]: values
+        for key, values in arrays.items()
+        if key.startswith(f"{name}/spread/")
+    }
+    classes = table.get("class")
+    return Side(
+        name=name,
+        ids=[f"{classes[k]}: {i}" if classes else i for k, i in enumerate(table["id"])],
+        table=table,
+        run=run,
+        row=row,
+        axes=_axes(name, data, arrays, row["step"]),
+        spread=spread,
+    )
+
+
+def _axes(
+    name: str, data: dict[str, Any], arrays: dict[str, Ints], step: Ints
+) -> dict[str, Floats]:
+    """The columns, the centres of boxes, and the number of the step."""
+    found: dict[str, Floats] = {
+        column: data["low"][k] + arrays[f"{name}/row/{k}"] * data["quantum"][k]
+        for k, column in enumerate(data["columns"])
+    }
+    if data["boxes"]:
+        found["centre x"] = found["left"] + found["width"] / 2
+        found["centre y"] = found["top"] + found["height"] / 2
+    if data["columns"]:
+        found[TIME] = step.astype(float)
+    return found

@@ -1,0 +1,126 @@
+"""What costs most: steps, truths and estimates, as bars that say why."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval.evaluation import Summary
+from tgospa_eval.plots import figure
+from tgospa_eval.plots.style import FILLS, Style, legend, literal, power, styled, titled
+from tgospa_eval.plots.views import Side, View, parts_of, view
+from tgospa_eval.problem import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+KINDS = {"truth": "missed", "estimate": "false"}
+"""What a track costs where it is unassigned."""
+
+
+def plot_worst(
+    result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
+) -> "Figure":
+    """The dearest steps, truths and estimates, and what they cost.
+
+    Parameters
+    ----------
+    result : Result
+        What to draw.
+    style : {"screen", "paper"}
+        With a title; or small, for one column of a journal.
+    components : sequence of str, optional
+        Parts of the cost that count, of ``"localisation"``, ``"missed"``, ``"false"``,
+        ``"switch"``; all by default.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Belongs to no window.
+
+    Raises
+    ------
+    ConfigError
+        A name is unknown, or matplotlib is not installed.
+    """
+    with styled(style) as made:
+        return draw_worst(view(result), made, parts_of(components))
+
+
+def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
+    """`plot_worst` of a view."""
+    lists = {
+        "steps": _dearest(seen.data["costs"], seen.labels, style.worst, parts),
+        "truths": _dearest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
+        "estimates": _dearest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
+    }
+    beside = style.titles  # a column of a journal has no room for three
+    if beside:
+        made, (axes,) = figure(style.width, 0.9 + 0.26 * style.worst, columns=3)
+    else:
+        rows = [max(len(names), 4) + 1.5 for names, _ in lists.values()]
+        made, columns = figure(style.width, 0.55 + 0.13 * sum(rows), rows=3)
+        axes = columns[:, 0]
+        axes[0].get_gridspec().set_height_ratios(rows)
+    for axis, (title, (names, costs)) in zip(axes, lists.items(), strict=True):
+        _bars(axis, names, costs, style.worst if beside else max(len(names), 4), beside=beside)
+        axis.set_ylabel(title, fontweight="bold")
+    unit = power(seen.data["unit"], seen.data["order"])
+    axes[len(axes) // 2 if beside else -1].set_xlabel(f"cost{unit}", parse_math=False)
+    if style.titles:
+        titled(axes[0], style, "Worst")
+        titled(axes[-1], style, "", seen.about)
+    handles = [_swatch(name) for name in parts]
+    legend(made, handles, list(parts), 4)
+    return made
+
+
+def _swatch(name: str) -> Any:
+    from matplotlib.patches import Patch
+
+    return Patch(**FILLS[name])
+
+
+def _costs(side: Side) -> dict[str, Any]:
+    """Costs of tracks by the names of the parts."""
+    table = side.table
+    return {
+        "localisation": table["localisation"],
+        KINDS[side.name]: table["unassigned"],
+        "switch": table["switch"],
+    }
+
+
+def _dearest(
+    costs: dict[str, Any], names: Sequence[str], count: int, parts: Sequence[str]
+) -> tuple[list[str], dict[str, Floats]]:
+    """Names and costs of those that cost most, free ones left out."""
+    chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
+    total = sum(chosen.values(), np.zeros(len(names)))
+    order = [k for k in np.argsort(-total, kind="stable")[:count] if total[k] > 0]
+    return [names[k] for k in order], {name: cost[order] for name, cost in chosen.items()}
+
+
+def _bars(
+    axis: "Axes", names: list[str], costs: dict[str, Floats], rows: int, *, beside: bool
+) -> None:
+    """Stacked bars, dearest above, with the sum at the end of each; room for so many."""
+    place, end = np.arange(len(names)), np.zeros(len(names))
+    for part, cost in costs.items():
+        kept = cost > 0
+        axis.barh(place[kept], cost[kept], 0.72, left=end[kept], linewidth=0.5, **FILLS[part])
+        end = end + cost
+    for at, total in zip(place, end, strict=True):
+        axis.annotate(
+            f" {total:.4g}", (total, at), va="center", fontsize="small", annotation_clip=False
+        )
+    axis.set_ylim(max(rows, 1) - 0.4, -0.6)
+    axis.set_xlim(0, float(end.max(initial=0.0)) * (1.22 if beside else 1.1) or 1.0)
+    axis.grid(visible=False, axis="y")
+    axis.tick_params(axis="y", length=0)
+    axis.locator_params(axis="x", nbins=4)
+    axis.set_yticks(place, [literal(name, 16) for name in names], parse_math=False)
+    if not names:
+        axis.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
+        axis.set_xticks([])
