@@ -89,9 +89,7 @@ def _parameters(document: Document) -> str:
 
 
 def _remarks(document: Document) -> Iterator[str]:
-    """Where the counts do not depend on the parameter; of assignments that are not the best
-    nothing follows.
-    """
+    """Where counts stay the same; from assignments that are not the best nothing follows."""
     letter, points = LETTERS[document["parameter"]], document["points"]
     if len(points) < 2 or not document["certified"]:
         return
