@@ -14,6 +14,7 @@ import numpy as np
 
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps
+from tgospa_eval.compiled import kernels
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Result
@@ -222,7 +223,7 @@ class _Line:
         with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
-        if not isinstance(solver, Certified) or self.name not in CONCAVE:
+        if not (kernels and isinstance(solver, Certified) and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
         offered = None
