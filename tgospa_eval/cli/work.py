@@ -76,9 +76,6 @@ def evaluate_files(
             sides = settings.read(truth, estimate)
         paths = truth, estimate
         distance, aligned = settings.fit(sides, paths)
-        if wanted is not None:
-            with _named_options():
-                wanted.check(aligned.truth.columns)
         if not quiet:
             for path, side in zip(paths, sides, strict=True):
                 for notice in side.notices:
@@ -89,6 +86,9 @@ def evaluate_files(
                 say_if_slow(tell)
             if not all(given.values()):
                 tell(default_notice(aligned, distance, settings, given))
+        if wanted is not None:
+            with _named_options():
+                wanted.check(sides[0].trajectories.columns)
         return evaluate_sides(sides, distance, settings, solver, stopwatch)
 
     result = run(work, stopwatch, show=not quiet)
