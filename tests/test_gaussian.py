@@ -162,6 +162,24 @@ def test_lines(d: int) -> None:
         assert mixed == pytest.approx(math.sqrt(expected), rel=1e-11)
 
 
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+def test_singular_covariances_of_any_rank(d: int) -> None:
+    """A A' of fewer columns than rows, rounded: B^2 = |A|^2 + |F|^2 - 2 sum of s of F'A.
+
+    The sum of squares loses no digits here, since B is as large as A and F.
+    """
+    rng = np.random.default_rng(d)
+    zero = np.zeros(d)
+    for _ in range(300):
+        size = 10.0 ** rng.uniform(-2, 2, (d, 1))
+        factors = [size * rng.normal(size=(d, int(rng.integers(1, d + 1)))) for _ in range(2)]
+        a, b = (factor / np.linalg.norm(factor) * scale for factor, scale in zip(factors, (1, 3)))
+        cross = np.linalg.svd(b.T @ a, compute_uv=False).sum()
+        expected = math.sqrt(1 + 9 - 2 * cross)
+        found = gaussian_wasserstein(zero, a @ a.T, zero, b @ b.T)
+        assert found == pytest.approx(expected, rel=1e-11)
+
+
 def test_equal_laws_are_at_distance_0() -> None:
     rng = np.random.default_rng(1)
     for d in (1, 2, 3, 5):
