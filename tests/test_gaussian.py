@@ -173,7 +173,7 @@ def test_singular_covariances_of_any_rank(d: int) -> None:
     for _ in range(300):
         size = 10.0 ** rng.uniform(-2, 2, (d, 1))
         factors = [size * rng.normal(size=(d, int(rng.integers(1, d + 1)))) for _ in range(2)]
-        a, b = (factor / np.linalg.norm(factor) * scale for factor, scale in zip(factors, (1, 3)))
+        a, b = factors[0] / np.linalg.norm(factors[0]), 3 * factors[1] / np.linalg.norm(factors[1])
         cross = np.linalg.svd(b.T @ a, compute_uv=False).sum()
         expected = math.sqrt(1 + 9 - 2 * cross)
         found = gaussian_wasserstein(zero, a @ a.T, zero, b @ b.T)
@@ -212,16 +212,40 @@ def test_arguments_broadcast() -> None:
         assert np.allclose(table, expected, rtol=1e-13)
 
 
+def test_one_component_and_no_laws() -> None:
+    for one in (1, [1]):
+        assert gaussian_wasserstein(one, 4, [4] if one == [1] else 4, 9) == pytest.approx(10**0.5)
+    for d in (1, 2, 3):
+        none = np.zeros((0, d)), np.zeros((0, d, d))
+        assert gaussian_wasserstein(*none, *none).shape == (0,)
+        assert gaussian_wasserstein(*none, np.zeros((4, 1, d)), np.eye(d)).shape == (4, 0)
+
+
+def test_limits_of_acceptance_belong_to_it() -> None:
+    # 5000 v v' - 5 w w' of v = (1, 2) and w = (2, -1), over sqrt 5: least / largest = -0.001
+    matrix = np.array([[996, 2002], [2002, 3999]]) / 5000
+    with pytest.warns(UserWarning, match=r"by up to 0\.001 of"):
+        found = gaussian_wasserstein([0, 0], matrix, [0, 0], None)
+    assert found == pytest.approx(1, rel=1e-11)  # v v'
+    apart = gaussian_wasserstein([0, 0], [[2, 1], [0.999999, 2]], [0, 0], None)  # by a millionth
+    assert apart == pytest.approx(2)
+    for beyond in (0.999998, 1.000002):
+        with pytest.raises(InputError, match="not symmetric"):
+            gaussian_wasserstein([0, 0], [[2, 1], [beyond, 2]], [0, 0], None)
+
+
 @pytest.mark.parametrize(
     ("arguments", "kind", "message"),
     [
         (([0, 0], np.eye(2), [0, 0, 0], np.eye(3)), InputError, "shapes (2,) and (3,)"),
-        ((0.0, None, 0.0, None), InputError, "must be (..., d)"),
+        ((0.0, None, [0.0], None), InputError, "must be (..., d)"),
+        (([0, 0], 4.0, [0, 0], None), InputError, "must be (..., 2, 2)"),
+        (([0], [[1j]], [0], None), InputError, "covariance must be an array of real numbers"),
         (([], None, [], None), InputError, "no components"),
         (([0, 0], np.eye(3), [0, 0], None), InputError, "must be (..., 2, 2)"),
         (([0, math.nan], None, [0, 0], None), InputError, "mean: a number is not finite"),
         (([0], [[math.inf]], [0], None), InputError, "covariance: a number is not finite"),
-        (([0], [["a"]], [0], None), InputError, "array of numbers"),
+        (([0], [["a"]], [0], None), InputError, "array of real numbers"),
         (([0], [[-1]], [0], None), InputError, "covariance: negative variance -1"),
         (([0], [[1e200]], [0], None), InputError, "above 1e+150"),
         (([0, 0], [[1, 2], [2, 1]], [0, 0], None), InputError, "(eigenvalues -1, 3)"),

@@ -19,13 +19,13 @@ EPS = 2.0**-52
 QUIET = 1e-13
 """Least eigenvalue over the largest, negated, up to which it is rounding."""
 
-CLAMPED = 1e-3
+CLAMPED = 1e-3 * (1 + 1e-9)  # of decimals that make just a thousandth, too
 """The same, up to which a matrix is taken for a covariance that was written with few digits."""
 
 LARGEST = 1e150
 """Of variances: products of two are still doubles."""
 
-ASYMMETRY = 1e-6
+ASYMMETRY = 1e-6 * (1 + 1e-9)
 """Relative difference of two entries that should be one, up to which their mean is taken."""
 
 ILL = 1e-4
