@@ -160,7 +160,8 @@ def _factor_pivoted(packed: Floats) -> Floats:
         found[:, :, k] = entry
         left -= entry * entry
         left[row, pivot] = -1  # never again
-    upper = np.linalg.qr((found * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1), mode="r")
+    columns = (found * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
+    upper = np.asarray(np.linalg.qr(columns, mode="r"))
     upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
     return pack(upper.transpose(0, 2, 1))
 

@@ -8,10 +8,10 @@ import click
 from tgospa_eval.alignment import Alignment, Stamps, align
 from tgospa_eval.cli.distance import DistanceOptions
 from tgospa_eval.distances import Distance
+from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.times import quoted
-from tgospa_eval.pipeline import check_columns, check_states
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
 
