@@ -537,6 +537,38 @@ def test_headers_are_mapped(write: Write) -> None:
     assert named.state.tolist() == [[5]]
 
 
+@pytest.mark.parametrize(
+    ("header", "columns", "expected"),
+    [
+        ("px,py,cov_px_px,cov_px_py,cov_py_py", "x=px,y=py", [4, 1, 2]),
+        ("px,py,cov_xx,cov_xy,cov_yy", "x=px,y=py", [4, 1, 2]),
+        ("PX,PY,cov_px_px,cov_py_px,cov_py_py", "x=PX,y=PY", [4, 1, 2]),
+        ("x,y,cov_xx,cov_xy,cov_yy", "x=y,y=x", [2, 1, 4]),
+        ("a,vx,cov_vx_vx,cov_xx,cov_yy", "x=vx", [4]),
+    ],
+)
+def test_covariances_of_mapped_states(
+    header: str, columns: str, expected: list[float], write: Write
+) -> None:
+    """By the headers of the states, or by what these are called."""
+    path = write("a.csv", f"id,t,{header}\n1,1,0,0,4,1,2\n")
+    found = read_trajectories(path, columns=tuple(columns.split(",")))
+    assert found.covariance is not None
+    assert found.covariance.tolist() == [expected]
+
+
+def test_covariances_of_other_columns_are_not_taken(write: Write, invoke: Invoke) -> None:
+    """x is mapped to a velocity, and cov_xx is that of the place, whose header is x."""
+    path = write("a.csv", "id,t,x,vx,cov_xx\n1,1,0,0,4\n")
+    assert read_trajectories(path, columns=("x=vx",)).covariance is None
+    assert read_trajectories(path, columns=("x",)).covariance.tolist() == [[4]]
+    done = invoke(path, path, *GAUSSIAN, "--columns", "x,cov_xx=P11")
+    assert done.status == 3
+    assert done.err.endswith("name headers of the covariances\n")
+    assert "--columns cov_xx=P11: neither " in done.err
+    assert invoke(path, path, *GAUSSIAN, "--columns", "cov_xx").status == 0  # a state column
+
+
 def test_both_kinds_of_columns(write: Write) -> None:
     path = write("a.csv", "id,t,x,std_x,cov_xx\n1,1,0,7,4\n")
     reading = read(path, ReadOptions(covariance=True))
@@ -610,7 +642,7 @@ REFUSED = {
     ),
     "no correlation": (
         DEVIATIONS + GOOD.replace("0,1\n", "1,0\n") + "4,9,0,0,1,2,-1.5\n",
-        FOUR + "rho_xy is -1.5; it must be from -1 to 1",
+        FOUR + "rho_xy is -1.5; it must be from -1 to 1; correct it or use --fix-cov",
     ),
 }
 
@@ -631,6 +663,7 @@ def test_refused(kind: str, write: Write, invoke: Invoke) -> None:
         ("4,9,0,0,1,2,1\n", "--fix-cov", "1 covariance was replaced by the nearest", [1.5] * 3),
         ("4,9,0,0,-1,0,2\n", "--fix-cov", "1 covariance was replaced by the nearest", [0, 0, 2]),
         ("4,9,0,0,-1,0,-2\n", "--fix-cov", "1 covariance was replaced by the nearest", [0, 0, 0]),
+        ("4,9,0,0,0,0,0\n", "--fix-cov", "", [0, 0, 0]),
         ("4,9,0,0,,,\n", "--missing-cov=zero", "1 state has no covariance: compared", [0, 0, 0]),
         # three digits of a line; its positive eigenvalue alone
         (
@@ -658,6 +691,26 @@ def test_taken(
     found = read(estimate, options).trajectories.covariance
     assert found is not None
     assert found[1] == pytest.approx(expected, rel=1e-8, abs=1e-12)
+
+
+def test_correlations_beyond_1_are_mended(write: Write, invoke: Invoke) -> None:
+    """[[4, 3], [3, 1]]: trace 5 and det -5, so the larger eigenvalue is (5 + 45^0.5) / 2."""
+    truth = write("t.csv", "id,t,x,y\n4,9,0,0\n")
+    estimate = write("e.csv", DEVIATIONS + "4,9,0,0,2,1,1.5\n")
+    done = invoke(truth, estimate, *GAUSSIAN, "-g", "1", "--fix-cov", "--format", "json")
+    assert "1 covariance was replaced by the nearest" in done.err
+    assert json.loads(done.out)["total"] == pytest.approx((5 + 45**0.5) / 2, rel=1e-11)
+
+
+def test_python_warns_of_what_is_clamped(write: Write) -> None:
+    path = write("e.csv", HEADER + "4,9,0,0,1,1.0005,1\n")
+    with pytest.warns(UserWarning, match=r'1 covariance is not quite .*line 2 \(id "4", t 9\)'):
+        found = read_trajectories(path)
+    pd = pytest.importorskip("pandas")
+    with pytest.warns(UserWarning, match=r'by up to 0.00025 .*estimate, row 0 \(id "4", t 9\)'):
+        evaluate(found, pd.read_csv(path), 5.0, distance="gaussian-wasserstein")
+    with pytest.warns(UserWarning, match=r"not quite .*covariance of row 0"):
+        Trajectories.from_array(np.zeros((1, 1, 2)), covariance=[[1, 1.0005], [1.0005, 1]])
 
 
 def test_clamped_covariances_are_counted(write: Write, invoke: Invoke) -> None:

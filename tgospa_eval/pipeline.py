@@ -396,7 +396,7 @@ def as_trajectories(
 
         kinds = () if distance is None else distance.kinds
         options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
-        return from_frame(side, options, name=name).trajectories
+        return from_frame(side, options, name=name).warn()
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
     )
