@@ -16,10 +16,12 @@ from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
 from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.association import associate
 from tgospa_eval.clouds import Clouds
+from tgospa_eval.covariances import unpack
 from tgospa_eval.distances import (
     CloudWasserstein,
     Effort,
     GaussianWasserstein,
+    PairMahalanobis,
     Pairs,
     Reduction,
     cloud_wasserstein,
@@ -647,6 +649,54 @@ def test_associate_normal_laws(write: Write, run: Run, tmp_path: Path) -> None:
     status, _, err = run("associate", a, b, *laws, "--cross-cov", "cross.csv")
     assert status == 3
     assert "cross-covariances are those of particles, and neither file has any" in err
+
+
+def test_associate_by_the_covariances_of_each_pair(write: Write, run: Run) -> None:
+    """Of diag(4, 1) and diag(2, 3) the mean is diag(3, 2): (3, 2) is sqrt(9/3 + 4/2) away."""
+    a = write("a.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n1,0,0,0,4,0,1\n2,0,9,9,1,0,1\n")
+    b = write("b.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n7,0,3,2,2,0,3\n8,0,9,10,1,1,1\n")
+    options = "--distance", "mahalanobis", "-c", "5"
+    status, out, err = run("associate", a, b, *options, "--format", "json")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    assert document["parameters"]["covariance"] == "pair"
+    # (0, 1) by [[1, 0.5], [0.5, 1]], whose inverse has 1 / 0.75 in that place
+    for row, value in zip(document["associations"], (5**0.5, 0.75**-0.5), strict=True):
+        assert row["distance"] == pytest.approx(value, rel=1e-13)
+    points = write("p.csv", "id,t,x,y\n7,0,3,2\n")
+    status, out, _ = run("associate", points, a, *options, "--format", "csv")
+    assert float(out.splitlines()[1].split(",")[3]) == pytest.approx(12.5**0.5)  # 9/2 + 4/0.5
+    status, _, err = run("associate", points, points, *options)
+    assert (status, "neither side has covariances" in err) == (3, True)
+    line = write("l.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n5,0,3,2,1,1,1\n")
+    status, _, err = run("associate", points, line, *options)
+    assert (status, 'id "7" and id "5" at t 0: the covariance of the pair is' in err) == (3, True)
+    status, _, err = run(points, a, *options)
+    assert (status, "needs --covariance FILE" in err) == (2, True)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_near_pairs_by_the_covariances_of_each_pair(size: int) -> None:
+    rng = np.random.default_rng(size)
+    sides = []
+    for _ in range(2):
+        factors = rng.normal(size=(4, 6, size, size)) * np.exp(rng.normal(size=(4, 6, 1, 1)))
+        sides.append(
+            Trajectories.from_array(
+                rng.uniform(0, 9, (4, 6, size)), covariance=factors @ factors.swapaxes(2, 3)
+            )
+        )
+    a, b = (unpack(side.covariance.T) for side in sides)
+    inverse = np.linalg.inv((a[:, None] + b[None]) / 2)
+    apart = sides[0].state[:, None] - sides[1].state[None]
+    every = np.sqrt(np.einsum("rsi,rsij,rsj->rs", apart, inverse, apart))
+    together = sides[0].step[:, None] == sides[1].step[None]
+    for cutoff in (0.5, 3.0, np.inf):
+        i, j = np.nonzero((every < cutoff) & together)
+        pairs = near_pairs(*sides, cutoff, PairMahalanobis())
+        assert np.array_equal(pairs.truth_row, i)
+        assert np.array_equal(pairs.estimate_row, j)
+        np.testing.assert_allclose(pairs.distance, every[i, j], rtol=1e-7)
 
 
 def test_compare_with_clouds(write: Write, run: Run) -> None:

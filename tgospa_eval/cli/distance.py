@@ -13,6 +13,7 @@ from tgospa_eval.distances import (
     GaussianWasserstein,
     Mahalanobis,
     Norm,
+    PairMahalanobis,
 )
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.errors import ConfigError, InputError
@@ -44,10 +45,14 @@ class DistanceOptions:
         self.path = options["covariance"]
         self.mixed = options["mixed"]
         self.boxes = self.named.columns == BOX
-        of_laws = isinstance(self.named, GaussianWasserstein)
-        of_norms = isinstance(self.named, Norm) or of_laws
-        zero = options["missing_cov"] != "error"
         of_matrix = isinstance(self.named, Mahalanobis)
+        of_pairs = of_matrix and not self.path and options.get("pairwise", False)
+        if of_pairs:
+            self.named = PairMahalanobis()
+        moments = isinstance(self.named, GaussianWasserstein)
+        of_laws = moments or of_pairs
+        of_norms = isinstance(self.named, Norm) or moments
+        zero = options["missing_cov"] != "error"
         of_clouds = isinstance(self.named, CloudWasserstein)
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
@@ -59,13 +64,13 @@ class DistanceOptions:
             ),
             ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
             ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
-            ("mixed", self.mixed != "error", of_laws, "gaussian-wasserstein"),
+            ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
                 raise ConfigError(f"--{name} is for {whose}, not for {self.named.name}")
-        if of_matrix:
+        if of_matrix and not of_pairs:
             if not self.path:
                 raise ConfigError("--distance mahalanobis needs --covariance FILE")
             self.matrix = read_matrix(self.path, options["decimal"])

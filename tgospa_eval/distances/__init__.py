@@ -8,7 +8,7 @@ from tgospa_eval.distances.boxes import IoU
 from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
 from tgospa_eval.distances.gating import near_pairs
 from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
-from tgospa_eval.distances.mahalanobis import Mahalanobis
+from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
 from tgospa_eval.distances.reduction import Reduction, reduce_cloud
 from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
 from tgospa_eval.distances.sphere import Haversine
@@ -38,6 +38,7 @@ __all__ = [
     "Mahalanobis",
     "Norm",
     "PairCloudWasserstein",
+    "PairMahalanobis",
     "Pairs",
     "Reduction",
     "cloud_wasserstein",
