@@ -265,6 +265,11 @@ def test_help_imports_nothing_heavy(environment: dict[str, str], arguments: list
     assert not modules & {"numpy", "pandas", "scipy", "cvxpy", "clarabel", "highspy", "matplotlib"}
 
 
+OTHER_DISTANCES = (
+    "boxes", "clouds", "gaussian", "mahalanobis", "reduction", "sampling", "sphere", "transport",
+)  # fmt: skip
+
+
 def test_a_small_evaluation_imports_little(
     environment: dict[str, str], quickstart: Pair, tmp_path: Path
 ) -> None:
@@ -279,7 +284,13 @@ def test_a_small_evaluation_imports_little(
     )  # fmt: skip
     modules = set(done.stderr.splitlines()[-1].split())
     assert "numpy" in modules
-    assert not modules & {"pandas", "cvxpy", "clarabel", "numpy.ma", "tomllib"}
+    assert not modules & {"pandas", "cvxpy", "clarabel", "numpy.ma", "tomllib", "html"}
+    # Nor what is of covariances, particles, other distances, other verbs.
+    ours = {name.removeprefix("tgospa_eval.") for name in modules}
+    assert "distances.vector" in ours
+    assert ours & {f"distances.{name}" for name in OTHER_DISTANCES} == set()
+    assert not ours & {"clouds", "covariances", "inspection", "association", "reducing"}
+    assert not ours & {"formats.spread", "formats.particles", "formats.matrix", "formats.frames"}
 
 
 def test_option_choices_are_the_members() -> None:

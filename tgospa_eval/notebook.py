@@ -4,7 +4,6 @@ Colours are legible on light and on dark paper, for a notebook does not say whic
 """
 
 from collections.abc import Sequence
-from html import escape
 
 COLOURS = {
     "localisation": "#5b8fc7",
@@ -40,6 +39,8 @@ def card(
     ends : pair of str
         First and last time.
     """
+    from html import escape  # here: few are in a notebook, and it brings a long table
+
     rows = "".join(
         f'<tr><th scope="row" style="text-align:left;font-weight:500">{_swatch(name)}'
         f"{escape(name)}</th>"
@@ -77,6 +78,8 @@ def _swatch(name: str) -> str:
 
 def _chart(costs: dict[str, list[float]], ends: tuple[str, str]) -> str:
     """Stacked bars; where there are many steps the dearest of several stands for them."""
+    from html import escape
+
     totals = [sum(values) for values in zip(*costs.values(), strict=True)]
     high = max(totals, default=0.0)
     if not high > 0:

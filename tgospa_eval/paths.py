@@ -89,7 +89,7 @@ def row_steps(states: States) -> Slots:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Turns:
     """The states in the order of a Viterbi pass over all rows at once.
 

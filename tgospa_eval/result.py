@@ -82,7 +82,7 @@ class Bounds:
         return self.upper - self.lower <= max(gap * self.upper, self.allowance)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Breakdown:
     """Where the cost of a feasible assignment comes from, in units of c^p.
 

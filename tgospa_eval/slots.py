@@ -45,7 +45,7 @@ def changed(pair_first: Ints, weight: Ints) -> NDArray[np.bool_]:
     return differs
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Slots:
     """The capacity constraints on one side, rows or columns.
 

@@ -2,14 +2,15 @@
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.clouds import Clouds
-from tgospa_eval.covariances import from_matrices
 from tgospa_eval.errors import InputError
+
+if TYPE_CHECKING:
+    from tgospa_eval.clouds import Clouds
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
@@ -69,7 +70,7 @@ class Trajectories:
     clock: str = "number"
     labels: NDArray[np.object_] | None = None
     covariance: Floats | None = None
-    clouds: Clouds | None = None
+    clouds: "Clouds | None" = None
 
     def __post_init__(self) -> None:
         for name in ("step", "track"):
@@ -129,12 +130,14 @@ class Trajectories:
             raise InputError("covariances must be finite; 0 makes a state a point")
         if covariance.ndim == 2:
             return covariance
+        from tgospa_eval.covariances import from_matrices  # here: most states are points
+
         packed, notices = from_matrices(covariance, "covariance of row {}".format)
         for notice in notices:
             warnings.warn(notice.removeprefix("warning: "), stacklevel=4)
         return np.ascontiguousarray(packed.T)
 
-    def _check_clouds(self, clouds: Clouds) -> None:
+    def _check_clouds(self, clouds: "Clouds") -> None:
         if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):
             raise InputError(
                 f"{len(clouds)} clouds of {clouds.points.shape[1]} components do not fit state "
@@ -202,7 +205,7 @@ class Trajectories:
             return self
         return replace(self, covariance=None, clouds=None)
 
-    def with_clouds(self, clouds: Clouds) -> "Trajectories":
+    def with_clouds(self, clouds: "Clouds") -> "Trajectories":
         """The same rows with other particles, and their means as states."""
         return replace(self, state=clouds.means, covariance=None, clouds=clouds)
 

@@ -6,19 +6,11 @@ from dataclasses import replace
 from typing import Any
 
 from tgospa_eval.cli.particles import cloud_distance, given_particles
-from tgospa_eval.distances import (
-    DISTANCES,
-    CloudWasserstein,
-    Distance,
-    GaussianWasserstein,
-    Mahalanobis,
-    Norm,
-    PairMahalanobis,
-)
+from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
+from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
-from tgospa_eval.formats.matrix import read_matrix
 
 
 class DistanceOptions:
@@ -41,19 +33,17 @@ class DistanceOptions:
         self.named = DISTANCES[options["distance"]]
         self.period = _numbers("periodic", options["periodic"], 2 * math.pi)
         self.scale = _numbers("scale", options["scale"])
-        self.matrix: list[list[float]] | None = None
         self.path = options["covariance"]
         self.mixed = options["mixed"]
         self.boxes = self.named.columns == BOX
-        of_matrix = isinstance(self.named, Mahalanobis)
+        # By name: to ask for the type would import the members that are not used.
+        of_matrix = self.named.name == "mahalanobis"
         of_pairs = of_matrix and not self.path and options.get("pairwise", False)
-        if of_pairs:
-            self.named = PairMahalanobis()
-        moments = isinstance(self.named, GaussianWasserstein)
+        moments = self.named.name == "gaussian-wasserstein"
         of_laws = moments or of_pairs
         of_norms = isinstance(self.named, Norm) or moments
         zero = options["missing_cov"] != "error"
-        of_clouds = isinstance(self.named, CloudWasserstein)
+        of_clouds = self.named.name == "cloud-wasserstein"
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
             (
@@ -73,15 +63,15 @@ class DistanceOptions:
         if of_matrix and not of_pairs:
             if not self.path:
                 raise ConfigError("--distance mahalanobis needs --covariance FILE")
-            self.matrix = read_matrix(self.path, options["decimal"])
-            try:
-                Mahalanobis(covariance=self.matrix)
-            except ConfigError as error:
-                raise InputError(f"{self.path}: {error}") from None
-        if isinstance(self.named, GaussianWasserstein):
-            self.named = replace(self.named, mixed=self.mixed)
+            self.named = _mahalanobis(self.path, options["decimal"])
+        if of_pairs:
+            from tgospa_eval.distances.mahalanobis import PairMahalanobis
+
+            self.named = PairMahalanobis()
+        if moments:
+            self.named = _with(self.named, mixed=self.mixed)
         if of_clouds:
-            self.named = cloud_distance(options, read_matrix)
+            self.named = cloud_distance(options)
 
     def columns(self, asked: Sequence[str] | None) -> tuple[str, ...] | None:
         """State columns to read: those asked for, else those that the distance needs."""
@@ -104,15 +94,8 @@ class DistanceOptions:
         """
         period = _by_column("periodic", self.period, columns, math.inf)
         scale = _by_column("scale", self.scale, columns, 1.0)
-        if isinstance(self.named, Norm):
-            return Norm(name=self.named.name, power=self.named.power, period=period, scale=scale)
-        if isinstance(self.named, GaussianWasserstein):
-            return replace(self.named, period=period, scale=scale)
-        if isinstance(self.named, CloudWasserstein):
-            return replace(self.named, scale=scale)
-        if isinstance(self.named, Mahalanobis):
-            return Mahalanobis(covariance=self.matrix, scale=scale)
-        return self.named
+        given = {"period": period, "scale": scale}
+        return _with(self.named, **{name: value for name, value in given.items() if value})
 
 
 def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[str]:
@@ -129,6 +112,23 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
             "count as near, also those that share nothing; time and memory grow with all pairs"
         )
     return found
+
+
+def _with(distance: Any, **settings: Any) -> Distance:
+    """The same distance with other settings."""
+    changed: Distance = replace(distance, **settings)
+    return changed
+
+
+def _mahalanobis(path: str, decimal: str) -> Distance:
+    from tgospa_eval.distances.mahalanobis import Mahalanobis
+    from tgospa_eval.formats.matrix import read_matrix
+
+    matrix = read_matrix(path, decimal)
+    try:
+        return Mahalanobis(covariance=matrix)
+    except ConfigError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _numbers(option: str, items: Sequence[str], default: float | None = None) -> dict[str, float]:

@@ -1,10 +1,12 @@
 """From the options of particle clouds to records."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein, Reduction
 from tgospa_eval.errors import ConfigError, InputError
+
+if TYPE_CHECKING:
+    from tgospa_eval.distances import CloudWasserstein, Reduction
 
 REDUCTION = ("reduce_method", "directions", "iterations", "restarts", "polish", "seed")
 NAMES = ("cloud_order", "inner", "inner_cov", "reduce", *REDUCTION, "no_gating")
@@ -25,7 +27,7 @@ def given_particles(options: dict[str, Any]) -> Iterator[str]:
     yield from (_spelt(name) for name in NAMES if options.get(name))
 
 
-def reduction(options: dict[str, Any], size: int | None) -> Reduction | None:
+def reduction(options: dict[str, Any], size: int | None) -> "Reduction | None":
     """How to reduce; None without a size.
 
     Raises
@@ -33,6 +35,8 @@ def reduction(options: dict[str, Any], size: int | None) -> Reduction | None:
     ConfigError
         An option needs ``--reduce``, or is not for the method.
     """
+    from tgospa_eval.distances import Reduction  # here, as below: most states are no clouds
+
     given = {name: options[name] for name in REDUCTION if options.get(name) is not None}
     if size is None:
         if given:
@@ -47,9 +51,7 @@ def reduction(options: dict[str, Any], size: int | None) -> Reduction | None:
     return Reduction(size=size, method=method, **given)
 
 
-def cloud_distance(
-    options: dict[str, Any], read_matrix: Callable[[str, str], list[list[float]]]
-) -> CloudWasserstein:
+def cloud_distance(options: dict[str, Any]) -> "CloudWasserstein":
     """The distance that the options ask for.
 
     Raises
@@ -59,6 +61,9 @@ def cloud_distance(
     InputError
         The file of a covariance is missing or wrong.
     """
+    from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein
+    from tgospa_eval.formats.matrix import read_matrix
+
     inner = options.get("inner") or "euclidean"
     pairwise = options.get("pairwise", False)
     path = options.get("inner_cov")

@@ -11,7 +11,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
-from tgospa_eval.formats.spread import PREFIXES
+from tgospa_eval.formats.columns import PREFIXES
 from tgospa_eval.formats.times import quoted
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class

@@ -18,7 +18,6 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
-from tgospa_eval.inspection import inspect
 from tgospa_eval.pipeline import evaluate_trajectories
 from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
@@ -145,6 +144,8 @@ def inspect_files(
     TgospaError
         Something is wrong with options or files.
     """
+    from tgospa_eval.inspection import inspect
+
     settings = make_settings(options, given)
 
     def work() -> dict[str, Any]:

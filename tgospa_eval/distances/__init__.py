@@ -1,30 +1,86 @@
 """STATES -> base distance on the pairs of one step that are nearer than the cutoff.
 
-A member is one file here, one line in `DISTANCES` and one line in docs/reference/cli.md.
+A member is one file here, one line in `DISTANCES` and one line in docs/reference/cli.md. The
+public names are imported when they are used: a run needs one member, and no other pays for it.
 """
 
-from tgospa_eval.distances.base import Distance, Effort, Pairs
-from tgospa_eval.distances.boxes import IoU
-from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
-from tgospa_eval.distances.gating import near_pairs
-from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
-from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
-from tgospa_eval.distances.reduction import Reduction, reduce_cloud
-from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
-from tgospa_eval.distances.sphere import Haversine
-from tgospa_eval.distances.transport import cloud_wasserstein, cross_covariance, transport_plan
-from tgospa_eval.distances.vector import Norm
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
-DISTANCES: dict[str, Distance] = {
-    "euclidean": Norm(name="euclidean", power=2.0),
-    "manhattan": Norm(name="manhattan", power=1.0),
-    "chebyshev": Norm(name="chebyshev", power=float("inf")),
-    "mahalanobis": Mahalanobis(),
-    "haversine": Haversine(),
-    "iou": IoU(),
-    "gaussian-wasserstein": GaussianWasserstein(),
-    "cloud-wasserstein": CloudWasserstein(),
+from tgospa_eval.distances.base import Distance, Effort, Pairs
+from tgospa_eval.distances.gating import near_pairs
+
+if TYPE_CHECKING:
+    from tgospa_eval.distances.boxes import IoU
+    from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
+    from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
+    from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
+    from tgospa_eval.distances.reduction import Reduction, reduce_cloud
+    from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
+    from tgospa_eval.distances.sphere import Haversine
+    from tgospa_eval.distances.transport import cloud_wasserstein, cross_covariance, transport_plan
+    from tgospa_eval.distances.vector import Norm
+
+_HOME = {
+    "CloudWasserstein": "clouds",
+    "GaussianWasserstein": "gaussian",
+    "Haversine": "sphere",
+    "IoU": "boxes",
+    "Mahalanobis": "mahalanobis",
+    "Norm": "vector",
+    "PairCloudWasserstein": "clouds",
+    "PairMahalanobis": "mahalanobis",
+    "Reduction": "reduction",
+    "cloud_wasserstein": "transport",
+    "cross_covariance": "transport",
+    "gaussian_wasserstein": "gaussian",
+    "reduce_cloud": "reduction",
+    "resample_cloud": "sampling",
+    "restrict_cloud": "sampling",
+    "transport_plan": "transport",
 }
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+class _Members(Mapping[str, Distance]):
+    """Records by name, made when they are asked for."""
+
+    def __init__(self, members: dict[str, tuple[str, dict[str, Any]]]) -> None:
+        self._members = members
+
+    def __getitem__(self, name: str) -> Distance:
+        record, settings = self._members[name]
+        distance: Distance = (globals().get(record) or __getattr__(record))(**settings)
+        return distance
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._members)
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+
+DISTANCES: Mapping[str, Distance] = _Members(
+    {
+        "euclidean": ("Norm", {"name": "euclidean", "power": 2.0}),
+        "manhattan": ("Norm", {"name": "manhattan", "power": 1.0}),
+        "chebyshev": ("Norm", {"name": "chebyshev", "power": float("inf")}),
+        "mahalanobis": ("Mahalanobis", {}),
+        "haversine": ("Haversine", {}),
+        "iou": ("IoU", {}),
+        "gaussian-wasserstein": ("GaussianWasserstein", {}),
+        "cloud-wasserstein": ("CloudWasserstein", {}),
+    }
+)
 """Base distances by name; Mahalanobis without its covariance."""
 
 __all__ = [

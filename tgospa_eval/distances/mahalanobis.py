@@ -142,9 +142,10 @@ class PairMahalanobis(Distance):
     """With a covariance of each pair, the mean of those of its two states: no metric.
 
     It is for the association of single pairs, never for TGOSPA. States without covariance are
-    points. It does not depend on the units of the columns.
+    points. It does not depend on the units of the columns, nor on their `scale`.
     """
 
+    scale: Sequence[float] | None = None
     name = "mahalanobis"
 
     @property

@@ -12,13 +12,12 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
-from tgospa_eval.formats.particles import gather
-from tgospa_eval.formats.spread import Cells, covariances_of
 from tgospa_eval.formats.times import Times, more, quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
+    from tgospa_eval.formats.spread import Spread
 
 Numbered = tuple[NDArray[np.object_], Ints]
 """Distinct texts in natural order, and the number of each row's."""
@@ -99,6 +98,8 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
     if roles.weight is not None:
+        from tgospa_eval.formats.particles import gather  # here, as below: most states are points
+
         particles = gather(rows, key, chosen.mask, always=options.clouds and roles.spread is None)
     if roles.region:
         values = roles.mixed(rows.numbers, tuple(roles.region.values()))
@@ -136,12 +137,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     notices = chosen.notices
     covariance = None
     if roles.spread is not None and clouds is None:
-        covariance, said = covariances_of(
-            _cells(rows, taken),
-            roles.spread,
-            missing=options.missing_covariance,
-            fix=options.fix_covariance,
-        )
+        covariance, said = _covariances(rows, taken, roles.spread, options)
         notices += said
     trajectories = Trajectories(
         step=step_used,
@@ -226,15 +222,20 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
         raise InputError(f'{rows.where(int(chosen[row]))}, column "{name}": {what}')
 
 
-def _cells(rows: Rows, taken: Ints) -> Cells:
-    """The numbers of the covariances of some rows."""
+def _covariances(
+    rows: Rows, taken: Ints, spread: "Spread", options: "ReadOptions"
+) -> tuple[Floats, list[str]]:
+    """The covariances of some rows, and what to say of them."""
+    from tgospa_eval.formats.spread import Cells, covariances_of
+
     numbers = rows.roles.numbers
-    spread = rows.roles.spread
-    columns = spread.columns if spread else ()
-    return Cells(
-        values={column: rows.numbers[taken, numbers.index(column)] for column in columns},
+    cells = Cells(
+        values={column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
         row=taken,
         where=lambda row: f"{rows.where(row)} (id {_name(rows, row)}, t {_moment(rows, row)})",
+    )
+    return covariances_of(
+        cells, spread, missing=options.missing_covariance, fix=options.fix_covariance
     )
 
 

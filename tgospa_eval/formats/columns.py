@@ -8,11 +8,11 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
-from tgospa_eval.formats.spread import PREFIXES, Spread, find_spread, spelt
 from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
+    from tgospa_eval.formats.spread import Spread
 
 ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
@@ -24,6 +24,9 @@ ALIASES = {
 
 WEIGHT = "weight"
 """Of particles."""
+
+PREFIXES = ("cov_", "std_", "rho_")
+"""Of entries of covariances."""
 
 BOX = ("left", "top", "width", "height")
 EDGES = (*BOX, "right", "bottom")
@@ -74,7 +77,7 @@ class Roles:
     centres: bool
     unused: tuple[str, ...]
     weight: int | None = None
-    spread: Spread | None = None
+    spread: "Spread | None" = None
     asked: bool = False
     headers: tuple[str, ...] = ()
 
@@ -92,26 +95,36 @@ class Roles:
 
         `clouds` says whether rows are particles: weights are for them alone, covariances are not.
         """
-        known = [
-            spelt(first, second, deviations=deviations)
-            for deviations in (False, True)
-            for k, second in enumerate(self.names)
-            for first in self.names[: k + 1]
-        ]
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
         if not clouds and self.weight is not None:
             unused.append(self.headers[self.weight])
         if unused:
-            folded = {name.casefold() for names in known for name in names}
-            there = any(name.casefold() in folded for name in unused) and not self.asked
-            there = there and not clouds
+            there = not (self.asked or clouds) and self._any_covariance(unused)
             way = "; --distance gaussian-wasserstein compares covariances" if there else ""
             yield f"columns not used: {', '.join(unused)}{way}"
         if self.asked and self.spread is None and not clouds:
-            shown = ", ".join([names[0] for names in known[:3]])
+            shown = ", ".join([names[0] for names in self._covariances()[:3]])
             yield f"no columns of covariances ({shown}): its states are points"
+
+    def _any_covariance(self, headers: Sequence[str]) -> bool:
+        """Whether any of the headers is that of an entry of the covariance."""
+        alike = {name.casefold() for name in headers if name.casefold().startswith(PREFIXES)}
+        return bool(alike) and any(
+            name.casefold() in alike for names in self._covariances() for name in names
+        )
+
+    def _covariances(self) -> list[list[str]]:
+        """Headers that the entries of the covariance may have."""
+        from tgospa_eval.formats.spread import spelt  # here: most states are points
+
+        return [
+            spelt(first, second, deviations=deviations)
+            for deviations in (False, True)
+            for k, second in enumerate(self.names)
+            for first in self.names[: k + 1]
+        ]
 
     def mixed(self, numbers: Floats, mixes: Sequence[Mix]) -> Floats:
         """Quantities (R, len(mixes)) of the `numbers` columns (R, n); a view where it can be."""
@@ -229,8 +242,11 @@ def find_roles(
     if options.classes is None and not options.by_class:
         klass = None
     spread = None
-    for naming in _namings(wanted, mapped, names) if options.covariance else ():
-        spread = spread or find_spread(naming, find, where)
+    if options.covariance:
+        from tgospa_eval.formats.spread import find_spread
+
+        for naming in _namings(wanted, mapped, names):
+            spread = spread or find_spread(naming, find, where)
     weight = None if options.boxes else find(WEIGHT)
     for name in mapped:
         needed = spread is not None if name.startswith(PREFIXES) else name == WEIGHT

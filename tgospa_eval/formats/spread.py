@@ -16,8 +16,6 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.times import more
 from tgospa_eval.trajectories import Floats, Ints
 
-PREFIXES = ("cov_", "std_", "rho_")
-
 BEYOND = 1e-3
 """By what the size of a correlation may exceed 1: rounding in a file."""
 

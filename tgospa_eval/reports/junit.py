@@ -13,8 +13,8 @@ from tgospa_eval.reports.gate import said, title
 
 SUITE = "tgospa-eval gate"
 
-_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot express, escaped or not."""
+_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""What XML 1.0 cannot express, escaped or not; to compile what it can is far slower."""
 
 _MARKUP = re.compile('[&<>"\t\n\r]')
 _MARKUP_OF_TEXT = re.compile("[&<>\r]")

@@ -23,7 +23,7 @@ SIZE = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
     """Some neighbouring blocks, those of them that are to be solved, and until when.
 
@@ -54,7 +54,7 @@ class Batch:
         return self.deadline is not None and time.monotonic() > self.deadline
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
     """What a solver says of a batch.
 
