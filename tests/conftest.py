@@ -11,8 +11,13 @@ from typing import NamedTuple
 import browser
 import pytest
 from browser import Browser
+from hypothesis import HealthCheck, settings
 
 os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
+
+# A machine that does something else beside must not fail a property.
+settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
 
 QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
 

@@ -12,7 +12,8 @@ from tgospa_eval.alignment import Stamps, align
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.covariances import pack
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Labels, Proof, Result, Scene, sizes_of
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
@@ -518,83 +519,9 @@ def as_trajectories(
 
         kinds = () if distance is None else distance.kinds
         options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
-        return from_frame(side, options, name=name).trajectories
+        return from_frame(side, options, name=name).warn()
     raise ConfigError(
         f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
-    )
-
-
-def check_columns(
-    truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
-) -> None:
-    """Both sides must have the same state columns.
-
-    Raises
-    ------
-    InputError
-        A column is on one side only.
-    """
-    for own, other, name, missing in (
-        (truth, estimate, *names),
-        (estimate, truth, *names[::-1]),
-    ):
-        extra = [column for column in own.columns if column not in other.columns]
-        if extra:
-            common = [column for column in own.columns if column in other.columns]
-            raise InputError(
-                f'{name} has a column "{extra[0]}" that {missing} lacks; '
-                f"choose what to compare with --columns {','.join(common) or 'x,y'}"
-            )
-
-
-def check_states(
-    truth: Trajectories,
-    estimate: Trajectories,
-    distance: Distance,
-    names: tuple[str, str] = ("truth", "estimate"),
-) -> None:
-    """The distance must be able to compare the states of both sides.
-
-    Raises
-    ------
-    ConfigError
-        Its settings do not fit the state columns.
-    InputError
-        It needs other columns, does not compare states of that kind, or a state is out of range.
-    """
-    _check_kinds((truth, estimate), distance, names)
-    for side, name in zip((truth, estimate), names, strict=True):
-        distance.check_columns(side.columns, name)
-        fault = distance.fault(side.state.T)
-        if fault is not None:
-            row, column, message = fault
-            time = side.shown[side.step[row]]
-            identity = side.ids[side.track[row]]
-            raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
-
-
-def _check_kinds(
-    sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
-) -> None:
-    """Whether a distance that compares more than points does so with these states."""
-    named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
-    refused = set(named) - {"point", *distance.kinds}
-    if not distance.kinds or not refused:
-        return
-    if {"gaussian", "cloud"} <= set(named):
-        raise InputError(
-            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance of a "
-            "normal law from a cloud has no closed form; --distance gaussian-wasserstein --mixed "
-            "moments takes a cloud as the normal law of its mean and covariance"
-        )
-    if "cloud" in refused:
-        raise InputError(
-            f"{named['cloud']} has particles: clouds are no normal laws; take --distance "
-            "cloud-wasserstein, or --mixed moments, the normal law of their means and covariances"
-        )
-    raise InputError(
-        f"{named['gaussian']} has covariances, not particles; take --distance "
-        "gaussian-wasserstein, or leave the columns out to compare it as points"
     )
 
 
