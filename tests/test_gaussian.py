@@ -30,7 +30,7 @@ from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.write import csv_text
 from tgospa_eval.inspection import describe
-from tgospa_eval.pipeline import digest
+from tgospa_eval.preparation import digest
 from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
 
 Invoke = Callable[..., Any]

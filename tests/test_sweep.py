@@ -15,8 +15,8 @@ from strategies import ORDERS, pairs_of_sets, scene
 from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sensitivity, sweep
 from tgospa_eval.cli.sweeping import parse_sweep
 from tgospa_eval.compiled import kernels
-from tgospa_eval.pipeline import Measured, as_distance, as_trajectories, measure
 from tgospa_eval.points import Sweep
+from tgospa_eval.preparation import Measured, as_distance, as_trajectories, measure
 from tgospa_eval.problem import Parameters
 from tgospa_eval.result import certify
 from tgospa_eval.solvers.offers import Kept, keep, offer

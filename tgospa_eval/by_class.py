@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.evaluation import Costs, Labels, Result, Summary, Table
+from tgospa_eval.evaluation import Result
 from tgospa_eval.result import Bounds, Breakdown, Curve
+from tgospa_eval.summary import Costs, Labels, Summary, Table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

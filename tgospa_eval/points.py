@@ -5,7 +5,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.evaluation import Table
+from tgospa_eval.summary import Table
 
 if TYPE_CHECKING:
     import pandas as pd

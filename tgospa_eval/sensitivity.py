@@ -19,16 +19,9 @@ from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Result
 from tgospa_eval.merging import merge_runs
-from tgospa_eval.pipeline import (
-    Measured,
-    as_distance,
-    as_solver,
-    as_trajectories,
-    measure,
-    prove,
-    solver_settings,
-)
+from tgospa_eval.pipeline import prove, solver_settings
 from tgospa_eval.points import Point, Sweep
+from tgospa_eval.preparation import Measured, as_distance, as_solver, as_trajectories, measure
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified

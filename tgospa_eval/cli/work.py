@@ -18,13 +18,13 @@ from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
 from tgospa_eval.pipeline import check_curve, evaluate_trajectories
 from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver
+from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
 
 if TYPE_CHECKING:

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import View, binned, parts_of, view
+from tgospa_eval.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

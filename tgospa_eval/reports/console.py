@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.evaluation import Summary
+from tgospa_eval.summary import Summary
 
 WIDTH = 80
 SHOWN = 5

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.by_class import ByClass
-from tgospa_eval.evaluation import Result, Summary, Table
+from tgospa_eval.evaluation import Result
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports import spreads
+from tgospa_eval.summary import Summary, Table
 from tgospa_eval.weights import ONE
 
 VALUES = 800_000

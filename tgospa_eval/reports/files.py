@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary, Table
+from tgospa_eval.summary import Summary, Table
 
 
 def json_text(result: Summary) -> str:

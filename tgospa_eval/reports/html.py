@@ -9,9 +9,9 @@ from typing import Any
 
 import jinja2
 
-from tgospa_eval.evaluation import Summary, Table
 from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
+from tgospa_eval.summary import Summary, Table
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
