@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.alignment import Stamps, align
-from tgospa_eval.covariances import pack
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError
@@ -226,6 +225,8 @@ def _second_moments(side: Trajectories) -> Floats | None:
     """Lower triangles of what is around each state, if anything is."""
     if side.clouds is None:
         return side.covariance
+    from tgospa_eval.covariances import pack  # here: points do without
+
     with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
         return pack(side.clouds.covariances).T
 
