@@ -235,6 +235,9 @@ def test_values_of_a_sweep(text: str, name: str, values: list[float]) -> None:
         (["--sweep", "cutoff=1,2", "--sweep", "order=1,2"], "one parameter is swept at a time"),
         (["--sweep", "cutoff=1,2", "-c", "5"], "leave one of them out"),
         (["--sweep", "cutoff=1,2", "--by", "class"], "choose one class by --class"),
+        (["--sweep", "cutoff=1,2", "-o", "x", "--style", "paper"], "--style is not for"),
+        (["--sweep", "cutoff=1,2", "-o", "x", "--plane", "x,y"], "--plane is not for"),
+        (["--sweep", "cutoff=1,2", "-o", "x", "--pictures", "gif"], 'pictures "gif": must be of'),
     ],
 )
 def test_wrong_sweeps(invoke: Invoke, quickstart: Pair, arguments: list[str], part: str) -> None:
@@ -312,6 +315,17 @@ def test_the_folder(invoke: Invoke, quickstart: Pair, tmp_path: Path) -> None:
     again = invoke(*given, "out")
     assert again.status == 2
     assert "is not empty" in again.err
+
+
+@pytest.mark.parametrize(("formats", "files"), [("none", []), ("svg,pdf", ["pdf", "svg"])])
+def test_pictures_of_the_folder(
+    invoke: Invoke, quickstart: Pair, tmp_path: Path, formats: str, files: list[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    given = (*quickstart, "--sweep", "order=1,2", "-c", "10", "-g", "5", "-q", "-o", "out")
+    assert invoke(*given, "--pictures", formats).status == 0
+    found = {path.name for path in (tmp_path / "out").iterdir()}
+    assert found == {"sweep.json", "sweep.csv", *(f"sweep.{kind}" for kind in files)}
 
 
 # --- picture --------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ SIZE = 1 << 18
 
 
 def trace(states: States, weights: Ints, prices: Floats, solver: Certified) -> Curve:
-    """The curve of a solved problem.
+    """The curve of a solved problem; its last point is what the solution proves of the whole.
 
     Parameters
     ----------
@@ -48,7 +48,9 @@ def trace(states: States, weights: Ints, prices: Floats, solver: Certified) -> C
     whole = keep(states, weights, prices)
 
     cost = parts.sum(axis=0)
-    wide = np.flatnonzero(cost - least > np.maximum(solver.gap * cost, ROUNDING))
+    open_ = cost - least > np.maximum(solver.gap * cost, ROUNDING)
+    open_[cells.first[1:] - 1] = False  # a whole block: the solver has had its chance
+    wide = np.flatnonzero(open_)
     wide = wide[np.argsort(-cells.step[wide], kind="stable")]
     copies = _Copies(states)
     for chosen in copies.groups(cells.block[wide], cells.step[wide]):

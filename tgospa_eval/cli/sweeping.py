@@ -1,14 +1,15 @@
 """``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tgospa_eval import plots
+from tgospa_eval.cli.options import OF_PICTURES
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import make_settings, make_solver
-from tgospa_eval.cli.work import emit, read_sides, say, told
+from tgospa_eval.cli.work import emit, read_sides, say, told, wanted_pictures
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.sweep import sweep_pictures
 from tgospa_eval.points import Sweep
@@ -16,6 +17,9 @@ from tgospa_eval.reports.files import csv_text, probe_folder, write_texts
 from tgospa_eval.reports.sweep import render
 from tgospa_eval.sensitivity import in_order, sweep_trajectories
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.plots.report import Pictures
 
 NAMES = {"cutoff": "cutoff", "order": "order", "switch-penalty": "switch_penalty"}
 MOST = 1000
@@ -59,8 +63,10 @@ def sweep_files(
     others = {k: v for k, v in vars(settings.parameters).items() if k != name}
     parameters = in_order(name, values, others)
     solver = make_solver(options)
+    wanted = None
     if options["output"] is not None:
         probe_folder(options["output"], force=options["force"])
+        wanted = wanted_pictures(options)
     stopwatch, tell = Stopwatch(), None if options["quiet"] else say
     if tell is not None:
         stopwatch.tell = say
@@ -76,7 +82,7 @@ def sweep_files(
         )  # fmt: skip
 
     found = run(work, stopwatch, show=not options["quiet"])
-    _show(found, options)
+    _show(found, options, wanted)
     missed = [point for point in found.points if not point.finished]
     for point in missed:
         say(
@@ -145,6 +151,9 @@ def _check(name: str, options: dict[str, Any], typed: set[str]) -> None:
     """
     if name in typed:
         raise ConfigError(f"--{_key(name)} and --sweep {_key(name)}=...: leave one of them out")
+    odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
+    if odd:
+        raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
     if options["curve"]:
         raise ConfigError("--sweep and --curve: leave one of them out")
     if options["by"]:
@@ -160,16 +169,16 @@ def _key(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _show(found: Sweep, options: dict[str, Any]) -> None:
+def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> None:
     """Print, and write the folder if one was asked for."""
     document = found.to_dict()
     if options["output"] is not None:
         files: dict[str, str | bytes] = {
             "sweep.json": found.to_json(), "sweep.csv": csv_text(found.columns()),
         }  # fmt: skip
-        if plots.available():
-            files |= plots.pictures(sweep_pictures, document)
-        elif not options["quiet"]:
+        if wanted is not None and plots.available():
+            files |= plots.pictures(sweep_pictures, document, wanted.formats)
+        elif wanted is not None and not options["quiet"]:
             say(plots.MISSING)
         write_texts(files, options["output"], force=options["force"])
     emit(render(document, options["format_"], found.columns()))
