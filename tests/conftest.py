@@ -11,8 +11,13 @@ from typing import NamedTuple
 import browser
 import pytest
 from browser import Browser
+from hypothesis import HealthCheck, settings
 
 os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
+
+# A machine that does something else beside must not fail a property.
+settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("unhurried")
 
 QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
 
@@ -130,8 +135,8 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 def shown(chromium: Browser, tmp_path: Path) -> Iterator[Callable[..., Browser]]:
     """Open the page of a result; at the end it must have logged nothing and asked for nothing."""
 
-    from tgospa_eval.evaluation import Summary
     from tgospa_eval.reports.html import page
+    from tgospa_eval.summary import Summary
 
     def show(result: Summary, hash_: str = "", **settings: object) -> Browser:
         path = tmp_path / "report.html"

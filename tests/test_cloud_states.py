@@ -17,11 +17,14 @@ from test_clouds import by_linear_programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
 from tgospa_eval.alignment import Stamps, align
+from tgospa_eval.association import associate
 from tgospa_eval.clouds import Clouds
+from tgospa_eval.covariances import unpack
 from tgospa_eval.distances import (
     CloudWasserstein,
     Effort,
     GaussianWasserstein,
+    PairMahalanobis,
     Pairs,
     Reduction,
     cloud_wasserstein,
@@ -488,9 +491,27 @@ def test_associate(write: Write, invoke: Run, tmp_path: Path) -> None:
         (None, "b"),
         ("1", "a"),
     ]
-    costs = pd.read_csv(tmp_path / "costs.csv")
-    np.testing.assert_allclose(costs["distance"], [np.sqrt(1.6), 1])
-    np.testing.assert_allclose(costs["mean_distance"], [0.2, 0], atol=1e-12)
+    costs = pd.read_csv(tmp_path / "costs.csv")  # all pairs, also those beyond the cutoff
+    assert costs[["t", "id_a", "id_b"]].to_numpy().tolist() == [
+        [0, 1, "a"], [0, 1, "b"], [0, 2, "a"], [0, 2, "b"], [1, 1, "a"],
+    ]  # fmt: skip
+    near = costs["distance"] < 4
+    np.testing.assert_allclose(costs["distance"][near], [np.sqrt(1.6), 1])
+    np.testing.assert_allclose(costs["mean_distance"][near], [0.2, 0], atol=1e-12)
+    assert costs["associated"].tolist() == near.astype(int).tolist()
+    far = 0.5 * (90**2 + 90**2) + 0.3 * (88**2 + 90**2) + 0.2 * (90**2 + 87**2)
+    assert costs["distance"][1] == pytest.approx(np.sqrt(far))
+    same = *files[:3], "costs.csv", "--force"
+    status, _, err = invoke("associate", a, b, "-c", "4", *WHOLE, *same)
+    assert (status, "--cross-cov costs.csv: is read or written otherwise" in err) == (2, True)
+    status, _, err = invoke("associate", a, b, "-c", "4", "--cost-matrix", b, "--force")
+    assert (status, "--cost-matrix" in err, "is read or written otherwise" in err) == (
+        2,
+        True,
+        True,
+    )
+    status, _, err = invoke("reduce", a, a, "-n", "1", "--force")
+    assert (status, "is read or written otherwise" in err) == (2, True)
     cross = pd.read_csv(tmp_path / "cross.csv")
     np.testing.assert_allclose(
         cross.loc[0, ["cov_x_x", "cov_x_y", "cov_y_x", "cov_y_y"]].astype(float),
@@ -511,7 +532,15 @@ def test_associate_says_what_a_filter_leaves(write: Write, invoke: Run) -> None:
 
 def test_associate_with_a_covariance_of_each_pair(write: Write, invoke: Run) -> None:
     paths = write("a.csv", TRUTH), write("b.csv", ESTIMATE)
-    pair = *WHOLE, "--inner", "mahalanobis", "--inner-cov", "pair"
+    inner = *WHOLE, "--inner", "mahalanobis"
+    pair = *inner, "--inner-cov", "pair"
+    told = "-c", "4", "--time", "1:1", "--format", "json"
+    # At t = 1 a point and (9, 9), (7, 9): singular by itself, so the default is the pair's.
+    assert invoke("associate", *paths, *told, *inner)[0] == 3
+    status, out, _ = invoke(
+        "associate", *paths, *told[:2], *told[4:], *inner, "--inner-cov", "global"
+    )
+    assert (status, len(json.loads(out)["parameters"]["inner_cov"])) == (0, 2)
     for order, value in ((1, 1.5991335783), (2, 1.6345506187)):
         options = *pair, "--cloud-order", str(order), "--time", "0:0", "--region", "x=:10"
         status, out, _ = invoke("associate", *paths, "-c", "4", *options, "--format", "json")
@@ -525,6 +554,59 @@ def test_associate_with_a_covariance_of_each_pair(write: Write, invoke: Run) -> 
     assert "the covariance of the pair is singular, too few distinct particles" in err
     status, _, err = invoke(*paths, *pair)
     assert (status, "--inner-cov pair makes no metric, and is for associate" in err) == (2, True)
+
+
+def test_associate_names_its_own_options(write: Write, invoke: Run) -> None:
+    empty, boxes = write("a.csv", ""), write("b.txt", "1,1,0,0,2,2,1,-1,-1,-1\n")
+    status, _, err = invoke("associate", empty, boxes, "-c", "4")
+    assert (status, "(--a-format, --b-format)" in err, "truth" in err) == (3, True, False)
+    status, _, err = invoke("associate", boxes, boxes, "-c", "4")
+    assert status == 0
+    assert ["-format to say" in err, "--a-format" in err, "--b-format" in err] == [True] * 3
+    status, _, err = invoke("reduce", empty, "out.csv", "-n", "1")
+    assert (status, "(--in-format)" in err) == (3, True)
+
+
+def test_associate_measures_means_as_the_distance_does(write: Write, invoke: Run) -> None:
+    a, b = write("a.csv", "id,t,x,h\n1,0,0,359\n"), write("b.csv", "id,t,x,h\n1,0,2,2\n")
+    columns = "--columns", "x,h", "--periodic", "h=360", "--scale", "x=2"
+    status, out, _ = invoke("associate", a, b, "-c", "9", *columns, "--format", "csv")
+    assert (status, out.splitlines()[1]) == (0, "0,1,1,5.0,5.0")  # 3 degrees, and twice 2
+
+
+def test_associate_checks_what_it_is_given() -> None:
+    rng = np.random.default_rng(1)
+    states = rng.normal(size=(2, 3, 2))
+    points = Trajectories.from_array(states)
+    laws = Trajectories.from_array(states, covariance=np.eye(2))
+    clouds = replace(scene(1, 2, 2), columns=("x", "y"))
+    for second, distance, message in (
+        (Trajectories.from_array(states[:1]), "euclidean", "on different times"),
+        (Trajectories.from_array(states, ("y", "x")), "euclidean", "in different orders"),
+        (Trajectories.from_array(states, ("y", "z")), "euclidean", 'first has a column "x"'),
+        (laws, "cloud-wasserstein", "second has covariances, not particles"),
+        (clouds, "gaussian-wasserstein", "second has particles"),
+    ):
+        with pytest.raises(InputError, match=message):
+            associate(points, second, cutoff=1.0, distance=distance)
+    with pytest.raises(ConfigError, match='distance is "nearest"'):
+        associate(points, points, cutoff=1.0, distance="nearest")
+    with pytest.raises(InputError, match="in different orders"):
+        evaluate(points, Trajectories.from_array(states, ("y", "x")), 1.0)
+
+
+@pytest.mark.parametrize("name", ["euclidean", "gaussian-wasserstein", "cloud-wasserstein"])
+def test_all_pairs_make_the_same_association(name: str) -> None:
+    a, b = scene(3), scene(4)
+    if name == "gaussian-wasserstein":
+        a, b = (replace(side, clouds=None, covariance=side.clouds.covariances) for side in (a, b))
+    for cutoff in (1.0, 6.0, 100.0):
+        some, every = (
+            associate(a, b, cutoff=cutoff, distance=name, all_pairs=way) for way in (False, True)
+        )
+        assert some.associations_table() == every.associations_table()
+        assert len(every.costs_table()["t"]) == 3 * 6 * 6
+        assert every.total == pytest.approx(some.total, rel=1e-14)
 
 
 def test_associate_points_takes_the_least_sum(write: Write, invoke: Run) -> None:
@@ -687,6 +769,54 @@ def test_associate_normal_laws(write: Write, invoke: Run, tmp_path: Path) -> Non
     status, _, err = invoke("associate", a, b, *laws, "--cross-cov", "cross.csv")
     assert status == 3
     assert "cross-covariances are those of particles, and neither file has any" in err
+
+
+def test_associate_by_the_covariances_of_each_pair(write: Write, invoke: Run) -> None:
+    """Of diag(4, 1) and diag(2, 3) the mean is diag(3, 2): (3, 2) is sqrt(9/3 + 4/2) away."""
+    a = write("a.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n1,0,0,0,4,0,1\n2,0,9,9,1,0,1\n")
+    b = write("b.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n7,0,3,2,2,0,3\n8,0,9,10,1,1,1\n")
+    options = "--distance", "mahalanobis", "-c", "5"
+    status, out, err = invoke("associate", a, b, *options, "--format", "json")
+    assert (status, err) == (0, "")
+    document = json.loads(out)
+    assert document["parameters"]["covariance"] == "pair"
+    # (0, 1) by [[1, 0.5], [0.5, 1]], whose inverse has 1 / 0.75 in that place
+    for row, value in zip(document["associations"], (5**0.5, 0.75**-0.5), strict=True):
+        assert row["distance"] == pytest.approx(value, rel=1e-13)
+    points = write("p.csv", "id,t,x,y\n7,0,3,2\n")
+    status, out, _ = invoke("associate", points, a, *options, "--format", "csv")
+    assert float(out.splitlines()[1].split(",")[3]) == pytest.approx(12.5**0.5)  # 9/2 + 4/0.5
+    status, _, err = invoke("associate", points, points, *options)
+    assert (status, "neither side has covariances" in err) == (3, True)
+    line = write("l.csv", "id,t,x,y,cov_xx,cov_xy,cov_yy\n5,0,3,2,1,1,1\n")
+    status, _, err = invoke("associate", points, line, *options)
+    assert (status, 'id "7" and id "5" at t 0: the covariance of the pair is' in err) == (3, True)
+    status, _, err = invoke(points, a, *options)
+    assert (status, "needs --covariance FILE" in err) == (2, True)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_near_pairs_by_the_covariances_of_each_pair(size: int) -> None:
+    rng = np.random.default_rng(size)
+    sides = []
+    for _ in range(2):
+        factors = rng.normal(size=(4, 6, size, size)) * np.exp(rng.normal(size=(4, 6, 1, 1)))
+        sides.append(
+            Trajectories.from_array(
+                rng.uniform(0, 9, (4, 6, size)), covariance=factors @ factors.swapaxes(2, 3)
+            )
+        )
+    a, b = (unpack(side.covariance.T) for side in sides)
+    inverse = np.linalg.inv((a[:, None] + b[None]) / 2)
+    apart = sides[0].state[:, None] - sides[1].state[None]
+    every = np.sqrt(np.einsum("rsi,rsij,rsj->rs", apart, inverse, apart))
+    together = sides[0].step[:, None] == sides[1].step[None]
+    for cutoff in (0.5, 3.0, np.inf):
+        i, j = np.nonzero((every < cutoff) & together)
+        pairs = near_pairs(*sides, cutoff, PairMahalanobis())
+        assert np.array_equal(pairs.truth_row, i)
+        assert np.array_equal(pairs.estimate_row, j)
+        np.testing.assert_allclose(pairs.distance, every[i, j], rtol=1e-7)
 
 
 def test_compare_with_clouds(write: Write, invoke: Run) -> None:

@@ -17,7 +17,7 @@ from tgospa_eval.comparison.brackets import Bracket, excess, less, narrowest, ov
 from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
-from tgospa_eval.pipeline import Prepared
+from tgospa_eval.preparation import Prepared
 from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
 from tgospa_eval.solvers import Solver
 

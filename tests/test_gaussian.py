@@ -30,7 +30,7 @@ from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.write import csv_text
 from tgospa_eval.inspection import describe
-from tgospa_eval.pipeline import digest
+from tgospa_eval.preparation import digest
 from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
 
 Invoke = Callable[..., Any]
@@ -162,6 +162,24 @@ def test_lines(d: int) -> None:
         assert mixed == pytest.approx(math.sqrt(expected), rel=1e-11)
 
 
+@pytest.mark.parametrize("d", [2, 3, 4, 6])
+def test_singular_covariances_of_any_rank(d: int) -> None:
+    """A A' of fewer columns than rows, rounded: B^2 = |A|^2 + |F|^2 - 2 sum of s of F'A.
+
+    The sum of squares loses no digits here, since B is as large as A and F.
+    """
+    rng = np.random.default_rng(d)
+    zero = np.zeros(d)
+    for _ in range(300):
+        size = 10.0 ** rng.uniform(-2, 2, (d, 1))
+        factors = [size * rng.normal(size=(d, int(rng.integers(1, d + 1)))) for _ in range(2)]
+        a, b = factors[0] / np.linalg.norm(factors[0]), 3 * factors[1] / np.linalg.norm(factors[1])
+        cross = np.linalg.svd(b.T @ a, compute_uv=False).sum()
+        expected = math.sqrt(1 + 9 - 2 * cross)
+        found = gaussian_wasserstein(zero, a @ a.T, zero, b @ b.T)
+        assert found == pytest.approx(expected, rel=1e-11)
+
+
 def test_equal_laws_are_at_distance_0() -> None:
     rng = np.random.default_rng(1)
     for d in (1, 2, 3, 5):
@@ -194,16 +212,40 @@ def test_arguments_broadcast() -> None:
         assert np.allclose(table, expected, rtol=1e-13)
 
 
+def test_one_component_and_no_laws() -> None:
+    for one in (1, [1]):
+        assert gaussian_wasserstein(one, 4, [4] if one == [1] else 4, 9) == pytest.approx(10**0.5)
+    for d in (1, 2, 3):
+        none = np.zeros((0, d)), np.zeros((0, d, d))
+        assert gaussian_wasserstein(*none, *none).shape == (0,)
+        assert gaussian_wasserstein(*none, np.zeros((4, 1, d)), np.eye(d)).shape == (4, 0)
+
+
+def test_limits_of_acceptance_belong_to_it() -> None:
+    # 5000 v v' - 5 w w' of v = (1, 2) and w = (2, -1), over sqrt 5: least / largest = -0.001
+    matrix = np.array([[996, 2002], [2002, 3999]]) / 5000
+    with pytest.warns(UserWarning, match=r"by up to 0\.001 of"):
+        found = gaussian_wasserstein([0, 0], matrix, [0, 0], None)
+    assert found == pytest.approx(1, rel=1e-11)  # v v'
+    apart = gaussian_wasserstein([0, 0], [[2, 1], [0.999999, 2]], [0, 0], None)  # by a millionth
+    assert apart == pytest.approx(2)
+    for beyond in (0.999998, 1.000002):
+        with pytest.raises(InputError, match="not symmetric"):
+            gaussian_wasserstein([0, 0], [[2, 1], [beyond, 2]], [0, 0], None)
+
+
 @pytest.mark.parametrize(
     ("arguments", "kind", "message"),
     [
         (([0, 0], np.eye(2), [0, 0, 0], np.eye(3)), InputError, "shapes (2,) and (3,)"),
-        ((0.0, None, 0.0, None), InputError, "must be (..., d)"),
+        ((0.0, None, [0.0], None), InputError, "must be (..., d)"),
+        (([0, 0], 4.0, [0, 0], None), InputError, "must be (..., 2, 2)"),
+        (([0], [[1j]], [0], None), InputError, "covariance must be an array of real numbers"),
         (([], None, [], None), InputError, "no components"),
         (([0, 0], np.eye(3), [0, 0], None), InputError, "must be (..., 2, 2)"),
         (([0, math.nan], None, [0, 0], None), InputError, "mean: a number is not finite"),
         (([0], [[math.inf]], [0], None), InputError, "covariance: a number is not finite"),
-        (([0], [["a"]], [0], None), InputError, "array of numbers"),
+        (([0], [["a"]], [0], None), InputError, "array of real numbers"),
         (([0], [[-1]], [0], None), InputError, "covariance: negative variance -1"),
         (([0], [[1e200]], [0], None), InputError, "above 1e+150"),
         (([0, 0], [[1, 2], [2, 1]], [0, 0], None), InputError, "(eigenvalues -1, 3)"),
@@ -495,6 +537,38 @@ def test_headers_are_mapped(write: Write) -> None:
     assert named.state.tolist() == [[5]]
 
 
+@pytest.mark.parametrize(
+    ("header", "columns", "expected"),
+    [
+        ("px,py,cov_px_px,cov_px_py,cov_py_py", "x=px,y=py", [4, 1, 2]),
+        ("px,py,cov_xx,cov_xy,cov_yy", "x=px,y=py", [4, 1, 2]),
+        ("PX,PY,cov_px_px,cov_py_px,cov_py_py", "x=PX,y=PY", [4, 1, 2]),
+        ("x,y,cov_xx,cov_xy,cov_yy", "x=y,y=x", [2, 1, 4]),
+        ("a,vx,cov_vx_vx,cov_xx,cov_yy", "x=vx", [4]),
+    ],
+)
+def test_covariances_of_mapped_states(
+    header: str, columns: str, expected: list[float], write: Write
+) -> None:
+    """By the headers of the states, or by what these are called."""
+    path = write("a.csv", f"id,t,{header}\n1,1,0,0,4,1,2\n")
+    found = read_trajectories(path, columns=tuple(columns.split(",")))
+    assert found.covariance is not None
+    assert found.covariance.tolist() == [expected]
+
+
+def test_covariances_of_other_columns_are_not_taken(write: Write, invoke: Invoke) -> None:
+    """x is mapped to a velocity, and cov_xx is that of the place, whose header is x."""
+    path = write("a.csv", "id,t,x,vx,cov_xx\n1,1,0,0,4\n")
+    assert read_trajectories(path, columns=("x=vx",)).covariance is None
+    assert read_trajectories(path, columns=("x",)).covariance.tolist() == [[4]]
+    done = invoke(path, path, *GAUSSIAN, "--columns", "x,cov_xx=P11")
+    assert done.status == 3
+    assert done.err.endswith("name headers of the covariances\n")
+    assert "--columns cov_xx=P11: neither " in done.err
+    assert invoke(path, path, *GAUSSIAN, "--columns", "cov_xx").status == 0  # a state column
+
+
 def test_both_kinds_of_columns(write: Write) -> None:
     path = write("a.csv", "id,t,x,std_x,cov_xx\n1,1,0,7,4\n")
     reading = read(path, ReadOptions(covariance=True))
@@ -568,7 +642,7 @@ REFUSED = {
     ),
     "no correlation": (
         DEVIATIONS + GOOD.replace("0,1\n", "1,0\n") + "4,9,0,0,1,2,-1.5\n",
-        FOUR + "rho_xy is -1.5; it must be from -1 to 1",
+        FOUR + "rho_xy is -1.5; it must be from -1 to 1; correct it or use --fix-cov",
     ),
 }
 
@@ -589,6 +663,7 @@ def test_refused(kind: str, write: Write, invoke: Invoke) -> None:
         ("4,9,0,0,1,2,1\n", "--fix-cov", "1 covariance was replaced by the nearest", [1.5] * 3),
         ("4,9,0,0,-1,0,2\n", "--fix-cov", "1 covariance was replaced by the nearest", [0, 0, 2]),
         ("4,9,0,0,-1,0,-2\n", "--fix-cov", "1 covariance was replaced by the nearest", [0, 0, 0]),
+        ("4,9,0,0,0,0,0\n", "--fix-cov", "", [0, 0, 0]),
         ("4,9,0,0,,,\n", "--missing-cov=zero", "1 state has no covariance: compared", [0, 0, 0]),
         # three digits of a line; its positive eigenvalue alone
         (
@@ -616,6 +691,26 @@ def test_taken(
     found = read(estimate, options).trajectories.covariance
     assert found is not None
     assert found[1] == pytest.approx(expected, rel=1e-8, abs=1e-12)
+
+
+def test_correlations_beyond_1_are_mended(write: Write, invoke: Invoke) -> None:
+    """[[4, 3], [3, 1]]: trace 5 and det -5, so the larger eigenvalue is (5 + 45^0.5) / 2."""
+    truth = write("t.csv", "id,t,x,y\n4,9,0,0\n")
+    estimate = write("e.csv", DEVIATIONS + "4,9,0,0,2,1,1.5\n")
+    done = invoke(truth, estimate, *GAUSSIAN, "-g", "1", "--fix-cov", "--format", "json")
+    assert "1 covariance was replaced by the nearest" in done.err
+    assert json.loads(done.out)["total"] == pytest.approx((5 + 45**0.5) / 2, rel=1e-11)
+
+
+def test_python_warns_of_what_is_clamped(write: Write) -> None:
+    path = write("e.csv", HEADER + "4,9,0,0,1,1.0005,1\n")
+    with pytest.warns(UserWarning, match=r'1 covariance is not quite .*line 2 \(id "4", t 9\)'):
+        found = read_trajectories(path)
+    pd = pytest.importorskip("pandas")
+    with pytest.warns(UserWarning, match=r'by up to 0.00025 .*estimate, row 0 \(id "4", t 9\)'):
+        evaluate(found, pd.read_csv(path), 5.0, distance="gaussian-wasserstein")
+    with pytest.warns(UserWarning, match=r"not quite .*covariance of row 0"):
+        Trajectories.from_array(np.zeros((1, 1, 2)), covariance=[[1, 1.0005], [1.0005, 1]])
 
 
 def test_clamped_covariances_are_counted(write: Write, invoke: Invoke) -> None:

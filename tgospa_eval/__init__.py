@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation import Result
     from tgospa_eval.formats import read_trajectories
     from tgospa_eval.pipeline import evaluate
+    from tgospa_eval.points import Sweep
+    from tgospa_eval.sensitivity import sweep
     from tgospa_eval.solvers.certified import Certified
     from tgospa_eval.solvers.exact import Exact
     from tgospa_eval.solvers.sinkhorn import Sinkhorn
@@ -25,10 +27,12 @@ _HOME = {
     "Result": "evaluation",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
+    "Sweep": "points",
     "TgospaError": "errors",
     "Trajectories": "trajectories",
     "evaluate": "pipeline",
     "read_trajectories": "formats",
+    "sweep": "sensitivity",
 }
 
 __all__ = [
@@ -39,11 +43,13 @@ __all__ = [
     "Result",
     "Sinkhorn",
     "SolverError",
+    "Sweep",
     "TgospaError",
     "Trajectories",
     "__version__",
     "evaluate",
     "read_trajectories",
+    "sweep",
 ]
 
 

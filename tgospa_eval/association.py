@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.distances import Distance, Effort, Pairs, near_pairs
+from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
+from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.transport import cross_covariance
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.trajectories import Trajectories
@@ -31,8 +32,10 @@ class Association:
     ----------
     first, second : Trajectories
         The sides, on the same times.
-    near : Pairs
-        All pairs of one step that are nearer than the cutoff.
+    pairs : Pairs
+        Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
+    apart : (N,) float array
+        Distances of their means.
     chosen : (N,) bool array
         Which of them were associated.
     cutoff : float
@@ -41,7 +44,8 @@ class Association:
 
     first: Trajectories
     second: Trajectories
-    near: Pairs
+    pairs: Pairs
+    apart: Floats
     chosen: NDArray[np.bool_]
     cutoff: float
 
@@ -49,13 +53,13 @@ class Association:
     def total(self) -> float:
         """The sum that was minimised."""
         alone = len(self.first.step) + len(self.second.step) - 2 * int(self.chosen.sum())
-        return float(self.near.distance[self.chosen].sum() + 0.5 * self.cutoff * alone)
+        return float(self.pairs.distance[self.chosen].sum() + 0.5 * self.cutoff * alone)
 
     def associations_table(self) -> Table:
         """Each state once: pairs by step, with None for the partner of one that stays alone."""
         pairs = np.flatnonzero(self.chosen)
-        i, j = self.near.truth_row[pairs], self.near.estimate_row[pairs]
-        values = zip(self.near.distance[pairs].tolist(), self._means_apart(pairs), strict=True)
+        i, j = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
+        values = zip(self.pairs.distance[pairs].tolist(), self.apart[pairs].tolist(), strict=True)
         steps = self.first.step, self.second.step
         alone = [
             np.setdiff1d(np.arange(len(step)), taken).tolist()
@@ -74,7 +78,7 @@ class Association:
         return {name: [row[3][k] for row in rows] for k, name in enumerate(names)}
 
     def costs_table(self) -> Table:
-        """All pairs that are nearer than the cutoff; any other pair costs the cutoff."""
+        """All `pairs`, and whether they were associated."""
         table = self._pairs_table(np.arange(len(self.chosen)))
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
@@ -97,8 +101,8 @@ class Association:
         matrices = np.zeros((len(pairs), len(names), len(names)))
         if self.first.clouds is not None and self.second.clouds is not None:
             for k, pair in enumerate(pairs.tolist()):
-                a = self.first.clouds[int(self.near.truth_row[pair])]
-                b = self.second.clouds[int(self.near.estimate_row[pair])]
+                a = self.first.clouds[int(self.pairs.truth_row[pair])]
+                b = self.second.clouds[int(self.pairs.estimate_row[pair])]
                 matrices[k] = cross_covariance(*a, *b)
         entries = {
             f"cov_{one}_{other}": matrices[:, r, s].tolist()
@@ -108,14 +112,13 @@ class Association:
         return {**self._pairs_table(pairs), **entries}
 
     def _pairs_table(self, pairs: NDArray[np.intp]) -> Table:
-        apart = self._means_apart(pairs)
         rows = [
-            self._names(int(a), int(b), float(value), far)
+            self._names(int(a), int(b), float(value), float(far))
             for a, b, value, far in zip(
-                self.near.truth_row[pairs],
-                self.near.estimate_row[pairs],
-                self.near.distance[pairs],
-                apart,
+                self.pairs.truth_row[pairs],
+                self.pairs.estimate_row[pairs],
+                self.pairs.distance[pairs],
+                self.apart[pairs],
                 strict=True,
             )
         ]
@@ -135,19 +138,14 @@ class Association:
             apart,
         )
 
-    def _means_apart(self, pairs: NDArray[np.intp]) -> list[float]:
-        """Euclidean distances of the states, those of clouds being their means."""
-        a, b = self.first.state, self.second.state
-        difference = a[self.near.truth_row[pairs]] - b[self.near.estimate_row[pairs]]
-        return [float(value) for value in np.linalg.norm(difference, axis=1)]
-
 
 def associate(
     first: Trajectories,
     second: Trajectories,
     *,
     cutoff: float,
-    distance: Distance,
+    distance: str | Distance = "euclidean",
+    all_pairs: bool = False,
     effort: Effort | None = None,
 ) -> Association:
     """Associate the states of two sides on the same times.
@@ -158,37 +156,77 @@ def associate(
         On the same times, with the same state columns.
     cutoff : float
         c > 0, in the unit of the distance.
-    distance : Distance
-        Distance of states.
+    distance : str or Distance
+        Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a record.
+    all_pairs : bool
+        Measure all pairs of each step, not only those that may be nearer than the cutoff; the
+        association is the same.
     effort : Effort, optional
         Threads, and progress.
 
     Raises
     ------
     ConfigError
-        The cutoff is not finite and > 0.
+        The cutoff is not finite and > 0, or there is no such distance.
     InputError
-        A step has too many states.
+        The sides do not fit each other or the distance, or a step has too many states.
     """
     cutoff = real_number("cutoff", cutoff)
     if not 0 < cutoff < np.inf:
         raise ConfigError(f"cutoff is {cutoff:g}: must be finite and > 0")
-    near = near_pairs(first, second, cutoff, distance.fitted(first, second), effort)
-    chosen = np.zeros(len(near.distance), bool)
-    step = first.step[near.truth_row]
+    measure = _fitting(first, second, distance)
+    pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, effort)
+    near = np.flatnonzero(pairs.distance < cutoff)
+    rows = pairs.truth_row[near], pairs.estimate_row[near]
+    gain = cutoff - pairs.distance[near]
+    chosen = np.zeros(len(pairs.distance), bool)
+    step = first.step[rows[0]]
     for begin, end in _runs(step):
-        axes = [
-            np.unique(rows[begin:end], return_inverse=True)[1]
-            for rows in (near.truth_row, near.estimate_row)
-        ]
+        axes = [np.unique(side[begin:end], return_inverse=True)[1] for side in rows]
         shape = [int(axis.max()) + 1 for axis in axes]
         if max(shape) > LARGEST:
             raise InputError(
                 f"t {first.shown[step[begin]]}: {max(shape)} states with a partner within the "
                 f"cutoff, at most {LARGEST} are possible; take a smaller cutoff"
             )
-        chosen[begin:end] = _best(cutoff - near.distance[begin:end], axes, shape)
-    return Association(first=first, second=second, near=near, chosen=chosen, cutoff=cutoff)
+        chosen[near[begin:end]] = _best(gain[begin:end], axes, shape)
+    return Association(
+        first=first,
+        second=second,
+        pairs=pairs,
+        apart=_means_apart(first, second, pairs, measure),
+        chosen=chosen,
+        cutoff=cutoff,
+    )
+
+
+def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
+    """The distance of the states of both sides, which must fit each other."""
+    if isinstance(distance, str):
+        if distance not in DISTANCES:
+            raise ConfigError(f'distance is "{distance}": must be one of {", ".join(DISTANCES)}')
+        distance = DISTANCES[distance]
+    names = ("first", "second")
+    check_columns(first, second, names)
+    check_states(first, second, distance, names)
+    if not np.array_equal(first.times, second.times) or first.clock != second.clock:
+        raise InputError("the sides are on different times; tgospa_eval.alignment.align joins them")
+    return distance.fitted(first, second)
+
+
+def _means_apart(
+    first: Trajectories, second: Trajectories, pairs: Pairs, distance: Distance
+) -> Floats:
+    """Distances of the means, with the scales and periods of the distance."""
+    means: Distance = Norm(
+        name="euclidean",
+        power=2.0,
+        scale=getattr(distance, "scale", None),
+        period=getattr(distance, "period", None),
+    )
+    if distance.columns is not None:  # degrees, and edges of boxes: no norm
+        means = distance
+    return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
 
 
 def _runs(step: NDArray[np.integer]) -> list[tuple[int, int]]:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.evaluation import Costs, Labels, Result, Summary, Table
-from tgospa_eval.result import Bounds, Breakdown
+from tgospa_eval.evaluation import Result
+from tgospa_eval.result import Bounds, Breakdown, Curve
+from tgospa_eval.summary import Costs, Labels, Summary, Table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -122,6 +123,7 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
                 }
             ),
         ),
+        traced=_sum_of_curves([part.traced for part in parts]),
         labels=Labels(
             times=first.labels.times,
             truths=[name for part in parts for name in part.labels.truths],
@@ -142,6 +144,18 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
         },
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
+    )
+
+
+def _sum_of_curves(curves: list[Curve | None]) -> Curve | None:
+    asked = [curve for curve in curves if curve is not None]
+    if not asked:
+        return None
+    return Curve(
+        **{
+            field.name: np.sum([getattr(curve, field.name) for curve in asked], axis=0)
+            for field in fields(Curve)
+        }
     )
 
 

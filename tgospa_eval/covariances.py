@@ -19,17 +19,20 @@ EPS = 2.0**-52
 QUIET = 1e-13
 """Least eigenvalue over the largest, negated, up to which it is rounding."""
 
-CLAMPED = 1e-3
+CLAMPED = 1e-3 * (1 + 1e-9)  # of decimals that make just a thousandth, too
 """The same, up to which a matrix is taken for a covariance that was written with few digits."""
 
 LARGEST = 1e150
 """Of variances: products of two are still doubles."""
 
-ASYMMETRY = 1e-6
+ASYMMETRY = 1e-6 * (1 + 1e-9)
 """Relative difference of two entries that should be one, up to which their mean is taken."""
 
 ILL = 1e-4
-"""Share of a variance that is left by the others, below which d >= 3 is factored in more digits."""
+"""Share of a variance that is left by the others, below which d >= 3 is factored with pivots."""
+
+BLOCK = 1 << 13
+"""Matrices that are factored with pivots at a time."""
 
 
 def size_of(count: int) -> int:
@@ -57,22 +60,21 @@ def unpack(packed: Floats, *, lower: bool = False) -> Floats:
 def factor(packed: Floats) -> Floats:
     """Lower factors L of covariances C = L L', packed alike; of singular ones, too.
 
-    Cholesky without pivoting, with two guards: what a row leaves of its variance is 0 where it is
-    no more than rounding, and no entry exceeds the root of what is left of its variance. Where
-    variances are nearly explained by others, the difference is taken with more digits: of two
-    components exactly, of more in extended precision as far as the machine has it.
+    Cholesky, with two guards: what a row leaves of its variance is 0 where it is no more than
+    rounding of the entries, and no entry exceeds the root of what is left of its variance. Where
+    variances are nearly explained by others, their rounding weighs much: the difference is then
+    taken exactly (two components), or with pivots and more digits (more).
     """
     d = size_of(len(packed))
     if d == 1:
         return np.sqrt(np.maximum(packed, 0.0))
     if d == 2:
         return _factor_two(*packed)
-    found, left = _factor_many(packed)
-    if np.finfo(np.longdouble).eps < EPS:
-        # Rounding of a variance weighs 1 / share times as much in what is left of it.
-        ill = np.flatnonzero(left < ILL)
-        if len(ill):
-            found[:, ill] = _factor_many(packed[:, ill].astype(np.longdouble))[0]
+    found, share = _factor_many(packed)
+    ill = np.flatnonzero(share < ILL)
+    for begin in range(0, len(ill), BLOCK):
+        part = ill[begin : begin + BLOCK]
+        found[:, part] = _factor_pivoted(packed[:, part])
     return found
 
 
@@ -85,7 +87,7 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     np.clip(found[1], -most, most, out=found[1])
     left = c.copy()
     np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
-    np.sqrt(left, out=found[2], where=left > 2 * EPS * c)
+    np.sqrt(left, out=found[2], where=left > 4 * EPS * c)
     return found
 
 
@@ -115,12 +117,9 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
     left = [v.copy() for v in variance]
     share = np.ones(packed.shape[1])
     for j in range(d):
-        positive = left[j] > 16 * d * EPS * variance[j]
-        np.minimum(
-            share,
-            np.divide(left[j], variance[j], out=np.ones_like(share), where=positive).astype(float),
-            out=share,
-        )
+        own = np.divide(left[j], variance[j], out=np.ones_like(share), where=variance[j] > 0)
+        np.minimum(share, own, out=share)
+        positive = left[j] > 0
         pivot = found[at[j, j]]
         np.sqrt(left[j], out=pivot, where=positive)
         for i in range(j + 1, d):
@@ -130,7 +129,41 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
             most = np.sqrt(np.maximum(left[i], 0.0))
             np.clip(entry, -most, most, out=entry)
             left[i] -= entry * entry
-    return found.astype(np.float64), share
+    return found, share
+
+
+def _factor_pivoted(packed: Floats) -> Floats:
+    """Factors of matrices that are singular, or nearly so.
+
+    Of correlations, in extended precision as far as the machine has it, the largest of what is left
+    first: so no rounding of an entry is enlarged, and what it leaves of a rank is told from what is
+    there. The factor is made a lower one by a rotation, which keeps the rounding of its rows.
+    """
+    d = size_of(len(packed))
+    matrices = unpack(packed).astype(np.longdouble)
+    row = np.arange(len(matrices))
+    deviation = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 0))
+    unit = np.where(deviation > 0, deviation, 1)
+    matrices /= unit[:, :, None]
+    matrices /= unit[:, None, :]
+    found = np.zeros_like(matrices)
+    left = np.where(deviation > 0, np.longdouble(1), np.longdouble(0))
+    for k in range(d):
+        pivot = np.argmax(left, axis=1)
+        size = left[row, pivot]
+        positive = size > 4 * d * EPS
+        root = np.sqrt(np.where(positive, size, 1))
+        known = (found[:, :, :k] * found[row, pivot, None, :k]).sum(axis=2)
+        entry = (matrices[row, :, pivot] - known) / root[:, None]
+        most = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
+        entry = np.where(positive[:, None], np.clip(entry, -most, most), 0)
+        found[:, :, k] = entry
+        left -= entry * entry
+        left[row, pivot] = -1  # never again
+    columns = (found * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
+    upper = np.asarray(np.linalg.qr(columns, mode="r"))
+    upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
+    return pack(upper.transpose(0, 2, 1))
 
 
 def project(packed: Floats) -> tuple[Floats, Floats]:

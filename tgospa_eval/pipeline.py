@@ -1,30 +1,27 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
-import hashlib
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval import __version__
-from tgospa_eval.alignment import Stamps, align
+from tgospa_eval.alignment import Stamps
 from tgospa_eval.compiled import KERNEL
-from tgospa_eval.covariances import pack
-from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
-from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation import Labels, Proof, Result, Scene, sizes_of
-from tgospa_eval.merging import merge_runs
-from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
+from tgospa_eval.distances import Distance, Pairs
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation import Proof, Result
+from tgospa_eval.preparation import Prepared, as_distance, as_solver, as_trajectories, prepare
+from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.result import Solution, certify
-from tgospa_eval.solvers import Solver, solver_class
-from tgospa_eval.states import States
+from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 from tgospa_eval.weights import ONE
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from tgospa_eval.solvers.certified import Certified
 
 BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
@@ -45,6 +42,7 @@ def evaluate(
     unit: str | None = None,
     time_tolerance: float = 0.0,
     grid: str = "union",
+    curve: bool = False,
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -77,6 +75,8 @@ def evaluate(
         of the truth.
     grid : {"union", "truth", "estimate", "common"}
         Steps that count. Rows at other steps are left out, and counted in `Result.input`.
+    curve : bool
+        Whether to evaluate the steps up to each step as well, for `Result.curve`.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def evaluate(
         The two sides do not fit: other columns, other kinds of time, states out of range.
     """
     stopwatch = Stopwatch()
-    measure = _distance(distance)
+    measure = as_distance(distance)
     with stopwatch.span("read"):
         sides = [
             as_trajectories(side, name, measure)
@@ -106,10 +106,11 @@ def evaluate(
             switch_penalty=defaults[1] if switch_penalty is None else switch_penalty,
         ),
         distance=measure,
-        solver=_solver(solver),
+        solver=as_solver(solver),
         stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
         stopwatch=stopwatch,
+        curve=curve,
     )
 
 
@@ -125,6 +126,7 @@ def evaluate_trajectories(
     settings: dict[str, Any] | None = None,
     inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
     stopwatch: Stopwatch | None = None,
+    curve: bool = False,
 ) -> Result:
     """`evaluate` with everything resolved.
 
@@ -148,6 +150,8 @@ def evaluate_trajectories(
         What the result says of the two files beside their digests; by default their rows.
     stopwatch : Stopwatch, optional
         Running clock with the time of reading.
+    curve : bool
+        Whether to evaluate the steps up to each step as well.
 
     Raises
     ------
@@ -155,6 +159,8 @@ def evaluate_trajectories(
         As for `evaluate`.
     """
     stopwatch = stopwatch or Stopwatch()
+    if curve:
+        check_curve(solver)
     prepared = prepare(
         truth,
         estimate,
@@ -167,126 +173,38 @@ def evaluate_trajectories(
         stopwatch=stopwatch,
         jobs=getattr(solver, "jobs", None),
     )
-    return solve(prepared, solver, stopwatch)
+    return solve(prepared, solver, stopwatch, curve=curve)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared:
-    """A problem that waits for a solver: what all solvers have in common.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Cutoff, order and switch penalty.
-    sides : pair of Trajectories
-        Truth and estimate, aligned and prepared.
-    distance : Distance
-        Base distance, prepared.
-    states : States
-        The reduced problem.
-    labels : Labels
-        Times and ids.
-    moments : (T,) int or float array
-        The times as numbers.
-    settings : dict
-        Every option that changes the number, but for those of the solver.
-    input : dict
-        Rows and digest of either side.
-    scene : Scene
-        Where the objects were before the distance prepared them, for pictures.
-    """
-
-    parameters: Parameters
-    sides: tuple[Trajectories, Trajectories]
-    distance: Distance
-    states: States
-    labels: Labels
-    moments: NDArray[Any]
-    settings: dict[str, Any]
-    input: dict[str, Any]
-    scene: Scene
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        return sizes_of(self.states)
-
-
-def prepare(
-    truth: Trajectories,
-    estimate: Trajectories,
-    *,
-    parameters: Parameters,
-    distance: str | Distance,
-    stamps: Stamps | None = None,
-    unit: str | None = None,
-    settings: dict[str, Any] | None = None,
-    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
-    stopwatch: Stopwatch,
-    jobs: int | None = None,
-) -> Prepared:
-    """The first half of `evaluate_trajectories`: all before the solver, in so many threads."""
-    stamps = stamps or Stamps()
-    measure = _distance(distance)
-    check_columns(truth, estimate)
-    check_states(truth, estimate, measure)
-    # What is digested is what counts.
-    truth, estimate = (side.seen_as(measure.kinds) for side in (truth, estimate))
-    with stopwatch.span("report"):
-        told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
-        digests = digest(truth), digest(estimate)
-    with stopwatch.span("distances"):
-        aligned = align(truth, estimate, stamps)
-        truth, estimate = aligned.truth, aligned.estimate
-        scene = _scene(truth, estimate)
-        measure = measure.fitted(truth, estimate)
-        effort = Effort(jobs=jobs, stopwatch=stopwatch)
-        truth, estimate, prepared = measure.prepared(truth, estimate, effort)
-        pairs = near_pairs(truth, estimate, parameters.cutoff, prepared, effort)
-    with stopwatch.span("solve/preparation"):
-        problem = _problem(truth, estimate, pairs, parameters)
-        del pairs  # the distances are as long as the entries
-        states = merge_runs(problem)
-    return Prepared(
-        parameters=parameters,
-        sides=(truth, estimate),
-        distance=prepared,
-        states=states,
-        labels=Labels(
-            times=truth.shown.tolist(),
-            truths=truth.ids.tolist(),
-            estimates=estimate.ids.tolist(),
-            unit=unit,
-        ),
-        moments=truth.times,
-        settings={
-            "cutoff": parameters.cutoff,
-            "order": parameters.order,
-            "switch_penalty": parameters.switch_penalty,
-            "distance": measure.name,
-            **measure.settings(truth.columns),
-            "columns": list(truth.columns),
-            "grid": stamps.grid,
-            "time_tolerance": stamps.tolerance,
-            "unit": unit,
-            **(settings or {}),
-        },
-        input={
-            name: {
-                **told[side],
-                "sha256": digests[side],
-                "left_out": told[side].get("left_out", {})
-                | ({"grid": aligned.left_out[side]} if aligned.left_out[side] else {}),
-            }
-            for side, name in enumerate(("truth", "estimate"))
-        },
-        scene=scene,
-    )
-
-
-def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
+def solve(
+    prepared: Prepared, solver: Solver, stopwatch: Stopwatch, *, curve: bool = False
+) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
-    solution = solver(prepared.states, stopwatch)
+    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, curve=curve)
+
+
+def check_curve(solver: Solver) -> None:
+    """Only the certified solver solves the steps up to each step.
+
+    Raises
+    ------
+    ConfigError
+        It is another one.
+    """
+    if solver.name != "certified":
+        raise ConfigError(f"the curve needs the solver certified, not {solver.name}")
+
+
+def prove(
+    prepared: Prepared,
+    solver: Solver,
+    solution: Solution,
+    stopwatch: Stopwatch,
+    *,
+    curve: bool = False,
+) -> Result:
+    """What a solution proves of a problem; the solution may be used up."""
+    prices = solution.prices.copy() if curve else None
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution)
     proof = Proof(
@@ -296,6 +214,12 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
         weights=weights,
         breakdown=breakdown,
     )
+    traced = None
+    if prices is not None:
+        from tgospa_eval.curve import trace  # here: only when it is asked for
+
+        with stopwatch.span("curve"):
+            traced = trace(prepared.states, weights, prices, cast("Certified", solver))
     truth, estimate = prepared.sides
     with stopwatch.span("report"):
         split = _split(truth, estimate, prepared.distance, proof)
@@ -303,6 +227,7 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
     return Result(
         proof=proof,
         split=split,
+        traced=traced,
         labels=prepared.labels,
         gap=gap,
         settings={**prepared.settings, **solver_settings(solver)},
@@ -312,25 +237,6 @@ def solve(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> Result:
         version=__version__,
         scene=prepared.scene,
     )
-
-
-def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:
-    """What pictures show: states as they were read, not as a distance scales or whitens them."""
-    return Scene(
-        columns=truth.columns,
-        truth=truth.state,
-        estimate=estimate.state,
-        truth_covariance=_second_moments(truth),
-        estimate_covariance=_second_moments(estimate),
-    )
-
-
-def _second_moments(side: Trajectories) -> Floats | None:
-    """Lower triangles of what is around each state, if anything is."""
-    if side.clouds is None:
-        return side.covariance
-    with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
-        return pack(side.clouds.covariances).T
 
 
 def _split(
@@ -358,24 +264,6 @@ def _split(
     return sums[0], sums[1]
 
 
-def _problem(
-    truth: Trajectories, estimate: Trajectories, pairs: Pairs, parameters: Parameters
-) -> Problem:
-    return tgospa_problem(
-        parameters=parameters,
-        steps=len(truth.times),
-        truths=len(truth.ids),
-        estimates=len(estimate.ids),
-        truth_step=truth.step,
-        truth_track=truth.track,
-        estimate_step=estimate.step,
-        estimate_track=estimate.track,
-        truth_row=pairs.truth_row,
-        estimate_row=pairs.estimate_row,
-        distance=pairs.distance,
-    )
-
-
 def _solver_record(
     solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
 ) -> dict[str, Any]:
@@ -398,151 +286,12 @@ def _solver_record(
     }
 
 
-def as_trajectories(
-    side: "Trajectories | pd.DataFrame | Floats",
-    name: str,
-    distance: Distance | None = None,
-) -> Trajectories:
-    """Any accepted form of one side as Trajectories.
-
-    `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
-    and want their covariances or particles.
-    """
-    columns = None if distance is None else distance.columns
-    if isinstance(side, Trajectories):
-        return side
-    if isinstance(side, np.ndarray):
-        fits = columns is not None and side.ndim == 3 and side.shape[2] == len(columns)
-        return Trajectories.from_array(side, columns if fits else None)
-    if hasattr(side, "columns") and hasattr(side, "iloc"):
-        from tgospa_eval.formats import ReadOptions
-        from tgospa_eval.formats.frames import from_frame
-
-        kinds = () if distance is None else distance.kinds
-        options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
-        return from_frame(side, options, name=name).trajectories
-    raise ConfigError(
-        f"{name} is a {type(side).__name__}: must be Trajectories, a DataFrame or an array"
-    )
-
-
-def check_columns(
-    truth: Trajectories, estimate: Trajectories, names: tuple[str, str] = ("truth", "estimate")
-) -> None:
-    """Both sides must have the same state columns.
-
-    Raises
-    ------
-    InputError
-        A column is on one side only.
-    """
-    for own, other, name, missing in (
-        (truth, estimate, *names),
-        (estimate, truth, *names[::-1]),
-    ):
-        extra = [column for column in own.columns if column not in other.columns]
-        if extra:
-            common = [column for column in own.columns if column in other.columns]
-            raise InputError(
-                f'{name} has a column "{extra[0]}" that {missing} lacks; '
-                f"choose what to compare with --columns {','.join(common) or 'x,y'}"
-            )
-
-
-def check_states(
-    truth: Trajectories,
-    estimate: Trajectories,
-    distance: Distance,
-    names: tuple[str, str] = ("truth", "estimate"),
-) -> None:
-    """The distance must be able to compare the states of both sides.
-
-    Raises
-    ------
-    ConfigError
-        Its settings do not fit the state columns.
-    InputError
-        It needs other columns, does not compare states of that kind, or a state is out of range.
-    """
-    _check_kinds((truth, estimate), distance, names)
-    for side, name in zip((truth, estimate), names, strict=True):
-        distance.check_columns(side.columns, name)
-        fault = distance.fault(side.state.T)
-        if fault is not None:
-            row, column, message = fault
-            time = side.shown[side.step[row]]
-            identity = side.ids[side.track[row]]
-            raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
-
-
-def _check_kinds(
-    sides: tuple[Trajectories, Trajectories], distance: Distance, names: tuple[str, str]
-) -> None:
-    """Whether a distance that compares more than points does so with these states."""
-    named = {side.kind: name for side, name in zip(sides[::-1], names[::-1], strict=True)}
-    refused = set(named) - {"point", *distance.kinds}
-    if not distance.kinds or not refused:
-        return
-    if {"gaussian", "cloud"} <= set(named):
-        raise InputError(
-            f"{named['gaussian']} has covariances, {named['cloud']} particles: the distance of a "
-            "normal law from a cloud has no closed form; --distance gaussian-wasserstein --mixed "
-            "moments takes a cloud as the normal law of its mean and covariance"
-        )
-    if "cloud" in refused:
-        raise InputError(
-            f"{named['cloud']} has particles: clouds are no normal laws; take --distance "
-            "cloud-wasserstein, or --mixed moments, the normal law of their means and covariances"
-        )
-    raise InputError(
-        f"{named['gaussian']} has covariances, not particles; take --distance "
-        "gaussian-wasserstein, or leave the columns out to compare it as points"
-    )
-
-
-def digest(side: Trajectories) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles."""
-    sha = hashlib.sha256()
-    for texts in (side.columns, side.ids.tolist()):
-        sha.update(repr(list(texts)).encode())
-    arrays = [_whole(side.times)[side.step], side.track, side.state]
-    arrays += side.beside
-    for array in arrays:
-        kind = "<i8" if array.dtype.kind == "i" else "<f8"
-        sha.update(kind.encode())
-        sha.update(np.ascontiguousarray(array, dtype=kind).data)
-    return sha.hexdigest()
-
-
-def _whole(times: NDArray[Any]) -> NDArray[Any]:
-    """Times as integers where all are whole: the stamps 0 and 0.0 are the same."""
-    if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
-        return times
-    return times.astype(np.int64)
-
-
 def solver_settings(solver: Solver) -> dict[str, Any]:
     """The settings of a solver that change the number."""
     changing = {
         name: value for name, value in vars(solver).items() if value is not None and name != "jobs"
     }
     return {"solver": solver.name, **changing}
-
-
-def _solver(solver: str | Solver) -> Solver:
-    if isinstance(solver, str):
-        return solver_class(solver)()
-    if isinstance(solver, type) or not callable(solver) or not hasattr(solver, "name"):
-        raise ConfigError(f"solver is {solver!r}: must be a name or a record such as Certified()")
-    return solver
-
-
-def _distance(distance: str | Distance) -> Distance:
-    if isinstance(distance, Distance):
-        return distance
-    if not isinstance(distance, str) or distance not in DISTANCES:
-        raise ConfigError(f'no distance "{distance}"; there are {", ".join(DISTANCES)}')
-    return DISTANCES[distance]
 
 
 def _nested(stopwatch: Stopwatch) -> dict[str, Any]:

@@ -7,9 +7,10 @@ Weights become integers (multiples of 2^-50) first, so that feasibility is check
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.paths import regrets
-from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.problem import Floats, Ints, sum_by, sum_parts
 from tgospa_eval.slots import PART, parts
 from tgospa_eval.states import States
 from tgospa_eval.weights import ONE, changes, make_feasible, row_parts, whole_weights
@@ -108,6 +109,33 @@ class Breakdown:
         return float((self.localisation + self.missed + self.false + self.switch).sum())
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Costs of the steps up to each of the T steps, in units of c^p.
+
+    Parameters
+    ----------
+    lower, upper : (T,) float arrays
+        Proven bounds.
+    parts : (4, T) float array
+        Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
+    allowance : (T,) float array
+        A bracket narrower than this is met: it is rounding.
+    """
+
+    lower: Floats
+    upper: Floats
+    parts: Floats
+    allowance: Floats
+
+    def met(self, gap: float) -> NDArray[np.bool_]:
+        """Where the bracket is as narrow as `gap`, relative, or as rounding allows, (T,)."""
+        met: NDArray[np.bool_] = self.upper - self.lower <= np.maximum(
+            gap * self.upper, self.allowance
+        )
+        return met
+
+
 def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:
     """Prove bounds from a proposed assignment and proposed prices.
 
@@ -131,6 +159,26 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     Breakdown
         Its cost by step; sums to the upper bound.
     """
+    weights, lost, breakdown = prove(states, solution)
+    upper = breakdown.total
+    problem = states.problem
+    lower = min(max(upper - lost.sum(), 0.0), upper)
+    allowance = ROUNDING * float(problem.truth_price.sum() + problem.estimate_price.sum())
+    return Bounds(lower=float(lower), upper=upper, allowance=allowance), weights, breakdown
+
+
+def prove(states: States, solution: Solution) -> tuple[Ints, Floats, Breakdown]:
+    """What `certify` adds up, node by node.
+
+    Returns
+    -------
+    weights : (S,) int array
+        The feasible assignment, in units of 1/ONE.
+    lost : (nodes,) float array
+        What each row could gain at the prices, and what each column loses by idle slots.
+    Breakdown
+        Cost of the assignment.
+    """
     given, prices = (
         solution.give_up()
         if solution.disposable
@@ -139,21 +187,15 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     given = np.require(given, np.float64, ["C", "W"])
     prices = np.require(prices, np.float64, ["C", "W"])
     weights = given.view(np.int64)
-    regret = np.zeros(states.nodes)
+    lost = np.zeros(states.nodes)
     for low, high in states.cuts(PART):
         part, state, slot = states.between(low, high)
         node = slice(*np.searchsorted(states.node_block, (low, high)))
         whole_weights(given[state], weights[state])
-        regret[node] = _regrets(part, weights[state], prices[slot])
-    idle = prices.sum()
+        lost[node] = _regrets(part, weights[state], prices[slot])
+    lost += sum_parts(prices, states.columns.first)
     del prices
-    breakdown = break_down(states, weights)
-
-    upper = breakdown.total
-    problem = states.problem
-    lower = min(max(upper - regret.sum() - idle, 0.0), upper)
-    allowance = ROUNDING * float(problem.truth_price.sum() + problem.estimate_price.sum())
-    return Bounds(lower=float(lower), upper=upper, allowance=allowance), weights, breakdown
+    return weights, lost, break_down(states, weights)
 
 
 def _regrets(states: States, weights: Ints, prices: Floats) -> Floats:

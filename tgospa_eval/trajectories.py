@@ -1,5 +1,6 @@
 """Trajectories: one flat table, a row per object and step. Knows no file and no metric."""
 
+import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -49,8 +50,8 @@ class Trajectories:
     covariance : (R, d, d) or (R, d (d + 1) / 2) float array, optional
         Covariance of each state, in the unit of the states squared; without, states are points. It
         is held as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
-        eigenvalue that is negative by up to a thousandth of the largest becomes 0; lower triangles
-        are taken to be covariances.
+        eigenvalue that is negative by up to a thousandth of the largest becomes 0, with a warning;
+        lower triangles are taken to be covariances.
     clouds : Clouds, optional
         The particles of each row; the states are their weighted means. Not beside covariances.
 
@@ -131,7 +132,10 @@ class Trajectories:
             return covariance
         from tgospa_eval.covariances import from_matrices  # here: most states are points
 
-        return np.ascontiguousarray(from_matrices(covariance, "covariance of row {}".format)[0].T)
+        packed, notices = from_matrices(covariance, "covariance of row {}".format)
+        for notice in notices:
+            warnings.warn(notice.removeprefix("warning: "), stacklevel=4)
+        return np.ascontiguousarray(packed.T)
 
     def _check_clouds(self, clouds: "Clouds") -> None:
         if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):

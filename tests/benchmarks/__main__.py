@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import chain
 
 import click
+import curve
 import gaussian
 import grid
 import kernel
@@ -35,6 +36,7 @@ class Plan:
     seeds: int
     memory: tuple[memory.Case, ...]
     page: tuple[Scene, ...]
+    curve: tuple[Scene, ...]
     scale: tuple[Scene, ...]
     gaussian: tuple[str, ...]
     deadline: float
@@ -86,6 +88,13 @@ def run_page(plan: Plan, store: Store) -> list[Table]:
     return report.of_page(plan.page, store)
 
 
+def run_curve(plan: Plan, store: Store) -> list[Table]:
+    """The metric of the steps up to each step."""
+    for scene in plan.curve:
+        missing(store, lambda scene=scene: curve.measure(scene), curve.PART, str(scene))
+    return report.of_curve(plan.curve, store)
+
+
 def run_scale(plan: Plan, store: Store) -> list[Table]:
     """The command on large files."""
     for scene in plan.scale:
@@ -105,6 +114,7 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "gaussian": run_gaussian,
     "memory": run_memory,
     "page": run_page,
+    "curve": run_curve,
     "scale": run_scale,
     "startup": run_startup,
 }
@@ -150,6 +160,7 @@ def main(
         seeds=seeds or (SMALL_SEEDS if small else SEEDS),
         memory=memory.SMALL if small else memory.CASES,
         page=page.SMALL if small else page.SCENES,
+        curve=curve.SMALL if small else curve.SCENES,
         scale=scale.SMALL if small else scale.SCENES,
         gaussian=tuple(gaussian.CASES)[: 1 if small else None],
         deadline=time.monotonic() + budget,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import curve
 import gaussian
 import grid
 import kernel
@@ -271,6 +272,32 @@ def _page_row(scene: Scene, found: Values) -> list[str]:
         str(Number(plotly)) if plotly else ABSENT,
         str(Number(allowed)),
         f"{found['bytes'] / MEGA:.2f}",
+    ]
+
+
+def of_curve(scenes: Sequence[Scene], store: Store) -> list[Table]:
+    """The curve in single evaluations."""
+    found = [(scene, store.get(curve.PART, str(scene))) for scene in scenes]
+    return [
+        Table(
+            "Normalised curve",
+            ("m,T,area,noise", "evaluation s", "curve s", "ratio", "not exact"),
+            [
+                [
+                    str(scene),
+                    str(Number(values["evaluation"])),
+                    str(Number(values["curve"])),
+                    f"{values['curve'] / values['evaluation']:.1f}",
+                    str(values["wide"]),
+                ]
+                for scene, values in found
+                if values is not None
+            ],
+            (
+                f"The curve is what it takes beyond the evaluation; asked are {curve.MOST:g} "
+                f"evaluations. Best of {curve.ROUNDS} runs in turn, all cores.",
+            ),
+        )
     ]
 
 

@@ -25,7 +25,7 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
             option("--b-format", "estimate_format", type=click.Choice(FILE_FORMATS),
                    help="Format of B, likewise."),
             click.option("--cost-matrix", metavar="FILE", type=click.Path(),
-                         help="Write the distances of all pairs within the cutoff, CSV."),
+                         help="Write the distances of all pairs of each step, CSV."),
             click.option("--cross-cov", metavar="FILE", type=click.Path(),
                          help="Write the cross-covariances of associated clouds, CSV."),
             click.option("--force", is_flag=True, help="Write files that exist."),

@@ -24,8 +24,9 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, read
 from tgospa_eval.formats.assemble import natural
 from tgospa_eval.formats.times import quoted
-from tgospa_eval.pipeline import Prepared, prepare, solve
+from tgospa_eval.pipeline import solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
+from tgospa_eval.preparation import Prepared, prepare
 from tgospa_eval.reports.comparison import (
     Document,
     json_text,

@@ -37,10 +37,12 @@ class DistanceOptions:
         self.mixed = options["mixed"]
         self.boxes = self.named.columns == BOX
         # By name: to ask for the type would import the members that are not used.
-        of_laws = self.named.name == "gaussian-wasserstein"
-        of_norms = isinstance(self.named, Norm) or of_laws
-        zero = options["missing_cov"] != "error"
         of_matrix = self.named.name == "mahalanobis"
+        of_pairs = of_matrix and not self.path and options.get("pairwise", False)
+        moments = self.named.name == "gaussian-wasserstein"
+        of_laws = moments or of_pairs
+        of_norms = isinstance(self.named, Norm) or moments
+        zero = options["missing_cov"] != "error"
         of_clouds = self.named.name == "cloud-wasserstein"
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
@@ -52,17 +54,21 @@ class DistanceOptions:
             ),
             ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
             ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
-            ("mixed", self.mixed != "error", of_laws, "gaussian-wasserstein"),
+            ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
         ):
             if given and not allowed:
                 raise ConfigError(f"--{name} is for {whose}, not for {self.named.name}")
-        if of_matrix:
+        if of_matrix and not of_pairs:
             if not self.path:
                 raise ConfigError("--distance mahalanobis needs --covariance FILE")
             self.named = _mahalanobis(self.path, options["decimal"])
-        if of_laws:
+        if of_pairs:
+            from tgospa_eval.distances.mahalanobis import PairMahalanobis
+
+            self.named = PairMahalanobis()
+        if moments:
             self.named = _with(self.named, mixed=self.mixed)
         if of_clouds:
             self.named = cloud_distance(options)

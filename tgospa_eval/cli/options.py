@@ -97,7 +97,7 @@ PARTICLES = (
     option(
         "--inner-cov", metavar="global|FILE", show_default="global",
         help="Of --inner mahalanobis: its covariance, global: mean of all clouds; or a CSV matrix; "
-        "associate also pair: mean of the two.",
+        "associate also pair, its default: mean of the two.",
     ),
     option(
         "--reduce", type=_COUNT, metavar="N",

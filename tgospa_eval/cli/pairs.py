@@ -14,7 +14,6 @@ from tgospa_eval.cli.gate import TYPED
 from tgospa_eval.cli.sources import KNOWN, Given
 from tgospa_eval.cli.work import emit, evaluate_files
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
 from tgospa_eval.gate.outcome import Change, Outcome, Report, change, compare
 from tgospa_eval.gate.rules import STATUS, Finding, Rule, Verdict, worst
@@ -22,6 +21,7 @@ from tgospa_eval.gate.suite import ALONE, Pair, Suite
 from tgospa_eval.gate.suite import load as load_suite
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.reports.gate import GATE_REPORTS, plain
+from tgospa_eval.summary import Summary
 
 
 def run_gate(

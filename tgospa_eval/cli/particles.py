@@ -65,6 +65,7 @@ def cloud_distance(options: dict[str, Any]) -> "CloudWasserstein":
     from tgospa_eval.formats.matrix import read_matrix
 
     inner = options.get("inner") or "euclidean"
+    pairwise = options.get("pairwise", False)
     path = options.get("inner_cov")
     if path and inner != "mahalanobis":
         raise ConfigError("--inner-cov is for --inner mahalanobis")
@@ -74,8 +75,8 @@ def cloud_distance(options: dict[str, Any]) -> "CloudWasserstein":
         "reduction": reduction(options, options.get("reduce")),
         "gating": not options.get("no_gating"),
     }
-    if path == "pair":
-        if not options.get("pairwise"):
+    if path == "pair" or (pairwise and inner == "mahalanobis" and not path):
+        if not pairwise:
             raise ConfigError(
                 "--inner-cov pair makes no metric, and is for associate; take global or a file"
             )

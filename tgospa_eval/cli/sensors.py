@@ -1,5 +1,6 @@
 """From the options of associate and reduce to files and stdout."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -57,18 +58,26 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
         Something is wrong with options or files.
     """
     files = {name: options[name] for name in ("cost_matrix", "cross_cov") if options[name]}
+    taken = list(paths)
     for name, path in files.items():
         check_file(path, force=options["force"], option=_spelt(name))
+        _check_apart(path, taken, _spelt(name))
+        taken.append(path)
     settings = make_settings(
         UNUSED | {"pairwise": True} | options, {"cutoff": True, "switch_penalty": True}
     )
     cutoff = settings.parameters.cutoff
 
     def work(effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
-        sides = _read(paths, settings, options, ("a-format", "b-format"))
+        sides = _read(paths, settings, options, ("--a-format", "--b-format"))
         distance, aligned = settings.fit(sides, paths)
         found = associate(
-            aligned.truth, aligned.estimate, cutoff=cutoff, distance=distance, effort=effort
+            aligned.truth,
+            aligned.estimate,
+            cutoff=cutoff,
+            distance=distance,
+            all_pairs="cost_matrix" in files,
+            effort=effort,
         )
         count = int(found.chosen.sum())
         document = {
@@ -119,6 +128,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
         Something is wrong with options or files.
     """
     check_file(target, force=options["force"], option="OUT")
+    _check_apart(target, [source], "OUT")
     suffix = Path(target).suffix.casefold()
     if suffix not in TABLES:
         raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
@@ -130,7 +140,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     )
 
     def work(effort: Effort) -> tuple[Reading, bytes, dict[str, list[Any]]]:
-        (side,) = _read((source,), settings, options, ("in-format",))
+        (side,) = _read((source,), settings, options, ("--in-format",))
         if side.trajectories.clouds is None:
             raise InputError(
                 f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
@@ -164,21 +174,35 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     emit(texts[options["format_"]]())
 
 
+def _check_apart(path: str, others: list[str], option: str) -> None:
+    """Whether what is written would replace what is read, or is written as well.
+
+    Raises
+    ------
+    ConfigError
+        It would.
+    """
+    for other in others:
+        if os.path.realpath(path) == os.path.realpath(other):
+            raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
+
+
 def _read(
-    paths: tuple[str, ...],
-    settings: Settings,
-    options: dict[str, Any],
-    names: tuple[str, ...],
+    paths: tuple[str, ...], settings: Settings, options: dict[str, Any], formats: tuple[str, ...]
 ) -> tuple[Reading, ...]:
     """The states of sensors: the role of challenge formats is that of results.
 
-    `names` are those of the options that say the format of each.
+    `formats` are the options that name the formats; messages know those of truth and estimate.
     """
-    sides = settings.read(*paths, roles=("estimate",) * len(paths))
+    try:
+        sides = settings.read(*paths, roles=("estimate",) * len(paths))
+    except InputError as error:
+        usual = "(--truth-format, --estimate-format)"
+        raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None
     if not options["quiet"]:
-        for path, side, name in zip(paths, sides, names, strict=True):
+        for path, side, option in zip(paths, sides, formats, strict=True):
             for notice in side.notices:
-                click.echo(f"{path}: {notice.replace('estimate-format', name)}", err=True)
+                click.echo(f"{path}: {notice.replace('--estimate-format', option)}", err=True)
     return sides
 
 

@@ -8,10 +8,11 @@ import click
 from tgospa_eval.alignment import Alignment, Stamps, align
 from tgospa_eval.cli.distance import DistanceOptions
 from tgospa_eval.distances import Distance
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats.columns import PREFIXES
 from tgospa_eval.formats.times import quoted
-from tgospa_eval.pipeline import check_columns, check_states
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
 
@@ -93,6 +94,13 @@ class Settings:
         truth, estimate = (side.trajectories for side in sides)
         names = (paths[0], paths[1])
         check_columns(truth, estimate, names)
+        mapped = (item.strip() for item in self.reading.columns or () if "=" in item)
+        spreads = [item for item in mapped if item.startswith(PREFIXES)]
+        if self.reading.covariance and truth.kind == estimate.kind == "point" and spreads:
+            raise InputError(
+                f"--columns {','.join(spreads)}: neither {names[0]} nor {names[1]} has such "
+                "columns; name headers of the covariances"
+            )
         distance = self.measure.distance(truth.columns)
         check_states(truth, estimate, distance, names)
         aligned = align(truth, estimate, self.stamps, names)

@@ -10,10 +10,10 @@ from click.core import ParameterSource
 from tgospa_eval import config
 from tgospa_eval.cli.options import EVALUATION, KEYS
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import SOLVING, Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
+from tgospa_eval.summary import Summary
 
 KNOWN = dict(KEYS[add] for add in EVALUATION)
 NOT_KEPT = "jobs"

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from tgospa_eval.alignment import Alignment
 from tgospa_eval.cli.distance import notices
@@ -17,13 +18,13 @@ from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.formats import Reading
-from tgospa_eval.pipeline import evaluate_trajectories
+from tgospa_eval.pipeline import check_curve, evaluate_trajectories
 from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import check_folder, write_folder
 from tgospa_eval.solvers import Solver
+from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
 
 if TYPE_CHECKING:
@@ -63,6 +64,8 @@ def evaluate_files(
     quiet = options["quiet"]
     settings = make_settings(options, given)
     solver = make_solver(options)
+    if options.get("curve"):
+        check_curve(solver)
     wanted = None
     if options["output"] is not None:
         check_folder(options["output"], force=options["force"])
@@ -72,37 +75,60 @@ def evaluate_files(
         stopwatch.tell = say
 
     def work() -> Summary:
-        with stopwatch.span("read"):
-            sides = settings.read(truth, estimate)
-        paths = truth, estimate
-        distance, aligned = settings.fit(sides, paths)
-        if not quiet:
-            for path, side in zip(paths, sides, strict=True):
-                for notice in side.notices:
-                    tell(f"{path}: {notice}")
-            for text in pair_remarks(sides, aligned, distance, settings):
-                tell(text)
-            if solver.name != "exact":
-                say_if_slow(tell)
-            if not all(given.values()):
-                tell(default_notice(aligned, distance, settings, given))
+        said = None if quiet else tell
+        sides, distance = read_sides((truth, estimate), settings, solver, given, said, stopwatch)
         if wanted is not None:
             with _named_options():
                 wanted.check(sides[0].trajectories.columns)
-        return evaluate_sides(sides, distance, settings, solver, stopwatch)
+        return evaluate_sides(
+            sides, distance, settings, solver, stopwatch, curve=options.get("curve", False)
+        )
 
     result = run(work, stopwatch, show=not quiet)
     if options["verbose"]:
         for text in _progress(result, stopwatch):
             tell(text)
-    finished = result.certified if solver.name == "certified" else bool(result.solver["finished"])
-    if not finished:
+    if result.certified and not result.finished:
+        missed = np.count_nonzero(~result.traced.met(result.gap)) if result.traced else 0
+        tell(f"accuracy not reached at {missed} steps of the curve, asked was {result.gap:g}")
+    elif not result.finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
         tell(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}"
         )
-    return result, finished
+    return result, result.finished
+
+
+def read_sides(
+    paths: tuple[str, str],
+    settings: Settings,
+    solver: Solver,
+    given: dict[str, bool],
+    tell: Callable[[str], None] | None,
+    stopwatch: Stopwatch,
+) -> tuple[tuple[Reading, ...], Distance]:
+    """Both files and the distance between their states; tells what the user should know of them.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the files, or the options do not fit them.
+    """
+    with stopwatch.span("read"):
+        sides = settings.read(*paths)
+    distance, aligned = settings.fit(sides, paths)
+    if tell is not None:
+        for path, side in zip(paths, sides, strict=True):
+            for notice in side.notices:
+                tell(f"{path}: {notice}")
+        for text in pair_remarks(sides, aligned, distance, settings):
+            tell(text)
+        if solver.name != "exact":
+            say_if_slow(tell)
+        if not all(given.values()):
+            tell(default_notice(aligned, distance, settings, given))
+    return sides, distance
 
 
 def evaluate_sides(
@@ -111,9 +137,12 @@ def evaluate_sides(
     settings: Settings,
     solver: Solver,
     stopwatch: Stopwatch,
+    *,
+    curve: bool = False,
 ) -> Summary:
     """One evaluation of what was read, or one for each class and their sum."""
     common: dict[str, Any] = {
+        "curve": curve,
         "parameters": settings.parameters,
         "distance": distance,
         "solver": solver,

@@ -11,10 +11,11 @@ import numpy as np
 
 from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
-from tgospa_eval.evaluation import Summary
-from tgospa_eval.pipeline import Prepared, prepare, solve
+from tgospa_eval.pipeline import solve
+from tgospa_eval.preparation import Prepared, prepare
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver
+from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 

@@ -10,7 +10,7 @@ from tgospa_eval import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
 from tgospa_eval.comparison.runs import Run, failed, run_apart
-from tgospa_eval.pipeline import Prepared
+from tgospa_eval.preparation import Prepared
 from tgospa_eval.solvers import Solver
 
 

@@ -21,7 +21,8 @@ from tgospa_eval.comparison.runs import PARTS, Run, failed, run_here, warm_up
 from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.pipeline import prepare, solver_settings
+from tgospa_eval.pipeline import solver_settings
+from tgospa_eval.preparation import prepare
 from tgospa_eval.problem import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tgospa_eval.distances.boxes import IoU
     from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
     from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
-    from tgospa_eval.distances.mahalanobis import Mahalanobis
+    from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
     from tgospa_eval.distances.reduction import Reduction, reduce_cloud
     from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
     from tgospa_eval.distances.sphere import Haversine
@@ -29,6 +29,7 @@ _HOME = {
     "Mahalanobis": "mahalanobis",
     "Norm": "vector",
     "PairCloudWasserstein": "clouds",
+    "PairMahalanobis": "mahalanobis",
     "Reduction": "reduction",
     "cloud_wasserstein": "transport",
     "cross_covariance": "transport",
@@ -93,6 +94,7 @@ __all__ = [
     "Mahalanobis",
     "Norm",
     "PairCloudWasserstein",
+    "PairMahalanobis",
     "Pairs",
     "Reduction",
     "cloud_wasserstein",

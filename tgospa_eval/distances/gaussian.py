@@ -1,5 +1,6 @@
 """The Wasserstein distance of order 2 between normal laws."""
 
+import math
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -141,10 +142,11 @@ def gaussian_wasserstein(
     Parameters
     ----------
     mean_a, mean_b : (..., d) array-like
-        Means.
+        Means; numbers are those of one component.
     covariance_a, covariance_b : (..., d, d) array-like, optional
-        Covariances, singular ones, too; none is a point. One whose least eigenvalue is negative by
-        up to a thousandth of the largest is replaced by the nearest without, with a warning.
+        Covariances, singular ones, too; none is a point, a number a variance. One whose least
+        eigenvalue is negative by up to a thousandth of the largest is replaced by the nearest
+        without, with a warning.
     period : float or (d,) array-like, optional
         Period of each component; inf where it is not periodic.
 
@@ -161,6 +163,8 @@ def gaussian_wasserstein(
         A period is out of range.
     """
     means = [_numbers("mean", mean) for mean in (mean_a, mean_b)]
+    if not (means[0].ndim or means[1].ndim):
+        means = [mean.reshape(1) for mean in means]
     if not means[0].ndim or not means[1].ndim or means[0].shape[-1:] != means[1].shape[-1:]:
         shapes = f"{means[0].shape} and {means[1].shape}"
         raise InputError(f"means have the shapes {shapes}: must be (..., d), with one d")
@@ -190,9 +194,12 @@ def gaussian_wasserstein(
 
 def _numbers(name: str, values: ArrayLike) -> Floats:
     try:
-        found = np.asarray(values, np.float64)
+        found = np.asarray(values)
+        if found.dtype.kind == "c":
+            raise TypeError("complex")
+        found = found.astype(np.float64, copy=False)
     except (TypeError, ValueError):
-        raise InputError(f"{name} must be an array of numbers") from None
+        raise InputError(f"{name} must be an array of real numbers") from None
     if not np.isfinite(found).all():
         raise InputError(f"{name}: a number is not finite")
     return found
@@ -203,6 +210,8 @@ def _factors(matrices: ArrayLike | None, d: int) -> Floats:
     if matrices is None:
         return np.zeros(d * (d + 1) // 2)
     found = _numbers("covariance", matrices)
+    if d == 1 and not found.ndim:
+        found = found.reshape(1, 1)
     if found.shape[-2:] != (d, d):
         raise InputError(f"covariance has the shape {found.shape}: must be (..., {d}, {d})")
     stack = found.shape[:-2]
@@ -211,10 +220,10 @@ def _factors(matrices: ArrayLike | None, d: int) -> Floats:
         at = tuple(map(int, np.unravel_index(k, stack)))
         return f"covariance {at}" if stack else "covariance"
 
-    packed, notices = covariances.from_matrices(found.reshape(-1, d, d), where)
+    packed, notices = covariances.from_matrices(found.reshape(math.prod(stack), d, d), where)
     for notice in notices:
         warnings.warn(notice.removeprefix("warning: "), stacklevel=3)
-    return covariances.factor(packed).reshape(-1, *stack)
+    return covariances.factor(packed).reshape(len(packed), *stack)
 
 
 def bures(factors: Sequence[Pair]) -> Floats:

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Floats
+from tgospa_eval import covariances
+from tgospa_eval.distances.base import ROUNDING, Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.vector import check_length, positive_numbers
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.trajectories import Ints, Trajectories
 
 SINGULAR = 1e-6
 """Pivot of the correlation matrix below which a matrix is singular but for rounding."""
@@ -133,6 +135,111 @@ def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
         raise ConfigError(f"covariance is {len(matrix)} x {len(matrix)}: must be {size} x {size}")
     deviation, factor = _factor(matrix)
     return deviation[:, None] * factor
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairMahalanobis(Distance):
+    """With a covariance of each pair, the mean of those of its two states: no metric.
+
+    It is for the association of single pairs, never for TGOSPA. States without covariance are
+    points. It does not depend on the units of the columns, nor on their `scale`.
+    """
+
+    scale: Sequence[float] | None = None
+    name = "mahalanobis"
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Normal laws."""
+        return ("gaussian",)
+
+    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "PairMahalanobis":
+        """As it is, if there are covariances.
+
+        Raises
+        ------
+        InputError
+            Neither side has any.
+        """
+        if truth.kind == estimate.kind == "point":
+            raise InputError(
+                "neither side has covariances: mahalanobis needs those of the states, columns "
+                "cov_xx and so on, or --covariance FILE"
+            )
+        return self
+
+    def axes(self, side: Trajectories, rows: slice | Ints) -> Floats:
+        """Means and lower triangles of the covariances."""
+        means = side.state[rows].T
+        found = np.zeros((len(means) * (len(means) + 3) // 2, means.shape[1]))
+        found[: len(means)] = means
+        if side.covariance is not None:
+            found[len(means) :] = side.covariance[rows].T
+        return found
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of laws given component by component; 0 where the covariance is singular."""
+        rows = [np.broadcast_arrays(a, b) for a, b in components]
+        d = covariances.size_of(len(rows) + 1) - 1
+        apart = [(a - b).ravel() for a, b in rows[:d]]
+        factor = covariances.factor(np.array([0.5 * (a + b).ravel() for a, b in rows[d:]]))
+        singular = (factor[_diagonal(d)] == 0).any(axis=0)
+        squares = np.zeros(len(singular))
+        whitened: list[Floats] = []
+        for i in range(d):
+            row = factor[i * (i + 1) // 2 :]
+            rest = apart[i] - sum(row[k] * whitened[k] for k in range(i))
+            whitened.append(np.divide(rest, row[i], out=np.zeros_like(squares), where=~singular))
+            squares += whitened[-1] ** 2
+        return np.sqrt(squares).reshape(rows[0][0].shape)
+
+    def embed(self, axes: Floats) -> Floats:
+        """The means."""
+        return axes[: covariances.size_of(len(axes) + 1) - 1]
+
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
+        """C standard deviations: the larger of two bounds that of their mean covariance."""
+        d = covariances.size_of(len(axes) + 1) - 1
+        return cutoff * (1 + ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
+
+    def refined(
+        self,
+        pairs: Pairs,
+        truth: Trajectories,
+        estimate: Trajectories,
+        cutoff: float,
+        effort: Effort,
+    ) -> Pairs:
+        """The same, if no covariance of a pair is singular.
+
+        Raises
+        ------
+        InputError
+            One is.
+        """
+        del cutoff, effort
+        i, j = pairs.truth_row, pairs.estimate_row
+        d = truth.state.shape[1]
+        packed = 0.5 * (self.axes(truth, i)[d:] + self.axes(estimate, j)[d:])
+        singular = np.flatnonzero((covariances.factor(packed)[_diagonal(d)] == 0).any(axis=0))
+        if len(singular):
+            a, b = int(i[singular[0]]), int(j[singular[0]])
+            raise InputError(
+                f'id "{truth.ids[truth.track[a]]}" and id "{estimate.ids[estimate.track[b]]}" at t '
+                f"{truth.shown[truth.step[a]]}: the covariance of the pair is singular; take "
+                "--covariance FILE, or another distance"
+            )
+        return pairs
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """The word for it."""
+        del columns
+        return {"covariance": "pair"}
+
+
+def _diagonal(d: int) -> list[int]:
+    """Where the diagonal is in a lower triangle."""
+    return [i * (i + 3) // 2 for i in range(d)]
 
 
 def _matrix(covariance: ArrayLike) -> Floats:

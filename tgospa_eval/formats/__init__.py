@@ -60,6 +60,16 @@ class Reading:
     klass: Ints | None = None
     named: tuple[str, ...] = ()
 
+    def warn(self) -> Trajectories:
+        """The trajectories, with a Python warning for each notice that is a warning."""
+        import warnings
+
+        for notice in self.notices:
+            text = notice.removeprefix("warning: ")
+            if text != notice:
+                warnings.warn(text, stacklevel=3)
+        return self.trajectories
+
     def of_class(self, name: str) -> Trajectories:
         """The rows of one class, on the times of the whole file."""
         whole = self.trajectories
@@ -240,6 +250,7 @@ def read_trajectories(
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
 
     Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
+    Covariances that are not quite such are told of by a warning.
 
     Parameters
     ----------
@@ -277,7 +288,7 @@ def read_trajectories(
         missing_covariance=missing_covariance,
         clouds=clouds,
     )
-    return read(path, options, role, format).trajectories
+    return read(path, options, role, format).warn()
 
 
 def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:

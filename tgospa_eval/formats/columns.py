@@ -101,7 +101,7 @@ class Roles:
         if not clouds and self.weight is not None:
             unused.append(self.headers[self.weight])
         if unused:
-            there = not self.asked and self._any_covariance(unused)
+            there = not (self.asked or clouds) and self._any_covariance(unused)
             way = "; --distance gaussian-wasserstein compares covariances" if there else ""
             yield f"columns not used: {', '.join(unused)}{way}"
         if self.asked and self.spread is None and not clouds:
@@ -245,7 +245,8 @@ def find_roles(
     if options.covariance:
         from tgospa_eval.formats.spread import find_spread
 
-        spread = find_spread(wanted, find, where)
+        for naming in _namings(wanted, mapped, names):
+            spread = spread or find_spread(naming, find, where)
     weight = None if options.boxes else find(WEIGHT)
     for name in mapped:
         needed = spread is not None if name.startswith(PREFIXES) else name == WEIGHT
@@ -294,6 +295,24 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
         if name not in ALIASES and not (equals and _is_beside(name)):
             wanted.append(name)
     return mapped, tuple(wanted)
+
+
+def _namings(
+    wanted: tuple[str, ...], mapped: dict[str, str], names: Sequence[str]
+) -> Iterator[tuple[str, ...]]:
+    """What state columns are called in the names of covariances: by their headers, or as mapped.
+
+    Where another column bears the name as its header, the covariance is that column's.
+    """
+    headers = tuple(mapped.get(name, name) for name in wanted)
+    if headers != wanted and not any(name.startswith(PREFIXES) for name in mapped):
+        yield headers
+        folded = {name.casefold() for name in names}
+        if any(name.casefold() in folded for name in set(wanted) - set(headers)):
+            return
+        if sorted(headers) == sorted(wanted):
+            return
+    yield wanted
 
 
 def _is_beside(name: str) -> bool:

@@ -116,8 +116,7 @@ def _numbers(
     infinite = np.flatnonzero(np.isinf(values))
     if len(infinite):
         raise InputError(
-            f"{where(int(infinite[0]))}, {header}: infinite position{more(len(infinite))}; "
-            "use NaN if absent"
+            f"{where(int(infinite[0]))}, {header}: infinite{more(len(infinite))}; use NaN if absent"
         )
     return values
 

@@ -63,11 +63,10 @@ class Particles:
         """What the user should know; `compared` says whether particles enter the distance."""
         found = []
         if not compared:
-            found.append(
-                f"{len(clouds)} {'clouds' if len(clouds) > 1 else 'cloud'} of "
-                f"{len(clouds.points)} particles are compared by their means; whole: --distance "
-                "cloud-wasserstein"
-            )
+            one = "cloud of {} particles is compared by its mean"
+            many = "clouds of {} particles are compared by their means"
+            what = (one if len(clouds) == 1 else many).format(len(clouds.points))
+            found.append(f"{len(clouds)} {what}; whole: --distance cloud-wasserstein")
         if self.uneven:
             have = "clouds have" if self.uneven > 1 else "cloud has"
             found.append(

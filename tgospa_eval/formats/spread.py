@@ -198,7 +198,7 @@ def covariances_of(
                 )
             packed[k] = mean
     if spread.deviations:
-        packed = _products(packed, spread, cells)
+        packed = _products(packed, spread, cells, fix=fix)
     order = np.argsort(cells.row, kind="stable")  # messages name the first of the file
     in_order = cells.row[order]
     mended, said = accept(packed[:, order], lambda k: cells.where(int(in_order[k])), fix=fix)
@@ -212,15 +212,18 @@ def _scale(cells: Cells, spread: Spread, i: int, j: int) -> Floats:
     return np.sqrt(np.abs(first)) * np.sqrt(np.abs(second))
 
 
-def _products(packed: Floats, spread: Spread, cells: Cells) -> Floats:
-    """Covariances of standard deviations and correlations."""
+def _products(packed: Floats, spread: Spread, cells: Cells, *, fix: bool) -> Floats:
+    """Covariances of standard deviations and correlations, these of any size if they are mended."""
+    beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
-        least, most = (0.0, LARGEST**0.5) if i == j else (-1 - BEYOND, 1 + BEYOND)
+        least, most = (0.0, LARGEST**0.5) if i == j else (-beyond, beyond)
         wrong = ~((packed[k] >= least) & (packed[k] <= most))
         if wrong.any():
             at, place, others = cells.first(wrong)
-            rule = f"must be from 0 to {most:g}" if i == j else "must be from -1 to 1"
-            raise InputError(f"{place}: {label} is {packed[k, at]:g}{others}; it {rule}")
+            rule = f"0 to {most:g}" if i == j else "-1 to 1; correct it or use --fix-cov"
+            raise InputError(
+                f"{place}: {label} is {packed[k, at]:g}{others}; it must be from {rule}"
+            )
     d = size_of(len(packed))
     deviation = [packed[i * (i + 3) // 2] for i in range(d)]
     answer = np.empty_like(packed)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
+from tgospa_eval.summary import Summary
 
 SCHEMA = "tgospa-eval/baseline/1"
 SOLVING = ("solver", "gap", "epsilon", "time_limit")

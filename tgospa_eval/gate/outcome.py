@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
     COSTS,
@@ -18,6 +17,7 @@ from tgospa_eval.gate.rules import (
     name_of,
     worst,
 )
+from tgospa_eval.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
 OPEN = 1e-6

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
@@ -25,6 +24,7 @@ from tgospa_eval.plots.style import (
 from tgospa_eval.plots.views import Side, View, view
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports.drawing import NONE
+from tgospa_eval.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import View, binned, parts_of, view
+from tgospa_eval.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +55,7 @@ def plot_cumulative(
 ) -> "Figure":
     """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
 
-    The assignment is that of the whole recording; the last value of the total is
+    The assignment is that of the whole recording, unless the curve was asked for; the last value of the total is
     ``result.normalised["tgospa"]``. Parameters, errors and return value are those of
     `plot_costs`; the total is always drawn.
     """

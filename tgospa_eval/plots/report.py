@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.plots import FILES, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
+from tgospa_eval.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

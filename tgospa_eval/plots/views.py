@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports.drawing import BOX, NONE, PARTS, document
+from tgospa_eval.summary import Summary
 
 TIME = "t"
 """The time as an axis of the plane."""

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.style import FILLS, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import Side, View, parts_of, view
 from tgospa_eval.problem import Floats
+from tgospa_eval.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

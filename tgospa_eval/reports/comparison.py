@@ -5,8 +5,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from tgospa_eval.evaluation import Table
 from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+from tgospa_eval.summary import Table
 
 Document = dict[str, Any]
 

@@ -4,7 +4,9 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from tgospa_eval.evaluation import Summary
+import numpy as np
+
+from tgospa_eval.summary import Summary
 
 WIDTH = 80
 SHOWN = 5
@@ -27,6 +29,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "scale": _scale,
         "worst": _worst,
         "switches": _switches,
+        "curve": _curve,
         "footer": _footer,
     }
     return {name: list(make(result)) for name, make in makers.items()}
@@ -128,6 +131,24 @@ def _scale(result: Summary) -> Iterator[str]:
     per_step = result.quantity(result.normalised["tgospa"])
     yield f"  per step             {per_step}  (total / steps)^(1/p)"
     yield f"  per object and step  {result.quantity(typical)}  a typical error, misses included"
+
+
+def _curve(result: Summary) -> Iterator[str]:
+    """The normalised curve at a few steps, the last one included."""
+    table, traced = result.curve_table(), result.traced
+    if traced is None or not table["t"]:
+        return
+    met, size = traced.met(result.gap), len(table["t"])
+    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them not exact"
+    yield from _wrap(
+        f"TGOSPA per step of the steps up to each of {size}, {known}; its parts are costs per step"
+    )
+    yield "  " + "".join(f"{name:>13}" for name in ("up to t", "TGOSPA", *PARTS))
+    count = min(size, 2 * SHOWN)
+    for k in np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist():
+        time = clip(str(table["t"][k]))[:13]
+        numbers = "".join(f"{table[name][k]:>13.5g}" for name in ("tgospa", *PARTS))
+        yield f"  {time:>13}{numbers}"
 
 
 def _worst(result: Summary) -> Iterator[str]:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.by_class import ByClass
-from tgospa_eval.evaluation import Result, Summary, Table
+from tgospa_eval.evaluation import Result
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports import spreads
+from tgospa_eval.summary import Summary, Table
 from tgospa_eval.weights import ONE
 
 VALUES = 800_000
@@ -131,15 +132,19 @@ def curves(result: Summary) -> dict[str, list[float]]:
     """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
 
     (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of those steps at which something
-    exists; the last value of ``total`` is `normalised`. Costs are those of the assignment of the
-    whole recording, so this bounds the metric of the steps 1..k from above.
+    exists; the last value of ``total`` is `normalised`. Where the curve was asked for, costs are
+    those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
+    of the steps 1..k from above.
     """
     split, occupied = result.proof.breakdown, np.maximum(np.cumsum(result.occupied), 1)
-    parts = {name: getattr(split, name) for name in PARTS}
+    if result.traced is not None:
+        parts = dict(zip(PARTS, result.traced.parts, strict=True))
+    else:
+        parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
     parts["total"] = sum(parts.values(), np.zeros(len(occupied)))
     parameters = result.proof.parameters
     return {
-        name: (parameters.cutoff * (np.cumsum(cost) / occupied) ** (1 / parameters.order)).tolist()
+        name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
         for name, cost in parts.items()
     }
 

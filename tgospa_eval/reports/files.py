@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Summary, Table
+from tgospa_eval.summary import Summary, Table
 
 
 def json_text(result: Summary) -> str:
@@ -113,6 +113,8 @@ def write_folder(
         "per_estimate.csv": csv_text(result.per_estimate_table()),
         "timings.csv": csv_text(_timings(result)),
     }
+    if result.traced is not None:
+        texts["curve.csv"] = csv_text(result.curve_table())
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
     missing: tuple[str, ...] = ()

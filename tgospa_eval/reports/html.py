@@ -9,9 +9,9 @@ from typing import Any
 
 import jinja2
 
-from tgospa_eval.evaluation import Summary, Table
 from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
+from tgospa_eval.summary import Summary, Table
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
@@ -57,6 +57,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         value=result.quantity(result.tgospa),
         bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
         certified=result.certified,
+        traced=result.traced is not None,
         meaning=meaning(result),
         sizes=result.sizes,
         parts=_parts(result),

@@ -1,7 +1,7 @@
 """Small tables for papers and pull requests: Markdown and LaTeX."""
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.reports.console import PARTS, headline
+from tgospa_eval.summary import Summary
 
 
 def _rows(result: Summary) -> list[tuple[str, str, str, str]]:

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tgospa_eval.evaluation import Table
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.reports.files import csv_text
+from tgospa_eval.summary import Table
 
 INDENT = "  "
 LEAST, MOST = 12, 44

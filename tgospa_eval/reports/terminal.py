@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from rich.console import Console
 from rich.text import Text
 
-from tgospa_eval.evaluation import Summary
 from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip
+from tgospa_eval.summary import Summary
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 SIGNS = " .:-=+*#@"

@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
 from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.offers import Offer
 
 LATE = "stopped by the time limit"
 """Status of what had no time left."""
@@ -37,6 +41,8 @@ class Batch:
         Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
     deadline : float, optional
         On the clock of `time.monotonic`.
+    offered : Offer, optional
+        What may solve some blocks already.
     """
 
     states: States
@@ -44,6 +50,7 @@ class Batch:
     weights: Floats
     prices: Floats
     deadline: float | None
+    offered: "Offer | None" = None
 
     def left(self) -> float | None:
         """Seconds left, 0 at least; None is no limit."""
@@ -103,6 +110,7 @@ def solve_in_batches(
     gap: float,
     time_limit: float | None,
     jobs: int | None,
+    offered: "Offer | None" = None,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -122,6 +130,8 @@ def solve_in_batches(
         Seconds.
     jobs : int, optional
         Threads, all cores by default.
+    offered : Offer, optional
+        What may solve some blocks already.
     """
     deadline = None if time_limit is None else time.monotonic() + time_limit
     weights = np.zeros(len(states.begin))
@@ -135,6 +145,7 @@ def solve_in_batches(
             weights=weights[state],
             prices=prices[slot],
             deadline=deadline,
+            offered=None if offered is None else offered.between(state, slot),
         )
         answer = _answer(batch, trivial, solve, gap)
         part.forget()

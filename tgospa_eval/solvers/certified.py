@@ -5,7 +5,7 @@ Whatever happens here only proposes; the bracket is made by `tgospa_eval.result.
 
 import time
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -21,8 +21,14 @@ from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.weights import ONE, repair
 
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.offers import Offer
+
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
+
+RESUMED = ((0.01, 32), (0.005, 32), (0.002, 64), (0.001, 64))
+"""The same from the solution of a problem like this one."""
 
 CALM, WARM = 0.1, 0.01
 """Above the temperature, columns violated by less than this are good enough to go on."""
@@ -30,13 +36,13 @@ CALM, WARM = 0.1, 0.01
 EASY = 0.01
 """A bracket that is narrower than this fraction of the cost may skip a stage."""
 
-EARLY, HOPE = 0.02, 0.005
+EARLY, HOPE = 0.01, 0.005
 """From this temperature on, and with a bracket so narrow, a small programme is tried."""
 
 FEW = 3000
 """States of a small programme."""
 
-SMALL = ((0.1, 0.03), (0.2, 0.05))
+SMALL = ((0.05, 0.02), (0.2, 0.05))
 ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
 """Slack of the states that enter a programme, early and at the end, and how far it may move prices:
 much less, or the states that are left out would win, yet not so little that it takes many rounds.
@@ -76,8 +82,13 @@ class Certified:
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
-    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
-        """Solve every block exactly, or as far as the time limit allows."""
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, offered: "Offer | None" = None
+    ) -> Solution:
+        """Solve every block exactly, or as far as the time limit allows.
+
+        What is offered, from neighbouring problems, may solve some; without kernels it is not used.
+        """
         trivial, solve = solve_steps, self._ascend
         if not kernels:
             from tgospa_eval.solvers.contest import solve_contest as solve
@@ -91,6 +102,7 @@ class Certified:
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
+            offered=offered,
         )
 
     def _ascend(self, batch: Batch) -> Answer:
@@ -101,9 +113,16 @@ class Certified:
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
         programmes = _Programmes(ascent, batch)
+        if batch.offered is not None:
+            ascent.offer_prices(batch.offered.prices)
+            for weights in batch.offered.weights:
+                ascent.offer_weights(weights)
         ascent.keep(ascent.wide(self.gap))
         left = np.flatnonzero(ascent.open)
-        for epsilon, sweeps in STAGES:
+        near = batch.offered is not None and batch.offered.near
+        if near:
+            ascent.soft[:] = ascent.prices
+        for epsilon, sweeps in RESUMED if near else STAGES:
             if not ascent.open.any() or batch.late():
                 break
             if skip:
@@ -150,8 +169,10 @@ class _Programmes:
                 break
             ascent.survey(ascent.prices, reach)
             free = ascent.undecided(self.tempted)
-            if not len(free) or (most is not None and len(free) > most):
+            if most is not None and len(free) > most:
                 break
+            if not len(free):  # what keeps the bracket open is farther away
+                continue
             self._solve(free, box)
             ascent.keep(ascent.wide(gap))
         self.seconds += time.perf_counter() - begin

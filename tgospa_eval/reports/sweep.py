@@ -1,0 +1,105 @@
+"""The document of a sweep of a parameter as a table. Computes nothing that is not in it."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
+from tgospa_eval.summary import Table
+
+Document = dict[str, Any]
+
+LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma"}
+PARTS = ("missed", "false", "switch")
+
+
+def render(document: Document, format: str, table: Table) -> str:
+    """What ``--format`` prints; `table` are the points as columns."""
+    if format == "json":
+        return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
+    if format == "csv":
+        return csv_text(table)
+    page = sweep_page(document)
+    return {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format](page)
+
+
+def sweep_page(document: Document) -> Page:
+    """A row for each value."""
+    letter = LETTERS[document["parameter"]]
+    exact = document["certified"]
+    lower = () if exact else ("lower bound",)
+    return Page(
+        title=_title(document),
+        lines=[_parameters(document), "costs, and in brackets how many of each:"],
+        sheets=[
+            Sheet(
+                head=(letter, *lower, "TGOSPA", "localisation", *PARTS),
+                rows=[
+                    (
+                        f"{point['value']:.6g}",
+                        *(() if exact else (f"{point['lower_bound']:.6g}",)),
+                        f"{point['tgospa']:.6g}",
+                        f"{point['localisation']:.5g}",
+                        *(f"{point[part]:.5g} ({point['counts'][part]:.6g})" for part in PARTS),
+                    )
+                    for point in document["points"]
+                ],
+            )
+        ],
+        remarks=list(_remarks(document)),
+    )
+
+
+def quantity(value: float, document: Document) -> str:
+    """A value of the parameter, with the unit if it has one."""
+    unit = document["parameters"]["unit"] if document["parameter"] != "order" else None
+    return f"{value:.6g}" + (f" {unit}" if unit else "")
+
+
+def _title(document: Document) -> str:
+    points = document["points"]
+    word, letter = document["parameter"].replace("_", " "), LETTERS[document["parameter"]]
+    first, last = (quantity(points[k]["value"], document) for k in (0, -1))
+    over = f"at {letter} = {first}"
+    if len(points) > 1:
+        over = f"at {len(points)} values of the {word} from {letter} = {first} to {last}"
+    wide = [point for point in points if not point["certified"]]
+    if not wide:
+        return f"TGOSPA {over}, all proven exact"
+    gap = max(point["relative_gap"] for point in wide)
+    return (
+        f"TGOSPA {over}: {len(points) - len(wide)} exact, {len(wide)} between proven bounds (the "
+        f"totals differ by up to {100 * gap:.2g}%)"
+    )
+
+
+def _parameters(document: Document) -> str:
+    used, sizes = document["parameters"], document["sizes"]
+    fixed = ", ".join(
+        f"{letter} = {used[name]:g}"
+        + (f" {used['unit']}" if used["unit"] and name != "order" else "")
+        for name, letter in LETTERS.items()
+        if name in used
+    )
+    return (
+        f"{fixed}; {used['distance']}; {sizes['truth']} truths, {sizes['estimates']} estimates, "
+        f"{sizes['steps']} steps"
+    )
+
+
+def _remarks(document: Document) -> Iterator[str]:
+    """Where the counts do not depend on the parameter; told of the best assignments alone."""
+    letter, points = LETTERS[document["parameter"]], document["points"]
+    if len(points) < 2 or not document["certified"]:
+        return
+    for key, names in (("missed_false", PARTS[:2]), ("switch", PARTS[2:])):
+        words = " and ".join("switches" if name == "switch" else name for name in names)
+        span = document["unchanged"][key]
+        if span is None:
+            yield f"{words}: the counts differ between all neighbouring values"
+            continue
+        begin = next(point for point in points if point["value"] == span["from"])
+        counts = " and ".join(f"{begin['counts'][name]:.6g}" for name in names)
+        low, high = (quantity(span[end], document) for end in ("from", "to"))
+        yield (f"{words}: {counts} at all {span['points']} values from {letter} = {low} to {high}")
