@@ -81,6 +81,10 @@ def test_packing_is_undone() -> None:
     back = unpacked(packed(arrays), [(name, len(values)) for name, values in arrays.items()])
     for name, values in arrays.items():
         assert back[name].tolist() == values.tolist()
+    many = np.arange(200_000)
+    text = packed({"many": many})
+    assert len(text) < 4 * len(many) / 10
+    assert unpacked(text, [("many", len(many))])["many"].tolist() == many.tolist()
 
 
 def test_positions_are_told_to_a_fraction_of_their_range() -> None:

@@ -31,6 +31,9 @@ ERRORS = 1000
 """Steps into which the cutoff is divided."""
 
 NONE = -1
+PLAIN = 300_000
+"""Bytes of arrays that are not worth deflating."""
+
 PARTS = ("localisation", "missed", "false", "switch")
 BOX = ("left", "top", "width", "height")
 
@@ -153,7 +156,8 @@ def packed(arrays: dict[str, Ints]) -> str:
     """The arrays one after the other as base64 text.
 
     Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
-    what is regular becomes zeros, which deflate away.
+    what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
+    when the page is loaded: browsers inflate later. It is deflated if it is shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
@@ -161,9 +165,11 @@ def packed(arrays: dict[str, Ints]) -> str:
         change[:1], change[1:] = array[:1], array[1:] - array[:-1]
         code = ((change << 1) ^ (change >> 63)).astype(np.uint32)
         planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
-    # Only runs are looked for: a third of the time for the same size, as the rest is noise.
-    packer = zlib.compressobj(strategy=zlib.Z_RLE)
-    data = packer.compress(b"".join(planes)) + packer.flush()
+    data = b"".join(planes)
+    if len(data) > PLAIN:
+        # Only runs are looked for: a third of the time for the same size, as the rest is noise.
+        packer = zlib.compressobj(strategy=zlib.Z_RLE)
+        data = min(packer.compress(data) + packer.flush(), data, key=len)
     return base64.b64encode(data).decode("ascii")
 
 

@@ -7,12 +7,17 @@ const total = doc.times.map((_, k) => PARTS.reduce((sum, name) => sum + doc.cost
 const stepOf = new Map(doc.times.map((t, k) => [String(t), k]));
 const sides = { truth: null, estimate: null };
 
+async function inflated(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
 async function readArrays() {
   const text = atob(document.getElementById("arrays").textContent.trim());
   const bytes = new Uint8Array(text.length);
   for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const flat = new Uint8Array(await new Response(stream).arrayBuffer());
+  const size = doc.arrays.reduce((sum, [, n]) => sum + 4 * n, 0);
+  const flat = bytes.length === size ? bytes : await inflated(bytes);
   const arrays = {};
   let at = 0;
   for (const [name, n] of doc.arrays) {
