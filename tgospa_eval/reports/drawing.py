@@ -157,7 +157,7 @@ def packed(arrays: dict[str, Ints]) -> str:
 
     Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
     what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
-    when the page is loaded: browsers inflate later. It is deflated if it is shorter than the arrays.
+    when the page is loaded: browsers inflate later. Deflated text is shorter than the arrays.
     """
     planes = []
     for array in (values.astype(np.int64) for values in arrays.values()):
