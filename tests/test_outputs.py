@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tgospa_eval import Result, __version__, evaluate, read_trajectories
+from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
 from tgospa_eval.reports import REPORTS
 
 Invoke = Callable[..., Any]
@@ -370,6 +370,18 @@ def test_markdown(sample: Result) -> None:
         ["false", "400", "22.9", "8"],
         ["switch", "12", "0.7", "3"],
         ["total", "1746.24", "100", ""],
+    ]
+
+
+def test_markdown_splits_localisation_of_normal_laws() -> None:
+    truth = Trajectories.from_array(np.zeros((1, 1, 2)))
+    law = Trajectories.from_array(np.full((1, 1, 2), 0.6), covariance=0.5 * np.eye(2))
+    result = evaluate(truth, law, 10.0, distance="gaussian-wasserstein")
+    lines = REPORTS["markdown"](result).splitlines()
+    assert lines[4:7] == [
+        "| localisation | 1.72 | 100.0 |  |",
+        "| of which means | 0.72 | 41.9 |  |",  # 2 * 0.6^2
+        "| of which spread | 1 | 58.1 |  |",  # the trace
     ]
 
 

@@ -5,9 +5,13 @@ from tgospa_eval.summary import Summary
 
 
 def _rows(result: Summary) -> list[tuple[str, str, str, str]]:
+    costs = {name: getattr(result, name) for name in PARTS}
+    if result.split is not None:
+        means, spread = result.split
+        halves = {"of which means": means, "of which spread": spread}
+        costs = {"localisation": costs.pop("localisation"), **halves, **costs}
     rows = []
-    for name in PARTS:
-        cost = getattr(result, name)
+    for name, cost in costs.items():
         count = f"{result.counts[name]:.6g}" if name in result.counts else ""
         share = f"{100 * cost / result.total:.1f}" if result.total > 0 else ""
         rows.append((name, f"{cost:.6g}", share, count))
