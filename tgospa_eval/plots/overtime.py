@@ -55,8 +55,8 @@ def plot_cumulative(
 ) -> "Figure":
     """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
 
-    The assignment is that of the whole recording; the last value of the total is
-    ``result.normalised["tgospa"]``. Parameters, errors and return value are those of
+    The assignment is that of the whole recording, or, if the curve was asked for, that of those
+    steps alone; the last value of the total is ``result.normalised["tgospa"]``. Parameters, errors and return value are those of
     `plot_costs`; the total is always drawn.
     """
     with styled(style) as made:
