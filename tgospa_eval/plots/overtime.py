@@ -56,8 +56,8 @@ def plot_cumulative(
     """Normalised cumulative cost: at each step the root of the mean cost of the steps up to it.
 
     The assignment is that of the whole recording, or, if the curve was asked for, that of those
-    steps alone; the last value of the total is ``result.normalised["tgospa"]``. Parameters, errors and return value are those of
-    `plot_costs`; the total is always drawn.
+    steps alone; the last value of the total is ``result.normalised["tgospa"]``. Parameters, errors
+    and return value are those of `plot_costs`; the total is always drawn.
     """
     with styled(style) as made:
         return draw_cumulative(view(result), made, parts_of(components))
