@@ -6,6 +6,7 @@ from strategies import scene
 
 from tgospa_eval import Certified, evaluate
 from tgospa_eval.curve import trace
+from tgospa_eval.prefixes import Cells
 
 
 def test_the_last_point_is_the_solution_however_bad() -> None:
@@ -21,3 +22,13 @@ def test_the_last_point_is_the_solution_however_bad() -> None:
         alone = evaluate(truth[: k + 1], estimate[: k + 1], 3.0, 2, 1.0).proof.bounds
         assert curve.upper[k] == pytest.approx(alone.upper, rel=2e-9)
         assert curve.lower[k] <= alone.upper
+
+
+def test_a_part_that_falls_to_nothing_is_not_negative() -> None:
+    # a root of -3e-17 would be no number
+    values = np.append(np.random.default_rng(0).exponential(1, (50, 4)), np.zeros((50, 1)), axis=1)
+    cells = Cells(first=np.array([0, 5]), begin=np.array([0]))
+    assert np.cumsum(np.diff(values, prepend=0.0), axis=1).min() < 0
+    for value in values:
+        assert cells.totals(value, 5) == pytest.approx(value, abs=1e-15)
+        assert cells.totals(value, 5).min() >= 0

@@ -61,8 +61,12 @@ class Cells:
         return rise
 
     def totals(self, value: Floats, steps: int) -> Floats:
-        """Sum over the blocks at each step; blocks that have ended keep their last value."""
-        return np.cumsum(sum_by(self.step, self.rises(value), steps))
+        """Sum over the blocks at each step; blocks that have ended keep their last value.
+
+        Of values 0 or more, as parts of a cost are, which may fall; no sum rounds to less than 0.
+        """
+        total: Floats = np.maximum(np.cumsum(sum_by(self.step, self.rises(value), steps)), 0.0)
+        return total
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
