@@ -43,11 +43,11 @@ FEW = 3000
 """States of a small programme."""
 
 SMALL = ((0.05, 0.02), (0.2, 0.05))
-FAR = ((0.05, 0.02), (0.05, 0.1), (0.2, 0.05))
+FAR = 2 * ((0.05, 0.02), (0.05, 0.1))
 ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf, np.inf))
 """Slack of the states that enter a programme, and how far it may move prices: much less, or the
-states that are left out would win, yet not so little that it takes many rounds; early, early where
-few prices of a solution nearby are far off, and at the end. What would win enters the next round.
+states that are left out would win, yet not so little that it takes many rounds. Early; after the
+stages where a solution nearby was given, of which a few prices may be far off; and at the end.
 """
 
 SNAP, OVERFULL = 1e-9, 1e-15
@@ -139,9 +139,9 @@ class Certified:
             cost = ascent.cost[ascent.open].sum()
             skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
             if epsilon <= EARLY and ascent.gap[ascent.open].sum() < HOPE * cost:
-                programmes.run(FAR if near else SMALL, self.gap, most=FEW)
+                programmes.run(SMALL, self.gap, most=FEW)
         if near:
-            programmes.run(2 * FAR[:2], self.gap, most=FEW)
+            programmes.run(FAR, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
         wide = ascent.wide(self.gap)
         return Answer(
