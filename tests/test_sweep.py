@@ -233,7 +233,6 @@ def test_values_of_a_sweep(text: str, name: str, values: list[float]) -> None:
         (["--sweep", "cutoff=-1:2:3"], "cutoff is -1"),
         (["--sweep", "cutoff=5,5"], "cutoff 5 is given twice"),
         (["--sweep", "cutoff=1,2", "--sweep", "order=1,2"], "one parameter is swept at a time"),
-        (["--sweep", "cutoff=1,2", "-c", "5"], "leave one of them out"),
         (["--sweep", "cutoff=1,2", "--by", "class"], "choose one class by --class"),
         (["--sweep", "cutoff=1,2", "-o", "x", "--style", "paper"], "--style is not for"),
         (["--sweep", "cutoff=1,2", "-o", "x", "--plane", "x,y"], "--plane is not for"),
@@ -256,6 +255,14 @@ def test_the_table(invoke: Invoke, quickstart: Pair) -> None:
     rows = [line.split() for line in answer.out.splitlines()]
     assert ["5", "26.8652", "284.24", "262.5", "(21)", "100", "(8)", "75", "(3)"] in rows
     assert "missed and false: 21 and 8 at all 2 values from c = 5 m to 10 m" in answer.out
+
+
+def test_a_value_beside_the_sweep_is_passed_over(invoke: Invoke, quickstart: Pair) -> None:
+    given = *quickstart, "--sweep", "cutoff=5,10", "-g", "5"
+    alone, beside = invoke(*given), invoke(*given, "-c", "7")
+    assert (alone.status, beside.status) == (0, 0)
+    assert beside.out == alone.out
+    assert "--cutoff 7 is passed over: --sweep says its values" in beside.err
 
 
 def test_every_format_has_the_numbers_of_separate_runs(invoke: Invoke, quickstart: Pair) -> None:

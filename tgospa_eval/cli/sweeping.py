@@ -149,8 +149,8 @@ def _check(name: str, options: dict[str, Any], typed: set[str]) -> None:
     ConfigError
         They do.
     """
-    if name in typed:
-        raise ConfigError(f"--{_key(name)} and --sweep {_key(name)}=...: leave one of them out")
+    if name in typed and not options["quiet"]:
+        say(f"--{_key(name)} {options[name]:g} is passed over: --sweep says its values")
     odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
     if odd:
         raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
