@@ -251,6 +251,13 @@ def test_never_a_traceback_in_many_cases(name: str, edited: bool, tmp_path: Path
     fuzz(name, edited, SLOW, tmp_path)
 
 
+@pytest.mark.parametrize("name", ["motchallenge", "kitti"])
+def test_a_return_alone_ends_a_line(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("\r" + SEEDS[name].replace(" ", "", 1), newline="")
+    answers(path, ReadOptions(by_class=True), "truth", name)
+
+
 @pytest.mark.parametrize("name", SEEDS)
 def test_memory_is_bounded_by_the_file(name: str, write: Callable[[str, str | bytes], str]) -> None:
     format_ = "csv" if name == "quoted" else name

@@ -99,7 +99,9 @@ def _first_of_many(data: bytes) -> str | None:
     if len(data) < bulk.SIZE or not data.isascii():
         return None
     line = data[: data.find(b"\n") + 1]
-    return line.decode() if line.strip() and b"\r" not in line.strip() else None
+    # A return anywhere but before its end is the end of a line.
+    alone = b"\r" in line.removesuffix(b"\n").removesuffix(b"\r")
+    return line.decode() if line.strip() and not alone else None
 
 
 def _first_line(text: str) -> tuple[int, str]:
