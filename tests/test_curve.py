@@ -114,6 +114,17 @@ def test_table_json_and_file(invoke: Invoke, quickstart: tuple[str, str], tmp_pa
     assert "curve" not in without
 
 
+def test_what_is_not_exact_is_told_as_a_bound(invoke: Invoke, quickstart: tuple[str, str]) -> None:
+    options = "-c", "10", "-g", "5", "--curve", "--time-limit", "1e-9"
+    answer = invoke(*quickstart, *options)
+    assert answer.status == 4
+    assert "of them upper bounds" in answer.out
+    rows = {words[0]: words[1:3] for words in map(str.split, answer.out.splitlines()) if words}
+    assert rows["3"][0] == "7.0711"
+    assert rows["9"] == ["<=", "6.7198"]  # exact: 6.5855
+    assert "of the curve, asked was 1e-09" in answer.err
+
+
 def test_curves_of_classes_add_up(invoke: Invoke, write: Write) -> None:
     truth = write("t.csv", "id,t,x,class\n1,0,0,a\n1,1,0,a\n2,0,5,b\n2,2,5,b\n")
     estimate = write("e.csv", "id,t,x,class\n1,0,1,a\n1,1,0,a\n2,0,5,b\n2,1,5,b\n")

@@ -139,7 +139,7 @@ def _curve(result: Summary) -> Iterator[str]:
     if traced is None or not table["t"]:
         return
     met, size = traced.met(result.gap), len(table["t"])
-    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them not exact"
+    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
     yield from _wrap(
         f"TGOSPA per step of the steps up to each of {size}, {known}; its parts are costs per step"
     )
@@ -147,8 +147,9 @@ def _curve(result: Summary) -> Iterator[str]:
     count = min(size, 2 * SHOWN)
     for k in np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist():
         time = clip(str(table["t"][k]))[:13]
-        numbers = "".join(f"{table[name][k]:>13.5g}" for name in ("tgospa", *PARTS))
-        yield f"  {time:>13}{numbers}"
+        value = ("" if met[k] else "<= ") + f"{table['tgospa'][k]:.5g}"
+        numbers = "".join(f"{table[name][k]:>13.5g}" for name in PARTS)
+        yield f"  {time:>13}{value:>13}{numbers}"
 
 
 def _worst(result: Summary) -> Iterator[str]:
