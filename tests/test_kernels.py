@@ -10,12 +10,12 @@ from strategies import scene
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.sinkhorn as sinkhorn_module
 from tgospa_eval import Certified, Result, Sinkhorn, evaluate, merging, slots, states
+from tgospa_eval.certificate import certify
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.merging import merge_runs
-from tgospa_eval.paths import add_gains, best_values, row_steps
+from tgospa_eval.paths import best_values, relative_gains, row_steps
 from tgospa_eval.problem import Problem
-from tgospa_eval.result import certify
 from tgospa_eval.slots import Slots
 from tgospa_eval.solvers import ascent
 from tgospa_eval.states import States
@@ -125,9 +125,9 @@ def test_relative_gains_are_those_of_the_certificate(name: str, uniform: bool) -
         problem = dataclasses.replace(problem, truth_price=prices)
     states = merge_runs(problem)
     field = ascent_of(states)
-    value = np.zeros(len(states.begin))
     steps = row_steps(states)
-    offset = add_gains(states, steps, value)
+    gains = relative_gains(states, steps)
+    offset, value = gains.offset, gains.relative
     assert np.array_equal(field.group_first, steps.first)
     assert field.offset == pytest.approx(offset, abs=1e-15)
     assert field.gain == pytest.approx(value, abs=1e-12)

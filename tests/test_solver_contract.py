@@ -8,9 +8,10 @@ from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
+from tgospa_eval.certificate import certify
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Parameters, Problem, tgospa_problem
-from tgospa_eval.result import Solution, certify
+from tgospa_eval.result import Solution
 from tgospa_eval.solvers import SOLVERS, solver_class
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -177,7 +178,7 @@ def test_certificate_is_true_whatever_the_solver_says(
     for slots in (states.rows, states.columns):
         sums = slots.sums(weights)
         assert not len(sums) or (sums.max() <= ONE and sums.min() >= 0)
-    assert breakdown.total == bounds.upper
+    assert breakdown.total <= bounds.upper <= breakdown.total * (1 + 1e-12)
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,6 +1,7 @@
 """The sum of evaluations of classes that never meet, on the same steps. Knows no file."""
 
 import hashlib
+import math
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -112,9 +113,9 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
         proof=Costs(
             parameters=first.proof.parameters,
             bounds=Bounds(
-                lower=sum(part.lower for part in bounds),
-                upper=sum(part.upper for part in bounds),
-                allowance=sum(part.allowance for part in bounds),
+                lower=math.fsum(part.lower for part in bounds) * (1 - 2.0**-52),
+                upper=math.fsum(part.upper for part in bounds) * (1 + 2.0**-52),
+                rounding=sum(part.rounding for part in bounds),
             ),
             breakdown=Breakdown(
                 **{

@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.certificate import EPS, block_of_tracks, lower_bounds, prove
 from tgospa_eval.merging import merge_runs
-from tgospa_eval.prefixes import propose
+from tgospa_eval.prefixes import propose, whole_prices
 from tgospa_eval.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.result import ROUNDING, Curve, prove
+from tgospa_eval.result import Curve, Reduced
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.offers import Kept, Origin, keep, offer
 from tgospa_eval.states import States
@@ -26,7 +27,13 @@ SIZE = 1 << 18
 """Near pairs of the beginnings that are solved together."""
 
 
-def trace(states: States, weights: Ints, prices: Floats, solver: Certified) -> Curve:
+def trace(
+    states: States,
+    weights: Ints,
+    prices: Floats,
+    solver: Certified,
+    reduced: tuple[Reduced, ...] = (),
+) -> Curve:
     """The curve of a solved problem; its last point is what the solution proves of the whole.
 
     Parameters
@@ -39,17 +46,21 @@ def trace(states: States, weights: Ints, prices: Floats, solver: Certified) -> C
         Prices of its column slots, 0 or more.
     solver : Certified
         What solves beginnings, and to which gap; its time limit is that of all of them together.
+    reduced : tuple of Reduced
+        What is known of the whole at smaller cutoffs.
     """
     begin = time.monotonic()
     found = propose(states, weights, prices)
     cells, parts = found.cells, found.parts
-    least = np.maximum(parts.sum(axis=0) - found.gap, 0.0)
-    alone, allowance = _unpaired(states), _allowance(states.problem)
+    least, error = found.lower.copy(), found.error.copy()
+    alone = _unpaired(states)
+    ends = cells.first[1:] - 1
+    least[ends] = np.maximum(least[ends], _whole_blocks(states, prices, reduced))
     whole = keep(states, weights, prices)
 
     cost = parts.sum(axis=0)
-    open_ = cost - least > np.maximum(solver.gap * cost, ROUNDING)
-    open_[cells.first[1:] - 1] = False  # a whole block: the solver has had its chance
+    open_ = cost + error - least > solver.gap * cost
+    open_[ends] = False  # a whole block: the solver has had its chance
     wide = np.flatnonzero(open_)
     wide = wide[np.argsort(-cells.step[wide], kind="stable")]
     copies = _Copies(states)
@@ -61,16 +72,31 @@ def trace(states: States, weights: Ints, prices: Floats, solver: Certified) -> C
                 break
             solver = replace(solver, time_limit=left)
             begin = time.monotonic()
-        better, lower = copies.solve(cells.block[at], cells.step[at], whole, solver)
+        better, lower, uncertain = copies.solve(cells.block[at], cells.step[at], whole, solver)
         wins = better.sum(axis=0) < cost[at]
         parts[:, at[wins]] = better[:, wins]
+        error[at[wins]] = uncertain[wins]
         least[at] = np.maximum(least[at], lower)
 
-    shown = np.array([cells.totals(part, states.problem.steps) for part in parts])
+    problem = states.problem
+    shown = np.array([cells.totals(part, problem.steps) for part in parts])
     shown[1:3] += alone
-    upper = shown.sum(axis=0)
-    lower = alone.sum(axis=0) + cells.totals(np.minimum(least, parts.sum(axis=0)), len(upper))
-    return Curve(lower=np.clip(lower, 0.0, upper), upper=upper, parts=shown, allowance=allowance)
+    # Of objects that are near to none: sums of so many prices.
+    rows = len(problem.truth_step) + len(problem.estimate_step)
+    unsure = 0.0 if alone.max(initial=0.0) < 2.0**31 and whole_prices(problem) else rows * EPS
+    few = 8 * EPS
+    upper = cells.totals(parts.sum(axis=0) + error, problem.steps, sign=1) + alone.sum(axis=0)
+    upper *= (1 + few + unsure) / (1 - problem.cost_error)
+    lower = cells.totals(least, problem.steps, sign=-1) + alone.sum(axis=0)
+    lower = (lower * (1 - few - unsure) - problem.cost_slack) * (1 - few - problem.cost_error)
+    share = np.cumsum(sum_by(problem.truth_step, problem.truth_price, problem.steps))
+    share += np.cumsum(sum_by(problem.estimate_step, problem.estimate_price, problem.steps))
+    return Curve(
+        lower=np.clip(lower, 0.0, upper),
+        upper=upper,
+        parts=shown,
+        rounding=problem.rounding * share / max(float(share[-1:].sum()), 1e-300),
+    )
 
 
 def _unpaired(states: States) -> Floats:
@@ -86,11 +112,19 @@ def _unpaired(states: States) -> Floats:
     return np.cumsum(total, axis=1)
 
 
-def _allowance(problem: Problem) -> Floats:
-    """What counts as rounding of the costs up to each step, (T,)."""
-    price = sum_by(problem.truth_step, problem.truth_price, problem.steps)
-    price += sum_by(problem.estimate_step, problem.estimate_price, problem.steps)
-    return ROUNDING * np.cumsum(price)
+def _whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
+    """Lower bound of each whole block, (B,), of objects and steps with a near pair alone."""
+    problem, blocks = states.problem, len(states.block_begin)
+    lower = lower_bounds(states, prices, reduced)
+    lone = np.zeros(blocks)
+    for name in ("truth", "estimate"):
+        block = block_of_tracks(states, name)[getattr(problem, f"{name}_track")]
+        price = getattr(problem, f"{name}_price").copy()
+        price[getattr(problem, f"{name}_row")] = 0.0
+        lone += sum_by(block[block >= 0], price[block >= 0], blocks)
+    exact = whole_prices(problem)
+    error = (lower + lone) * (2 if exact else 2 + len(problem.truth_price)) * EPS
+    return lower - lone - error
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,13 +198,13 @@ class _Copies:
 
     def solve(
         self, block: Ints, end: Ints, whole: Kept, solver: Certified
-    ) -> tuple[Floats, Floats]:
-        """Cost by kind (4, N) and lower bound (N,) of the blocks up to these steps."""
+    ) -> tuple[Floats, Floats, Floats]:
+        """Cost by kind (4, N), lower bound (N,), and error of the cost, of these beginnings."""
         problem, origin, first = self._cut(block, end)
         states = merge_runs(problem)
         offered = replace(offer(states, (whole,), (1.0,), origin), near=True)
         solution = solver(states, Stopwatch(), offered)
-        _, lost, split = prove(states, solution)
+        _, lower, split = prove(states, solution)
         parts = np.array(
             [
                 np.add.reduceat(kind, first)
@@ -178,7 +212,12 @@ class _Copies:
             ]
         )
         copy = np.searchsorted(first, states.block_begin, side="right") - 1
-        return parts, parts.sum(axis=0) - sum_by(copy[states.node_block], lost, len(block))
+        bound = sum_by(copy, lower, len(block))
+        # A sum of the steps of a copy, and of its blocks.
+        cost = parts.sum(axis=0)
+        length = np.diff(first, append=problem.steps)
+        error = cost * (length + split.terms * 2 + 16) * EPS
+        return parts, bound * (1 - len(states.block_begin) * EPS), error
 
     def _cut(self, block: Ints, end: Ints) -> tuple[Problem, Origin, Ints]:
         """The problem of the copies, where it comes from, and the first step of each copy."""

@@ -1,43 +1,81 @@
-"""Best paths of rows for given prices: what each is worth, and what weights lose against it."""
+"""Best paths of rows for given prices: upper bounds of what each is worth.
+
+Every operation that rounds is followed by a step outward, so that what is called a bound is one of
+the exact value in real numbers (docs/theory, "Rounding").
+"""
 
 import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.problem import Floats, Ints, sum_parts
 from tgospa_eval.slots import Slots
 from tgospa_eval.states import States
-from tgospa_eval.weights import ONE, changes
+
+CHUNK = 1024
+"""Terms of a sum whose rounding is bounded together."""
 
 
-def regrets(states: States, value: Floats, weights: Ints) -> Floats:
-    """What the weights of each row lose against its best path, (nodes,).
+def up(value: Floats) -> Floats:
+    """The next larger doubles, in place: at least the exact results of one rounded operation."""
+    return np.nextafter(value, np.inf, out=value)
 
-    `value` (S,) comes as the negative prices and is used up.
+
+def down(value: Floats) -> Floats:
+    """The next smaller doubles, in place."""
+    return np.nextafter(value, -np.inf, out=value)
+
+
+def lower_sums(value: Floats, first: Ints) -> Floats:
+    """Lower bounds of the sums of parts of values >= 0; part i begins at first[i].
+
+    A sum of n terms >= 0 is off by at most (n - 1) units of rounding, whatever the order; sums of
+    chunks, and then of these, keep n small.
     """
-    steps = row_steps(states)
-    offsets = add_gains(states, steps, value)
-    first = np.flatnonzero(np.diff(states.pair_row, prepend=-1))  # pair of each row
-    row = states.pair_row[first]
-    own = np.zeros(states.nodes)
-    own[row] = np.add.reduceat(weights * value, states.pair_first[first])
-    uncovered = ONE - steps.sums(weights)
-    own[row] -= np.add.reduceat(uncovered * offsets, steps.first[row])
-    own /= ONE
-    moved, amount = changes(states, weights)
-    paid = states.problem.crossing_price[states.begin[moved]] * amount
-    own -= sum_by(states.pair_row[states.pair[moved]], paid, states.nodes)
-    return np.maximum(best_values(states, value, steps, offsets) - own, 0.0)
+    if len(value) <= CHUNK:
+        total, terms = sum_parts(value, first), len(value)
+    else:
+        begins = np.zeros(len(value), bool)
+        begins[::CHUNK] = begins[first[first < len(value)]] = True
+        starts = np.flatnonzero(begins)
+        chunks = np.add.reduceat(value, starts)
+        of_part = np.searchsorted(starts, np.minimum(first, len(value)))
+        of_part[first >= len(value)] = len(starts)
+        total = sum_parts(chunks, of_part)
+        terms = CHUNK + int(np.diff(of_part).max(initial=0))
+    total *= 1.0 - (terms + 2) * 2.0**-53
+    return total
 
 
-def add_gains(states: States, steps: Slots, value: Floats) -> Floats:
-    """Add what states gain to their values, less the offsets of their steps; the offsets, (steps,).
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gains:
+    """Gains of states relative to the cheapest pair of their row and step.
 
-    The offset of a row and a step is what its cheapest pair gains there, 0 where it has none. Gains
-    near 1 differ in their last digits, which sums over many steps lose; their differences are
-    differences of costs, and exact. Every path of a row is lowered by the same sum.
+    Gains near 1 differ in their last digits, which sums over many steps lose; their differences are
+    differences of costs, and keep the digits of those. Every path of a row is lowered by the same
+    sum.
+
+    Parameters
+    ----------
+    relative : (S,) float array
+        Upper bounds of the gains less the offsets of their steps.
+    offset : (G,) float array
+        Lower bounds of the gain of the cheapest pair of each row and step, 0 where there is none.
+    least : (G,) float array
+        Its cost, infinite where there is none.
+    cheapest : (G,) int array, optional
+        Its entry, -1 where there is none; None where all pairs of objects have the same prices.
     """
+
+    relative: Floats
+    offset: Floats
+    least: Floats
+    cheapest: Ints | None
+
+
+def relative_gains(states: States, steps: Slots) -> Gains:
+    """The gains of all states; `steps` are those of `row_steps`."""
     problem, entry = states.problem, states.entry
     runs = np.flatnonzero(entry < 0)
     at = steps.begin.astype(np.intp)
@@ -47,23 +85,39 @@ def add_gains(states: States, steps: Slots, value: Floats) -> Floats:
     least = np.full(len(steps.step), np.inf)
     np.minimum.at(least, at, cost)
     with np.errstate(invalid="ignore"):
-        relative = least[at] - cost
-    of_cheapest: float | Floats
+        relative = up(least[at] - cost)
+    base: float | Floats
     if problem.pair_price is None:
-        base = (
+        cheapest = np.full(len(least), -1)
+        is_least = np.flatnonzero((cost == least[at]) & (entry >= 0))
+        cheapest[at[is_least]] = entry[is_least]
+        base = _lower_price(states, cheapest)
+        # What two pairs of objects cost if they are left unassigned differs: four rounded steps.
+        own = (
             problem.truth_price[problem.truth_row[entry]]
-            + problem.estimate_price[problem.estimate_row[entry]]
+            - (problem.truth_price[problem.truth_row[cheapest]][at])
         )
-        cheapest = np.flatnonzero(relative == 0)
-        of_cheapest = np.zeros(len(least))
-        of_cheapest[at[cheapest]] = base[cheapest]
-        relative += base - of_cheapest[at]
+        other = (
+            problem.estimate_price[problem.estimate_row[entry]]
+            - (problem.estimate_price[problem.estimate_row[cheapest]][at])
+        )
+        relative = up(relative + up(up(own) + up(other)))
     else:
-        of_cheapest = problem.pair_price
-    offsets = np.where(least < np.inf, of_cheapest - least, 0.0)
-    relative[runs] = -steps.totals(offsets, runs)
-    value += relative
-    return offsets
+        cheapest, base = None, problem.pair_price
+        if base - float(problem.truth_price[0]) != float(problem.estimate_price[0]):
+            base = np.nextafter(base, 0.0)
+    offset = np.where(least < np.inf, base - least, 0.0)
+    np.maximum(down(offset), 0.0, out=offset)
+    relative[runs] = -steps.totals(offset, runs, floor=True)
+    return Gains(relative=relative, offset=offset, least=least, cheapest=cheapest)
+
+
+def _lower_price(states: States, entry: Ints) -> Floats:
+    problem = states.problem
+    return down(
+        problem.truth_price[problem.truth_row[entry]]
+        + problem.estimate_price[problem.estimate_row[entry]]
+    )
 
 
 def row_steps(states: States) -> Slots:
@@ -133,7 +187,7 @@ def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
 def best_values(
     states: States, value: Floats, steps: Slots | None = None, offsets: Floats | None = None
 ) -> Floats:
-    """Value of the best path of each row, (nodes,): Viterbi over the states (docs/theory).
+    """Upper bound of the value of the best path of each row, (nodes,): Viterbi over the states.
 
     hub = best value at "none"; a state is entered from the one before it or from the hub, and left
     into the hub, each for the price of half a switch. At "none" a path loses the offsets, which
@@ -158,12 +212,14 @@ def best_values(
         reached = current[pair]
         if varies:
             price = crossing[states.begin[turn.order[low:high]]]
-        np.maximum.at(hub, row, reached - price)
+        np.maximum.at(hub, row, up(reached - price))
         enter = hub[row]
         enter -= price
-        np.maximum(reached, enter, out=reached)
+        np.maximum(reached, up(enter), out=reached)
         reached += value[low:high]
-        current[pair] = reached
-        hub[row_lost[first:last]] -= offsets[first:last]
+        current[pair] = up(reached)
+        if first < last:
+            losing = row_lost[first:last]
+            hub[losing] = up(hub[losing] - offsets[first:last])
     np.maximum.at(hub, states.pair_row, current)
     return hub

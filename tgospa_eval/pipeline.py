@@ -6,13 +6,14 @@ import numpy as np
 
 from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps
+from tgospa_eval.certificate import certify
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Proof, Result
 from tgospa_eval.preparation import Prepared, as_distance, as_solver, as_trajectories, prepare
 from tgospa_eval.problem import Floats, Parameters
-from tgospa_eval.result import Solution, certify
+from tgospa_eval.result import Solution
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
@@ -204,7 +205,7 @@ def prove(
     curve: bool = False,
 ) -> Result:
     """What a solution proves of a problem; the solution may be used up."""
-    prices = solution.prices.copy() if curve else None
+    prices, reduced = solution.prices.copy() if curve else None, solution.reduced
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution)
     proof = Proof(
@@ -219,7 +220,7 @@ def prove(
         from tgospa_eval.curve import trace  # here: only when it is asked for
 
         with stopwatch.span("curve"):
-            traced = trace(prepared.states, weights, prices, cast("Certified", solver))
+            traced = trace(prepared.states, weights, prices, cast("Certified", solver), reduced)
     truth, estimate = prepared.sides
     with stopwatch.span("report"):
         split = _split(truth, estimate, prepared.distance, proof)

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.paths import down, up
+from tgospa_eval.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.slots import exact_running
 from tgospa_eval.states import States
 from tgospa_eval.weights import ONE, changes
 
@@ -48,25 +50,27 @@ class Cells:
         return self.running(sum_by(self.of(block, step), value, int(self.first[-1])))
 
     def running(self, value: Floats) -> Floats:
-        """Running sums in each block."""
-        total = np.cumsum(value)
-        before = np.concatenate(([0.0], total))[self.first[:-1]]
-        return total - before[self.block]
+        """Running sums in each block, as exact as integers of 62 bits for each block can be."""
+        unit, sums = exact_running(value, self.first)
+        total: Floats = unit[self.block] * (sums[1:] - sums[self.first[:-1]][self.block])
+        return total
 
-    def rises(self, value: Floats) -> Floats:
-        """What the values grow by from the step before."""
-        rise = np.diff(value, prepend=0.0)
-        first = self.first[:-1]
-        rise[first] = value[first]
-        return rise
-
-    def totals(self, value: Floats, steps: int) -> Floats:
+    def totals(self, value: Floats, steps: int, *, sign: int = 0) -> Floats:
         """Sum over the blocks at each step; blocks that have ended keep their last value.
 
-        Of values 0 or more, as parts of a cost are, which may fall; no sum rounds to less than 0.
+        Of values 0 or more, as parts of a cost are, which may fall. Summed in integers, rounded
+        down (-1) or up (1) or to the nearest (0).
         """
-        total: Floats = np.maximum(np.cumsum(sum_by(self.step, self.rises(value), steps)), 0.0)
-        return total
+        ends = self.first[1:] - 1
+        size = float(np.maximum.reduceat(value, self.first[:-1]).sum()) if len(ends) else 0.0
+        unit = np.ldexp(1.0, int(np.frexp(max(size, 1e-270))[1]) - 61)
+        whole = {-1: np.floor, 0: np.rint, 1: np.ceil}[sign](value / unit).astype(np.int64)
+        rise = np.diff(whole, prepend=0)
+        rise[self.first[:-1]] = whole[self.first[:-1]]
+        total = np.zeros(steps, np.int64)
+        np.add.at(total, self.step, rise)
+        answer: Floats = unit * np.cumsum(total)
+        return answer * (1 + sign * 2.0**-52)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,13 +85,16 @@ class Proposal:
         Blocks and steps.
     parts : (4, C) float array
         Localisation, missed, false and switch cost of the assignment up to the step.
-    gap : (C,) float array
-        By how much the least possible cost may be smaller.
+    lower : (C,) float array
+        Lower bound of the least possible cost.
+    error : (C,) float array
+        How much the parts together may be too small by rounding.
     """
 
     cells: Cells
     parts: Floats
-    gap: Floats
+    lower: Floats
+    error: Floats
 
 
 def propose(states: States, weights: Ints, prices: Floats) -> Proposal:
@@ -97,12 +104,23 @@ def propose(states: States, weights: Ints, prices: Floats) -> Proposal:
         first=np.concatenate(([0], np.cumsum(length))).astype(np.int64),
         begin=states.block_begin.astype(np.int64),
     )
-    switched = changes(states, weights)
+    parts = _costs(states, cells, weights, changes(states, weights))
+    # Of each block and kind at most all terms of the problem, each rounded a few times, and as
+    # many integers as there are steps.
+    last = parts[:, cells.first[1:] - 1].sum(axis=0) if len(length) else np.zeros(0)
+    terms = 16 + 2 * _busiest(states)
+    error = (parts.sum(axis=0) * terms * 2.0**-53) + (4 * length * 2.0**-61 * last)[cells.block]
     return Proposal(
         cells=cells,
-        parts=_costs(states, cells, weights, switched),
-        gap=np.maximum(_gaps(states, cells, weights, prices, switched), 0.0),
+        parts=parts,
+        lower=np.maximum(_lower(states, cells, prices), 0.0),
+        error=error,
     )
+
+
+def _busiest(states: States) -> int:
+    """Most states that begin at one step, a bound of the terms that are added for it."""
+    return int(np.bincount(states.begin, minlength=1).max())
 
 
 def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Floats]) -> Floats:
@@ -127,20 +145,16 @@ def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Fl
     return np.array(parts)
 
 
-def _gaps(
-    states: States, cells: Cells, weights: Ints, prices: Floats, switched: tuple[Ints, Floats]
-) -> Floats:
-    """What the rows of each block lose against their best paths, and idle slots, up to each step.
+def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
+    """The bound of `tgospa_eval.certificate` for the steps of each block up to each step, (C,).
 
     Values are relative to the cheapest pair of each row and step, as in `tgospa_eval.paths`.
     """
-    problem, slots = states.problem, states.columns
-    pair, ends = states.pair, slots.end
-    crossing = problem.crossing_price
-    share = weights / ONE
-
+    problem, slots, pair = states.problem, states.columns, states.pair
+    unit, sums = slots.running(prices)
+    prices = np.diff(sums) * np.repeat(unit, np.diff(slots.first))  # as exact sums have them
     # What happens: a state begins; a slot of it does, and costs its price.
-    count = ends - slots.begin
+    count = slots.end - slots.begin
     slot = np.arange(count.sum()) + np.repeat(slots.begin - (np.cumsum(count) - count), count)
     charged = np.repeat(np.arange(len(pair)), count)
 
@@ -148,36 +162,62 @@ def _gaps(
     row = states.pair_row[pair[gaining]].astype(np.int64)
     key, at = np.unique(states.begin[gaining] * np.int64(states.nodes) + row, return_inverse=True)
     entry = states.entry[gaining].astype(np.intp)
-    gain, price_cost = problem.gains(entry), problem.cost[entry]
-    base = (
-        problem.truth_price[problem.truth_row[entry]]
-        + problem.estimate_price[problem.estimate_row[entry]]
-    )
-    order = np.lexsort((price_cost, at))
-    cheapest = order[np.flatnonzero(np.diff(at[order], prepend=-1))]
-    relative = (price_cost[cheapest][at] - price_cost) + (base - base[cheapest][at])
-    offset = gain[cheapest]
+    cost = problem.cost[entry]
+    order = np.lexsort((cost, at))
+    cheapest = entry[order[np.flatnonzero(np.diff(at[order], prepend=-1))]]
+    relative = up(problem.cost[cheapest][at] - cost)
+    bases = [
+        price[rows]
+        for price, rows in (
+            (problem.truth_price, problem.truth_row),
+            (problem.estimate_price, problem.estimate_row),
+        )
+    ]
+    for base in bases:
+        relative = up(relative + up(base[entry] - base[cheapest][at]))
+    of_cheapest = [base[cheapest] for base in bases]
+    offset = np.maximum(down(down(of_cheapest[0] + of_cheapest[1]) - problem.cost[cheapest]), 0.0)
     offset_step, offset_row = np.divmod(key, states.nodes)
+    offset_block = states.node_block[offset_row]
 
-    # What the assignment is worth to its rows, and what idle slots would have cost.
-    block_of_row = states.node_block[offset_row]
-    covered = sum_by(at, share[gaining], len(key))
-    own = cells.sums(
-        states.pair_block[pair[gaining]], states.begin[gaining], share[gaining] * relative
-    )
-    own -= cells.sums(block_of_row, offset_step, offset * (1 - covered))
-    moved, amount = switched
-    own -= cells.sums(
-        states.pair_block[pair[moved]], states.begin[moved], crossing[states.begin[moved]] * amount
-    )
+    # Unassigned prices of all objects less those of the pairs put aside, and the costs of these.
+    total = np.zeros(int(cells.first[-1]))
+    least = cells.sums(offset_block, offset_step, problem.cost[cheapest])
+    size, exact = least.copy(), whole_prices(problem)
+    total += least
+    for name, base in zip(("truth", "estimate"), of_cheapest, strict=True):
+        rows = getattr(problem, f"{name}_row")[entry].astype(np.intp)
+        some, first = np.unique(rows, return_index=True)
+        price = getattr(problem, f"{name}_price")[some]
+        block = states.pair_block[pair[gaining[first]]]
+        of_objects = cells.sums(block, states.begin[gaining[first]], price)
+        of_pairs = cells.sums(offset_block, offset_step, base)
+        total += of_objects - of_pairs
+        if not exact:
+            size += of_objects + of_pairs
     slot_block = states.node_block[slots.node]
-    own -= cells.sums(slot_block, slots.step, prices)
-
+    paid = cells.sums(slot_block, slots.step, prices)
     best = _best(
         states, cells, (offset_step, offset_row, offset), (gaining, relative), (charged, slot),
         prices,
     )  # fmt: skip
-    return best - own
+    # Sums at a step, of as many terms as states begin or rows there are; then running sums.
+    rows = int(np.bincount(states.node_block).max(initial=0))
+    terms = 16 + 2 * _busiest(states) + 2 * rows
+    length = np.diff(cells.first)
+    last = (size + paid)[cells.first[1:] - 1] if len(length) else np.zeros(0)
+    error = (size + paid + best[1] + np.abs(total)) * terms * 2.0**-53
+    error += (8 * length * 2.0**-61 * last)[cells.block]
+    answer: Floats = total - best[0] - paid - error
+    return answer
+
+
+def whole_prices(problem: Problem) -> bool:
+    """Whether sums and differences of unassigned prices are exact: multiples of a half."""
+    return all(
+        len(price) < 1 << 31 and bool(np.all(2.0 * price == np.rint(2.0 * price)))
+        for price in (problem.truth_price, problem.estimate_price)
+    )
 
 
 def _best(
@@ -187,8 +227,10 @@ def _best(
     gains: tuple[Ints, Floats],
     charges: tuple[Ints, Ints],
     prices: Floats,
-) -> Floats:
-    """Sum of the best path values of the rows of each block, up to each step, in cells.
+) -> tuple[Floats, Floats]:
+    """Upper bound of the sum of the best path values of the rows of each block, in cells.
+
+    And the sum of their sizes. Values are rounded up, their sum to the nearest.
 
     Viterbi over all pairs at once, step by step: `hub` is the best value of a row at "none",
     `reached` that of each pair. A run without gain may be left only where its next state begins.
@@ -221,7 +263,7 @@ def _best(
     offset_place = np.searchsorted(rows, offset_row)
 
     hub, reached = np.zeros(len(rows)), np.zeros(len(by_row))
-    answer = np.zeros(int(cells.first[-1]))
+    answer = np.zeros((2, int(cells.first[-1])))
     last = np.zeros(len(rows))
     for step in range(steps):
         own = state_order[begins[step] : begins[step + 1]]
@@ -231,25 +273,28 @@ def _best(
             row = row_at[at]
             price = crossing[step]
             before = reached[at]
-            np.maximum.at(hub, row, before - price)
-            reached[at] = np.maximum(before, hub[row] - price)
+            np.maximum.at(hub, row, up(before - price))
+            reached[at] = np.maximum(before, up(hub[row] - price))
         if lost.stop > lost.start:
             lose = np.zeros(len(rows))
             lose[offset_place[lost]] = offset[lost]
             spare = lose[row_at]
             if len(own):
                 spare[at[is_gain[own]]] = 0.0
-            reached -= spare
-            hub -= lose
+            reached = np.where(spare > 0, up(reached - spare), reached)
+            hub = np.where(lose > 0, up(hub - lose), hub)
         if len(own):
-            reached[at] += relative[own]
+            reached[at] = up(reached[at] + relative[own])
         paid = slice(charge_at[step], charge_at[step + 1])
-        if paid.stop > paid.start:
-            np.subtract.at(reached, charge_pair[paid], charge[paid])
+        if paid.stop > paid.start:  # a pair has one slot that begins here
+            charging = charge_pair[paid]
+            reached[charging] = up(reached[charging] - charge[paid])
         last = np.maximum(hub, np.maximum.reduceat(reached, first_of_row)) if len(rows) else last
         live = np.flatnonzero(
             (cells.begin <= step) & (step <= cells.begin + np.diff(cells.first) - 1)
         )
-        total = np.bincount(row_block, last, minlength=len(cells.begin))
-        answer[cells.of(live, np.full(len(live), step))] = total[live]
-    return answer
+        at_live = cells.of(live, np.full(len(live), step))
+        for kind, values in enumerate((last, np.abs(last))):
+            total = np.bincount(row_block, values, minlength=len(cells.begin))
+            answer[kind, at_live] = total[live]
+    return answer[0], answer[1]

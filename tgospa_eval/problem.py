@@ -18,6 +18,13 @@ from tgospa_eval.errors import ConfigError, real_number
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
 
+POWER = 2.0**-50
+"""Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
+use are off by less than two. Squares are rounded once."""
+
+SMALLEST = 1e-290
+"""Costs below this, near the end of the doubles, count as this much."""
+
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
     """Sum of the values that share an index, (size,); added in the order given."""
@@ -107,6 +114,12 @@ class Problem:
         What the assigned pair costs, less than A + B.
     switch_price : float or (T - 1,) float array
         Price of half a switch, for all transitions or for each.
+    cost_error : float
+        Largest relative error of the costs and switch prices; bounds are widened by it.
+    cost_slack : float
+        By how much the costs of all pairs that can be assigned at once are too large at most.
+    rounding : float
+        An optimum below this says nothing: it may come from the last places of the states alone.
     """
 
     steps: int
@@ -122,6 +135,9 @@ class Problem:
     estimate_row: Ints
     cost: Floats
     switch_price: float | Floats
+    cost_error: float = 0.0
+    cost_slack: float = 0.0
+    rounding: float = 0.0
 
     def __post_init__(self) -> None:
         for name, value in list(vars(self).items()):
@@ -192,18 +208,39 @@ def tgospa_problem(
     truth_row: Ints,
     estimate_row: Ints,
     distance: Floats,
+    distance_error: float = 0.0,
+    last_place: float = 0.0,
 ) -> Problem:
     """The TGOSPA problem of the pairs of rows that are nearer than the cutoff.
 
     Cost (d/c)^p, gain 1 - (d/c)^p, half the cutoff price per unassigned object: the LP of
     García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in the gain form of docs/theory.
     `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
+
+    Parameters
+    ----------
+    distance_error : float
+        Largest relative error of the distances.
+    last_place : float
+        What the last places of the states can change of a distance.
+
+    Raises
+    ------
+    ConfigError
+        A power of a distance or of the switch penalty is no double beside that of the cutoff.
     """
+    order = parameters.order
     cost = distance / parameters.cutoff
-    cost **= parameters.order
+    cost **= order
+    _check_powers(distance, cost, parameters)
+    slack = 0.0
+    if cost.size and cost.min() < SMALLEST:
+        np.maximum(cost, SMALLEST, out=cost, where=distance > 0)
+        slack = SMALLEST * min(len(truth_step), len(estimate_step))
     keep = (distance < parameters.cutoff) & (cost < 1.0)
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
+    objects = len(truth_step) + len(estimate_step)
     return Problem(
         steps=steps,
         truths=truths,
@@ -218,4 +255,30 @@ def tgospa_problem(
         estimate_row=estimate_row,
         cost=cost,
         switch_price=parameters.switch_price,
+        cost_slack=slack,
+        cost_error=_cost_error(order, distance_error),
+        rounding=objects * (last_place / parameters.cutoff) ** order,
     )
+
+
+def _cost_error(order: float, distance_error: float) -> float:
+    """Largest relative error of a cost or switch price: of a distance, a quotient, and a power."""
+    power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
+    return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
+
+
+def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:
+    """Refuse powers of which all digits that decide are lost by underflow."""
+    order, penalty = parameters.order, parameters.switch_penalty
+    farthest = float(distance.max(initial=0.0))
+    lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST else 0.0
+    if penalty > 0 and parameters.switch_price < SMALLEST:
+        lost = max(lost, penalty)
+    if lost:
+        what = "distance" if lost == farthest else "switch penalty"
+        most = math.pow(10.0, math.log10(lost) + 289 / order)
+        raise ConfigError(
+            f"cutoff {parameters.cutoff:g} is too large for order {order:g} and a {what} of "
+            f"{lost:g}: the power of their ratio is below the smallest double; choose a cutoff of "
+            f"at most {most:.2g}"
+        )

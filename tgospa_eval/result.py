@@ -1,22 +1,16 @@
-"""Proof: bounds of the optimum from whatever a solver left, and the split of the cost.
+"""What solvers propose and what is proven of it: solutions, bounds, breakdowns, curves."""
 
-Plain NumPy over the whole reduced problem; knows no solver, and no solver grades its own work.
-Weights become integers (multiples of 2^-50) first, so that feasibility is checked, not estimated.
-"""
-
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.paths import regrets
-from tgospa_eval.problem import Floats, Ints, sum_by, sum_parts
-from tgospa_eval.slots import PART, parts
+from tgospa_eval.problem import Floats
 from tgospa_eval.states import States
-from tgospa_eval.weights import ONE, changes, make_feasible, row_parts, whole_weights
 
-ROUNDING = 4 * 2.0**-53
-"""Rounding allowance of a bracket, as a fraction of the sum of all unassigned prices."""
+LATE = "stopped by the time limit"
+"""Status of what had no time left."""
 
 
 @dataclass(kw_only=True)
@@ -40,6 +34,10 @@ class Solution:
     disposable : bool
         Whether nobody needs the arrays any more, so that the proof may write over them; it takes
         them away then.
+    missing : (B,) bool array
+        Blocks that are not known to be solved.
+    reduced : tuple of Reduced
+        Blocks of which prices at a smaller cutoff prove more.
     """
 
     weights: Floats
@@ -49,6 +47,8 @@ class Solution:
     finished: bool = True
     history: tuple[dict[str, float], ...] = field(default=())
     disposable: bool = False
+    missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    reduced: "tuple[Reduced, ...]" = ()
 
     def give_up(self) -> tuple[Floats, Floats]:
         """Weights and prices, which the solution holds no longer: they are large."""
@@ -57,30 +57,60 @@ class Solution:
         return weights, prices
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reduced:
+    """Some blocks of a problem at a smaller cutoff, and what is proposed for that.
+
+    Parameters
+    ----------
+    states : States
+        The problem of these blocks at the smaller cutoff, from `tgospa_eval.reduced`.
+    blocks : (B,) bool array
+        Which blocks of the whole they are.
+    scale : float
+        The smaller cutoff to the power p, as a fraction of that of the whole; a power of 2.
+    solution : Solution
+        Of `states`.
+    """
+
+    states: States
+    blocks: NDArray[np.bool_]
+    scale: float
+    solution: Solution
+
+
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Proven: ``lower <= optimum <= upper``, in units of c^p.
+    """Proven: ``lower <= optimum <= upper``, in units of c^p, rounded outward.
 
     Parameters
     ----------
     lower, upper : float
         The bracket; `upper` is the cost of a feasible assignment.
-    allowance : float
-        A bracket narrower than this is met: it is rounding.
+    rounding : float
+        An `upper` below this may come from the last places of the states alone.
     """
 
     lower: float
     upper: float
-    allowance: float
+    rounding: float = 0.0
 
     @property
     def relative_gap(self) -> float:
         """(upper - lower) / upper, 0 if upper is 0."""
         return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
 
+    def narrow(self, gap: float) -> bool:
+        """Whether the bracket is as narrow as `gap`, relative."""
+        return self.upper - self.lower <= gap * self.upper
+
+    def within_rounding(self, gap: float) -> bool:
+        """Whether a wider bracket says no less, since the cost itself is one of rounding."""
+        return not self.narrow(gap) and self.upper <= self.rounding
+
     def met(self, gap: float) -> bool:
-        """Whether the bracket is as narrow as `gap`, relative, or as rounding allows."""
-        return self.upper - self.lower <= max(gap * self.upper, self.allowance)
+        """Whether the bracket is narrow, or that of a cost within rounding."""
+        return self.narrow(gap) or self.within_rounding(gap)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +123,8 @@ class Breakdown:
         Cost at each step; a switch between two steps is booked at the later one.
     missed_count, false_count, switch_count : (T,) float arrays
         Unassigned existing objects, and half the total variation of the assignment.
+    terms : int
+        Most terms that were added to a cost of a step: rounding grows with it.
     """
 
     localisation: Floats
@@ -102,11 +134,13 @@ class Breakdown:
     missed_count: Floats
     false_count: Floats
     switch_count: Floats
+    terms: int = 0
 
     @property
     def total(self) -> float:
         """The whole cost."""
-        return float((self.localisation + self.missed + self.false + self.switch).sum())
+        parts = (self.localisation, self.missed, self.false, self.switch)
+        return math.fsum(np.concatenate(parts).tolist())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,139 +153,17 @@ class Curve:
         Proven bounds.
     parts : (4, T) float array
         Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
-    allowance : (T,) float array
-        A bracket narrower than this is met: it is rounding.
+    rounding : (T,) float array
+        As of `Bounds`.
     """
 
     lower: Floats
     upper: Floats
     parts: Floats
-    allowance: Floats
+    rounding: Floats
 
     def met(self, gap: float) -> NDArray[np.bool_]:
-        """Where the bracket is as narrow as `gap`, relative, or as rounding allows, (T,)."""
-        met: NDArray[np.bool_] = self.upper - self.lower <= np.maximum(
-            gap * self.upper, self.allowance
-        )
+        """As of `Bounds`, (T,)."""
+        narrow = self.upper - self.lower <= gap * self.upper
+        met: NDArray[np.bool_] = narrow | (self.upper <= self.rounding)
         return met
-
-
-def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:
-    """Prove bounds from a proposed assignment and proposed prices.
-
-    The upper bound U is the cost of the repaired assignment, summed in cost form. The lower bound
-    is L = max(0, U - sum_i (best_i - own_i) - sum_s v_s (1 - load_s)): the Lagrangian bound of any
-    prices v >= 0, in a form that does not cancel (docs/theory, "Certificate").
-
-    Parameters
-    ----------
-    states : States
-        What was solved.
-    solution : Solution
-        What is proposed.
-
-    Returns
-    -------
-    Bounds
-        In units of c^p.
-    weights : (S,) int array
-        The feasible assignment, in units of 1/ONE.
-    Breakdown
-        Its cost by step; sums to the upper bound.
-    """
-    weights, lost, breakdown = prove(states, solution)
-    upper = breakdown.total
-    problem = states.problem
-    lower = min(max(upper - lost.sum(), 0.0), upper)
-    allowance = ROUNDING * float(problem.truth_price.sum() + problem.estimate_price.sum())
-    return Bounds(lower=float(lower), upper=upper, allowance=allowance), weights, breakdown
-
-
-def prove(states: States, solution: Solution) -> tuple[Ints, Floats, Breakdown]:
-    """What `certify` adds up, node by node.
-
-    Returns
-    -------
-    weights : (S,) int array
-        The feasible assignment, in units of 1/ONE.
-    lost : (nodes,) float array
-        What each row could gain at the prices, and what each column loses by idle slots.
-    Breakdown
-        Cost of the assignment.
-    """
-    given, prices = (
-        solution.give_up()
-        if solution.disposable
-        else (solution.weights.copy(), solution.prices.copy())
-    )
-    given = np.require(given, np.float64, ["C", "W"])
-    prices = np.require(prices, np.float64, ["C", "W"])
-    weights = given.view(np.int64)
-    lost = np.zeros(states.nodes)
-    for low, high in states.cuts(PART):
-        part, state, slot = states.between(low, high)
-        node = slice(*np.searchsorted(states.node_block, (low, high)))
-        whole_weights(given[state], weights[state])
-        lost[node] = _regrets(part, weights[state], prices[slot])
-    lost += sum_parts(prices, states.columns.first)
-    del prices
-    return weights, lost, break_down(states, weights)
-
-
-def _regrets(states: States, weights: Ints, prices: Floats) -> Floats:
-    """Make the weights feasible and the prices fair, in place; what each row loses by then.
-
-    The prices become what is lost by leaving their slots idle.
-    """
-    loads = make_feasible(states, weights)
-    np.fmax(prices, 0.0, out=prices)  # NaN becomes 0
-    prices[prices > 1e100] = 0.0
-    running = states.columns.running(prices)
-    for part in parts(len(prices)):
-        prices[part] *= (ONE - loads[part]) / ONE
-    del loads
-    regret = np.zeros(states.nodes)
-    for rows, own in row_parts(states):
-        value = rows.columns.spans(running)
-        np.negative(value, out=value)
-        regret += regrets(rows, value, weights[own])
-    return regret
-
-
-def break_down(states: States, weights: Ints) -> Breakdown:
-    """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
-    problem, steps = states.problem, states.problem.steps
-
-    localisation = np.zeros(steps)
-
-    def unassigned(name: str) -> tuple[Floats, Floats]:
-        """Cost and number of one side's unassigned objects at each step; one side at a time."""
-        row, step, price = (getattr(problem, f"{name}_{of}") for of in ("row", "step", "price"))
-        free = np.full(len(step), ONE)
-        for part in parts(len(weights)):
-            used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
-            entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
-            np.subtract.at(free, row[entry].astype(np.intp), whole)
-            if name == "truth":
-                paid = whole / ONE * problem.cost[entry]
-                np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
-        cost, count = np.zeros(steps), np.zeros(steps)
-        for part in parts(len(free)):
-            left = np.flatnonzero(free[part])
-            at, share = step[part][left].astype(np.intp), free[part][left] / ONE
-            np.add.at(count, at, share)
-            np.add.at(cost, at, share * price[part][left])
-        return cost, count
-
-    missed, false = unassigned("truth"), unassigned("estimate")
-    moved, amount = changes(states, weights)
-    variation = sum_by(states.begin[moved], amount, steps)
-    return Breakdown(
-        localisation=localisation,
-        missed=missed[0],
-        false=false[0],
-        switch=variation * problem.crossing_price[:-1],
-        missed_count=missed[1],
-        false_count=false[1],
-        switch_count=0.5 * variation,
-    )

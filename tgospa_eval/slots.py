@@ -37,6 +37,25 @@ def divided(group: Ints, pair_first: Ints, size: int) -> list[int]:
     return [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(group)]
 
 
+def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
+    """The unit in which each part's values are counted, and running sums of all, (K + 1,).
+
+    Part i begins at first[i]. Values become integers for it, of as many bits as the sum of their
+    part allows: differences of running sums are exact then, even where the sum over all parts
+    overflows, and a small sum never loses its digits to large values far away. With `floor` they
+    never become larger.
+    """
+    rounded = np.floor if floor else np.rint
+    size = sum_parts(np.abs(value), first)
+    unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
+    running = np.zeros(len(value) + 1, np.int64)
+    for part in parts(len(value)):
+        edges = np.minimum(np.maximum(first, part.start), part.stop)
+        count = edges[1:] - edges[:-1]
+        running[1:][part] = rounded(value[part] / np.repeat(unit, count))
+    return unit, np.cumsum(running, out=running)
+
+
 def changed(pair_first: Ints, weight: Ints) -> NDArray[np.bool_]:
     """Whether the weight of each state differs from that of the state before of its pair."""
     differs = np.zeros(len(weight), bool)
@@ -100,28 +119,18 @@ class Slots:
             np.add.at(change, self.begin[state].astype(np.intp), rise)
         return np.cumsum(change[:-1], out=change[:-1])
 
-    def running(self, price: Floats) -> tuple[Floats, Ints]:
-        """The unit in which each node's prices are counted, and running sums of all, (K + 1,).
+    def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
+        """`exact_running` of prices (K,), node by node."""
+        return exact_running(price, self.first, floor=floor)
 
-        Prices become integers for it, of as many bits as the sum of their node allows: differences
-        of running sums are exact then, even where the sum over all nodes overflows, and a small sum
-        never loses its digits to large prices far away.
-        """
-        size = sum_parts(np.abs(price), self.first)
-        unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
-        running = np.zeros(len(price) + 1, np.int64)
-        for part in parts(len(price)):
-            first = np.minimum(np.maximum(self.first, part.start), part.stop)
-            count = first[1:] - first[:-1]
-            running[1:][part] = np.rint(price[part] / np.repeat(unit, count))
-        return unit, np.cumsum(running, out=running)
-
-    def totals(self, price: Floats, chosen: Ints | None = None) -> Floats:
+    def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
         """Sum of the prices (K,) over the slots of each state, or of the chosen ones."""
-        return self.spans(self.running(price), chosen)
+        return self.spans(self.running(price, floor=floor), chosen, floor=floor)
 
-    def spans(self, running: tuple[Floats, Ints], chosen: Ints | None = None) -> Floats:
-        """`totals` where the running sums are known."""
+    def spans(
+        self, running: tuple[Floats, Ints], chosen: Ints | None = None, *, floor: bool = False
+    ) -> Floats:
+        """`totals` where the running sums are known; with `floor` no sum is too large."""
         unit, sums = running
         begin, end = self.begin, self.end
         total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
@@ -129,6 +138,8 @@ class Slots:
             begin, end, total = begin[chosen], end[chosen], total[chosen]
         for part in parts(len(total)):
             total[part] *= sums[end[part]] - sums[begin[part]]
+            if floor:
+                np.nextafter(total[part], 0.0, out=total[part])
         return total
 
 

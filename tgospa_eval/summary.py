@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.notebook import card
-from tgospa_eval.problem import Floats, Parameters
+from tgospa_eval.problem import POWER, Floats, Parameters
 from tgospa_eval.result import Bounds, Breakdown, Curve
 
 if TYPE_CHECKING:
@@ -116,25 +116,38 @@ class Summary(ABC):
     def _root(self, cost: float) -> float:
         return float(self.proof.parameters.cutoff * cost ** (1 / self.proof.parameters.order))
 
+    def _root_error(self, cost: Floats | float) -> Floats:
+        """How wrong a root is because 1/p is no double, relative."""
+        digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
+        return 2.0**-52 * digits / self.proof.parameters.order
+
+    @property
+    def total_bounds(self) -> tuple[float, float]:
+        """Proven bounds of the cost, rounded outward."""
+        bounds = self.proof.bounds
+        return outward(self.scale * bounds.lower, -1), outward(self.scale * bounds.upper, 1)
+
     @property
     def tgospa(self) -> float:
-        """The metric, in state units: the value of a feasible assignment, an upper bound."""
-        return self.upper_bound
+        """The metric, in state units: of a feasible assignment, `upper_bound` but for rounding."""
+        return self._root(self.proof.breakdown.total)
 
     @property
     def total(self) -> float:
-        """``tgospa ** order``, the cost."""
-        return self.scale * self.proof.bounds.upper
+        """``tgospa ** order``, the cost of that assignment."""
+        return self.scale * self.proof.breakdown.total
 
     @property
     def lower_bound(self) -> float:
-        """Proven lower bound of the metric."""
-        return self._root(self.proof.bounds.lower)
+        """Proven lower bound of the metric, rounded down."""
+        lower = self.proof.bounds.lower
+        return outward(self._root(lower), -1, float(self._root_error(lower)))
 
     @property
     def upper_bound(self) -> float:
-        """Proven upper bound of the metric."""
-        return self._root(self.proof.bounds.upper)
+        """Proven upper bound of the metric, rounded up."""
+        upper = self.proof.bounds.upper
+        return outward(self._root(upper), 1, float(self._root_error(upper)))
 
     @property
     def relative_gap(self) -> float:
@@ -145,6 +158,11 @@ class Summary(ABC):
     def certified(self) -> bool:
         """Whether the value is exact: the bracket is met."""
         return self.proof.bounds.met(self.gap)
+
+    @property
+    def within_rounding(self) -> bool:
+        """Whether the bracket is wider, but the value itself is one of the last places."""
+        return self.proof.bounds.within_rounding(self.gap)
 
     @property
     def finished(self) -> bool:
@@ -197,7 +215,7 @@ class Summary(ABC):
     def normalised(self) -> dict[str, float]:
         """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
         occupied = int(np.count_nonzero(self.occupied))
-        return {"tgospa": self._root(self.proof.bounds.upper / occupied) if occupied else 0.0}
+        return {"tgospa": self._root(self.proof.breakdown.total / occupied) if occupied else 0.0}
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -229,10 +247,13 @@ class Summary(ABC):
         each = np.maximum(steps, 1)
         names = ("localisation", "missed", "false", "switch")
         table: Table = {"t": list(self.labels.times), "steps": steps.tolist()}
-        for name, cost in (
-            ("tgospa", traced.upper), ("lower_bound", traced.lower), ("upper_bound", traced.upper)
-        ):  # fmt: skip
-            table[name] = (self.proof.parameters.cutoff * (cost / each) ** (1 / p)).tolist()
+        for name, cost, sign in (
+            ("tgospa", traced.parts.sum(axis=0), 0),
+            ("lower_bound", traced.lower, -1),
+            ("upper_bound", traced.upper, 1),
+        ):
+            value = self.proof.parameters.cutoff * (cost / each) ** (1 / p)
+            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
         for name, cost in zip(names, traced.parts, strict=True):
             table[name] = (self.scale * cost / each).tolist()
         return table
@@ -328,6 +349,7 @@ class Summary(ABC):
             "upper_bound": self.upper_bound,
             "relative_gap": self.relative_gap,
             "certified": self.certified,
+            "within_rounding": self.within_rounding,
             "localisation": self.localisation,
             "missed": self.missed,
             "false": self.false,
@@ -362,11 +384,13 @@ class Summary(ABC):
     @property
     def proven(self) -> str:
         """How the value is known, in words."""
+        if self.within_rounding:
+            lower, upper = self.quantity(self.lower_bound), self.quantity(self.upper_bound)
+            return f"within the rounding of the distances: proven to be between {lower} and {upper}"
         if self.certified:
             # No more than 12 digits: the last ones are rounding and differ between machines.
             digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
-            agree = f"to {digits} digits" if digits >= 1 else "within rounding"
-            return f"exact: proven lower and upper bound agree {agree}"
+            return f"exact: proven lower and upper bound agree to {digits} digits"
         return f"proven (the totals differ by {100 * self.relative_gap:.2g}%)"
 
     @property
@@ -397,6 +421,16 @@ class Summary(ABC):
             costs={name: per_step[name] for name in names},
             ends=(str(times[0]), str(times[-1])),
         )
+
+
+def outward(value: float, sign: int, error: float = 0.0) -> float:
+    """The value moved down (-1) or up (1) by more than a power and products are off by.
+
+    `error` is a relative one beside these.
+    """
+    if not value:
+        return 0.0
+    return math.nextafter(value * (1 + sign * (2 * POWER + error)), sign * math.inf)
 
 
 def _count(number: float | None) -> str:

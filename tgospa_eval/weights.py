@@ -10,8 +10,9 @@ from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.slots import PART, Slots, changed, divided, parts
 from tgospa_eval.states import States
 
-ONE = 1 << 50
-"""The integer that stands for the weight 1."""
+ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
+"""The integer that stands for the weight 1: fractional optima have small denominators, and those up
+to 18 are exact. Near 2^50, so that sums of some thousand weights fit, and doubles hold each."""
 
 SNAP = ONE * 1e-9
 """Weights this near to 0 or 1 are meant to be 0 or 1."""
@@ -19,14 +20,10 @@ SNAP = ONE * 1e-9
 
 def repair(states: States, weights: Floats) -> Ints:
     """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
-    return repaired(states, weights)[0]
-
-
-def repaired(states: States, weights: Floats) -> tuple[Ints, Ints]:
-    """What `repair` gives, and its sums over the column slots."""
     whole = np.empty(len(weights), np.int64)
     whole_weights(weights, whole)
-    return whole, make_feasible(states, whole)
+    make_feasible(states, whole)
+    return whole
 
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
@@ -38,7 +35,7 @@ def whole_weights(weights: Floats, whole: Ints) -> None:
         fixed[fixed < SNAP] = 0
         fixed[fixed > ONE - SNAP] = ONE
         whole[part] = 0
-        whole[part][used] = fixed
+        whole[part][used] = np.rint(fixed)
 
 
 def make_feasible(states: States, weights: Ints) -> Ints:

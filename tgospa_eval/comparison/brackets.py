@@ -13,37 +13,27 @@ class Bracket:
     ----------
     lower, upper : float
         The bounds.
-    allowance : float
-        What rounding may have done to either.
     """
 
     lower: float
     upper: float
-    allowance: float = 0.0
 
 
 def overlap(first: Bracket, second: Bracket) -> bool:
-    """Whether both can hold the same value, but for rounding."""
-    room = first.allowance + second.allowance
-    return first.lower <= second.upper + room and second.lower <= first.upper + room
+    """Whether both can hold the same value."""
+    return first.lower <= second.upper and second.lower <= first.upper
 
 
 def less(first: Bracket, second: Bracket) -> bool:
-    """Whether the first value is proven to be below the second: beyond rounding."""
-    return first.upper + first.allowance + second.allowance < second.lower
+    """Whether the first value is proven to be below the second."""
+    return first.upper < second.lower
 
 
 def narrowest(brackets: Sequence[Bracket]) -> Bracket:
-    """What all brackets of one value say together: the largest lower and the least upper bound.
-
-    Where they contradict each other by no more than rounding the upper bound is both.
-    """
-    lower = max(bracket.lower for bracket in brackets)
-    upper = min(bracket.upper for bracket in brackets)
+    """What all brackets of one value say together: the largest lower and the least upper bound."""
     return Bracket(
-        lower=min(lower, upper),
-        upper=upper,
-        allowance=max(bracket.allowance for bracket in brackets),
+        lower=max(bracket.lower for bracket in brackets),
+        upper=min(bracket.upper for bracket in brackets),
     )
 
 

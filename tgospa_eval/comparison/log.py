@@ -39,7 +39,7 @@ RUN = {
     "epsilon": (*NUMBER, type(None)),
     "finished": bool,
 }
-PROVEN = dict.fromkeys(("lower", "upper", "allowance", "iterations", "seconds", *PARTS), NUMBER)
+PROVEN = dict.fromkeys(("lower", "upper", "iterations", "seconds", *PARTS), NUMBER)
 FAILED = dict.fromkeys(PROVEN, type(None))
 """What a record must hold, that of a scene that could be made, each run, one with a bracket."""
 

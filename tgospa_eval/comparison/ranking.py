@@ -230,12 +230,11 @@ def _pair(
     count = len(pairs)
     steps = [_signs(*_joined(b, a)) for a, b in pairs]
     totals = [_mean([item.bracket for item in entrant.outcomes]) for entrant in entrants]
-    allowance = sum(total.allowance for total in totals)
     return {
         "first": first.name,
         "second": second.name,
         "verdict": "less" if less(*normal) else "not separated",
-        "opposed": totals[1].upper + allowance < totals[0].upper,
+        "opposed": totals[1].upper < totals[0].upper * (1 - EQUAL),
         "per_step": {
             "total": [normal[1].lower - normal[0].upper, normal[1].upper - normal[0].lower],
             **{
@@ -337,7 +336,6 @@ def _scaled(bracket: Bracket, factor: float) -> Bracket:
     return Bracket(
         lower=bracket.lower * factor,
         upper=bracket.upper * factor,
-        allowance=bracket.allowance * factor,
     )
 
 
@@ -345,5 +343,4 @@ def _mean(brackets: Sequence[Bracket]) -> Bracket:
     return Bracket(
         lower=float(np.mean([bracket.lower for bracket in brackets])),
         upper=float(np.mean([bracket.upper for bracket in brackets])),
-        allowance=float(np.mean([bracket.allowance for bracket in brackets])),
     )

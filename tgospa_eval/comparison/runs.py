@@ -89,12 +89,8 @@ def called(solver: str, epsilon: float | None) -> str:
 
 def bracket_of(result: Summary) -> Bracket:
     """The proven bounds of the total, as costs."""
-    bounds, scale = result.proof.bounds, result.scale
-    return Bracket(
-        lower=scale * bounds.lower,
-        upper=scale * bounds.upper,
-        allowance=scale * bounds.allowance,
-    )
+    lower, upper = result.total_bounds
+    return Bracket(lower=lower, upper=upper)
 
 
 def failed(solver: Solver, error: BaseException) -> Run:

@@ -46,13 +46,13 @@ class Comparison:
         """Proven: the run's total is at most so much, relative, above the true one."""
         if self.referee is None or run.bracket is None:
             return None
-        return excess(run.bracket.upper - run.bracket.allowance, self.referee.lower)
+        return excess(run.bracket.upper, self.referee.lower)
 
     def lower_error(self, run: Run) -> float | None:
         """Proven: the run's lower bound of the total is at most so much, relative, below it."""
         if self.referee is None or run.bracket is None:
             return None
-        return shortfall(run.bracket.lower + run.bracket.allowance, self.referee.upper)
+        return shortfall(run.bracket.lower, self.referee.upper)
 
 
 def compare_solvers(

@@ -177,7 +177,6 @@ def _recorded(made: Run) -> Document:
         "epsilon": made.epsilon,
         "lower": None if bracket is None else bracket.lower,
         "upper": None if bracket is None else bracket.upper,
-        "allowance": None if bracket is None else bracket.allowance,
         **made.parts,
         "iterations": made.iterations,
         "finished": made.finished,
@@ -281,7 +280,7 @@ def spread(values: Sequence[float]) -> Document:
 def _run(made: Document) -> Run:
     bracket = None
     if made["upper"] is not None:
-        bracket = Bracket(lower=made["lower"], upper=made["upper"], allowance=made["allowance"])
+        bracket = Bracket(lower=made["lower"], upper=made["upper"])
     return Run(
         solver=made["solver"], epsilon=made["epsilon"], bracket=bracket, tgospa=None,
         lower_bound=None, parts={}, counts={}, status=made["status"], finished=made["finished"],

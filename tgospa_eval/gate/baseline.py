@@ -67,12 +67,11 @@ def measure(result: Summary) -> dict[Key, Value]:
 
 
 def _measure(result: Summary, klass: str | None = None) -> dict[Key, Value]:
-    lower = result.scale * result.proof.bounds.lower
     normalised = result.normalised["tgospa"]
-    share = normalised / result.upper_bound if result.upper_bound > 0 else 0.0
+    share = normalised / result.tgospa if result.tgospa > 0 else 0.0
     brackets = {
-        "total": (lower, result.total, result.scale),
-        "tgospa": (result.lower_bound, result.upper_bound, 1.0),
+        "total": (result.total_bounds[0], result.total, result.scale),
+        "tgospa": (result.lower_bound, result.tgospa, 1.0),
         "normalised.tgospa": (min(share * result.lower_bound, normalised), normalised, 1.0),
     }
     found = {
@@ -264,7 +263,7 @@ def _agree(values: dict[str, float], order: Any, where: str) -> None:
     """
     total = values["total"]
     upper = values.get("upper_bound", values["tgospa"])
-    if values["tgospa"] != upper:
+    if not math.isclose(values["tgospa"], upper, rel_tol=AGREE):
         wrong = "tgospa is not upper_bound"
     elif values.get("lower_bound", 0.0) > upper:
         wrong = "lower_bound is above upper_bound"

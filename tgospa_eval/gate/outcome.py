@@ -211,12 +211,16 @@ def _parts(values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
 
 
 def texts(*numbers: float) -> list[str]:
-    """The numbers with so many digits that those which differ look different."""
-    for digits in (7, 10, 13):
+    """The numbers with so many digits that those which differ look different.
+
+    The last places are those of outward rounding.
+    """
+    differ = len({f"{number:.12g}" for number in numbers})
+    for digits in (7, 10):
         found = [f"{number:.{digits}g}" for number in numbers]
-        if len({*found}) == len({*numbers}):
+        if len({*found}) == differ:
             return found
-    return [repr(number) for number in numbers]
+    return [f"{number:.12g}" for number in numbers]
 
 
 def _remedy(result: Summary) -> str:

@@ -123,7 +123,7 @@ class Ascent:
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & is_wide(self.gap, self.cost, self.alone, gap)
+        return self.open & is_wide(self.gap, self.cost, gap)
 
     def look(self, prices: Floats) -> Floats:
         """Bound of each block at the prices, (B,)."""

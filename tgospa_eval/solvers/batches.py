@@ -7,21 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.result import Solution
+from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
-from tgospa_eval.solvers.rounding import polish
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.offers import Offer
-
-LATE = "stopped by the time limit"
-"""Status of what had no time left."""
 
 SIZE = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
@@ -37,6 +33,8 @@ class Batch:
         The blocks.
     wanted : (B,) bool array
         Which to solve.
+    quickly : (B,) bool array
+        Others, that are solved if that takes no time; they are open otherwise.
     weights, prices : (S,), (K,) float arrays
         Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
     deadline : float, optional
@@ -46,7 +44,8 @@ class Batch:
     """
 
     states: States
-    wanted: NDArray[np.bool_]
+    wanted: Mask
+    quickly: Mask
     weights: Floats
     prices: Floats
     deadline: float | None
@@ -82,8 +81,6 @@ class Answer:
         ``lower`` and ``upper`` of the blocks, less those of leaving all unassigned.
     left : int array
         Blocks that were not trivial.
-    wide : int array
-        Those of them that may not be exact, for `polish`.
     """
 
     iterations: int = 0
@@ -94,7 +91,6 @@ class Answer:
     seconds: dict[str, float] = field(default_factory=dict)
     history: tuple[dict[str, float], ...] = ()
     left: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
-    wide: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 Trivial = Callable[[States, Floats, Floats], Ints]
@@ -111,6 +107,7 @@ def solve_in_batches(
     time_limit: float | None,
     jobs: int | None,
     offered: "Offer | None" = None,
+    tries: bool = False,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -132,22 +129,52 @@ def solve_in_batches(
         Threads, all cores by default.
     offered : Offer, optional
         What may solve some blocks already.
+    tries : bool
+        Whether `solve` looks at blocks that are only to be tried.
     """
+
+    def base(inner: States, wanted: Mask, quickly: Mask, deadline: float | None) -> Solution:
+        own = offered if inner is states else None
+        return _solve_some(
+            inner, wanted, quickly, trivial, solve, stopwatch, deadline, jobs, own, tries=tries
+        )
+
     deadline = None if time_limit is None else time.monotonic() + time_limit
+    return solve_at_fitting_cutoffs(states, base, gap=gap, deadline=deadline)
+
+
+def _solve_some(
+    states: States,
+    wanted: Mask,
+    quickly: Mask,
+    trivial: Trivial,
+    solve: Callable[[Batch], Answer],
+    stopwatch: Stopwatch,
+    deadline: float | None,
+    jobs: int | None,
+    offered: "Offer | None",
+    *,
+    tries: bool,
+) -> Solution:
+    """The wanted blocks batch by batch, and those of the others that are `quickly` solved."""
     weights = np.zeros(len(states.begin))
     prices = np.zeros(len(states.columns.step))
 
     def work(cut: tuple[int, int]) -> Answer:
+        blocks = slice(*cut)
+        if not (wanted[blocks].any() or quickly[blocks].any()):
+            return Answer()
         part, state, slot = states.between(*cut)
         batch = Batch(
             states=part,
-            wanted=np.zeros(len(part.block_begin), bool),
+            wanted=wanted[blocks].copy(),
+            quickly=quickly[blocks],
             weights=weights[state],
             prices=prices[slot],
             deadline=deadline,
             offered=None if offered is None else offered.between(state, slot),
         )
-        answer = _answer(batch, trivial, solve, gap)
+        answer = _answer(batch, trivial, solve, tries=tries)
         part.forget()
         return answer
 
@@ -164,6 +191,9 @@ def solve_in_batches(
     _book(stopwatch, answers, time.perf_counter() - begin)
 
     missing = sum(len(answer.open) for answer in answers)
+    open_ = np.zeros(len(states.block_begin), bool)
+    for (low, _), answer in zip(cuts, answers, strict=True):
+        open_[low + answer.open] = True
     # What is worth telling, if batches ended differently: what kept one from being solved.
     told = [a.status for a in answers if len(a.left) and (len(a.open) or not missing)] or ["solved"]
     status = next((s for s in told if s not in ("solved", "the bracket is met")), told[0])
@@ -177,30 +207,36 @@ def solve_in_batches(
         finished=not missing,
         history=_merge(states, cuts, answers, weights),
         disposable=True,
+        missing=open_,
     )
 
 
-def _answer(batch: Batch, trivial: Trivial, solve: Callable[[Batch], Answer], gap: float) -> Answer:
-    """Solve a batch whose `wanted` are not known yet."""
-    states = batch.states
+def _answer(
+    batch: Batch, trivial: Trivial, solve: Callable[[Batch], Answer], *, tries: bool
+) -> Answer:
+    """Solve a batch, of the wanted blocks those that are not trivial."""
+    states, quickly = batch.states, batch.quickly
     begin = time.perf_counter()
     left = trivial(states, batch.weights, batch.prices)
-    batch.wanted[left] = True
+    not_trivial = np.zeros(len(quickly), bool)
+    not_trivial[left] = True
+    batch.wanted[:] &= not_trivial
+    if quickly.any():  # gains near 1 have lost the digits that decide
+        batch.weights[np.repeat(quickly[states.pair_block], np.diff(states.pair_first))] = 0.0
+        batch.prices[quickly[states.node_block[states.columns.node]]] = 0.0
     preparation = time.perf_counter() - begin
-    answer = solve(batch) if len(left) else Answer()
+    tried = tries and bool(quickly.any())
+    answer = solve(batch) if tried or batch.wanted.any() else Answer()
+    if quickly.any() and not tried:
+        open_ = quickly.copy()
+        open_[answer.open] = True
+        answer = replace(answer, open=np.flatnonzero(open_))
     begin = time.perf_counter()
     settle(states, batch.wanted, batch.weights)
-    closed = polish(states, batch.weights, batch.prices, answer.wide, gap, batch.late)
-    missing = answer.open[~np.isin(answer.open, closed)] if len(closed) else answer.open
     spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
     for name, seconds in answer.seconds.items():
         spent[name] = spent.get(name, 0.0) + seconds
-    return replace(
-        answer,
-        seconds=spent,
-        open=missing,
-        status="solved" if len(answer.open) and not len(missing) else answer.status,
-    )
+    return replace(answer, seconds=spent)
 
 
 def _cores() -> int:

@@ -11,9 +11,9 @@ import numpy as np
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.result import Solution
+from tgospa_eval.result import LATE, Solution
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
-from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
@@ -105,12 +105,14 @@ class Certified:
             time_limit=self.time_limit,
             jobs=self.jobs,
             offered=offered,
+            tries=bool(kernels),
         )
 
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
-        ascent = Ascent(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
+        tried = batch.wanted | batch.quickly
+        ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
@@ -121,6 +123,8 @@ class Certified:
                 ascent.offer_weights(weights)
         ascent.keep(ascent.wide(self.gap))
         left = np.flatnonzero(ascent.open)
+        too_far = ascent.open & batch.quickly
+        ascent.keep(ascent.open & ~too_far)
         near = batch.offered is not None and batch.offered.near
         if near:
             ascent.soft[:] = ascent.prices
@@ -143,13 +147,12 @@ class Certified:
         if near:
             programmes.run(FAR, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
-        wide = ascent.wide(self.gap)
+        wide = ascent.wide(self.gap) | too_far
         return Answer(
             iterations=iterations + programmes.iterations,
             status=(LATE if batch.late() else "not solved") if wide.any() else "solved",
             open=np.flatnonzero(wide),
             left=left,
-            wide=np.flatnonzero(wide),
             work=ascent.work,
             sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds, "lp": programmes.seconds},

@@ -6,7 +6,8 @@ import numpy as np
 
 from tgospa_eval.paths import best_values
 from tgospa_eval.problem import Floats, sum_by
-from tgospa_eval.solvers.batches import LATE, Answer, Batch
+from tgospa_eval.result import LATE
+from tgospa_eval.solvers.batches import Answer, Batch
 from tgospa_eval.solvers.kernels import best_paths, better, price_cap
 from tgospa_eval.solvers.residual import residual
 from tgospa_eval.states import States
@@ -35,7 +36,6 @@ def solve_contest(batch: Batch) -> Answer:
         status=late if unsolved else "solved",
         open=np.array(unsolved, np.int64),
         left=np.flatnonzero(batch.wanted),
-        wide=np.flatnonzero(batch.wanted),
         seconds={"lp": time.perf_counter() - begin},
     )
 

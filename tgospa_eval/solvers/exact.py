@@ -13,8 +13,8 @@ import numpy as np
 from scipy import sparse
 
 from tgospa_eval.errors import SolverError
-from tgospa_eval.result import Solution
-from tgospa_eval.solvers.batches import LATE, Answer, Batch, solve_in_batches
+from tgospa_eval.result import LATE, Solution
+from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.kernels import (
     better,
     check_time_limit,
@@ -111,7 +111,6 @@ def _solve_blocks(batch: Batch) -> Answer:
         status=statuses[0] if statuses else "solved",
         open=np.array(open_blocks, np.int64),
         left=np.flatnonzero(batch.wanted),
-        wide=np.flatnonzero(batch.wanted),
         seconds=seconds,
     )
 

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.paths import best_values, regrets, turns
+from tgospa_eval.paths import best_values, turns
 from tgospa_eval.problem import Floats, sum_by
-from tgospa_eval.result import ROUNDING
 from tgospa_eval.states import States
-from tgospa_eval.weights import ONE, changes, repair, repaired
+from tgospa_eval.weights import ONE, changes, repair
 
 DEAR = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
@@ -146,28 +145,15 @@ def block_costs(states: States, weights: Floats) -> Floats:
     return total
 
 
-def proven(states: States, weights: Floats, prices: Floats) -> tuple[Floats, Floats]:
-    """Cost of each block, and how wide the bracket of its assignment and prices is, (B,), (B,).
-
-    As `tgospa_eval.result.certify` has it, block by block.
-    """
-    whole, loads = repaired(states, weights)
-    value = -states.columns.totals(prices)
-    width = sum_by(states.node_block, regrets(states, value, whole), len(states.block_begin))
-    idle = prices * (ONE - loads) / ONE
-    width += sum_by(states.node_block[states.columns.node], idle, len(width))
-    return block_costs(states, weights), width
-
-
 def better(states: States, first: Floats, second: Floats) -> Floats:
     """Block by block the better of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(wins[states.pair_block[states.pair]], second, first)
 
 
-def is_wide(width: Floats, cost: Floats, alone: Floats, gap: float) -> NDArray[np.bool_]:
-    """Whether the bracket of each block is wider than `gap`, relative, and than rounding allows."""
-    return width > np.maximum(gap * cost, ROUNDING * alone)
+def is_wide(width: Floats, cost: Floats, gap: float) -> NDArray[np.bool_]:
+    """Whether the bracket of each block is wider than `gap`, relative."""
+    return width > gap * cost
 
 
 def check_gap(gap: float) -> float:

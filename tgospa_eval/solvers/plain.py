@@ -57,7 +57,7 @@ class PlainAscent:
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & is_wide(self.gap, self.cost, self.alone, gap)
+        return self.open & is_wide(self.gap, self.cost, gap)
 
     def stage(
         self, epsilon: float, sweeps: int, _: float, late: Callable[[], bool]

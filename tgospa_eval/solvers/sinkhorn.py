@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.result import Solution
+from tgospa_eval.result import LATE, Solution
 from tgospa_eval.solvers.ascent import Ascent
-from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
@@ -125,7 +125,6 @@ class Sinkhorn:
             status=status,
             open=np.flatnonzero(ascent.open) if status == LATE else np.zeros(0, np.int64),
             left=np.flatnonzero(wanted),
-            wide=np.flatnonzero(ascent.open),
             work=ascent.work,
             sweeping=ascent.sweeping,
             seconds={"preparation": preparation, **ascent.seconds},

@@ -1,0 +1,220 @@
+"""Blocks of which the cutoff is far above the errors are solved at a smaller cutoff.
+
+Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
+a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
+of the whole is said in `tgospa_eval.reduced`. Nothing here is trusted: the certificate evaluates
+the prices at the cutoff that they are for, and the assignment at that of the user.
+"""
+
+import time
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
+from tgospa_eval.problem import Floats, sum_by
+from tgospa_eval.reduced import reduce_cutoff
+from tgospa_eval.result import LATE, Reduced, Solution
+from tgospa_eval.solvers.kernels import block_costs
+from tgospa_eval.solvers.offers import keep, offer
+from tgospa_eval.states import States
+from tgospa_eval.weights import repair
+
+FAR = 2.0**-8
+"""At a fraction of c^p up to this, a smaller cutoff is chosen before anything else is tried."""
+
+NEAR = 2.0**-2
+"""Fractions above this are no different from 1."""
+
+ROOM = 16.0
+"""A cutoff price fits that is so many times the largest cost that cannot be avoided."""
+
+STEP = 64.0
+"""By how much a cutoff price grows that turned out too small."""
+
+Mask = NDArray[np.bool_]
+
+
+class Base(Protocol):
+    """Solves some blocks (B,) of a problem at its own cutoff."""
+
+    def __call__(
+        self, states: States, wanted: Mask, quickly: Mask, deadline: float | None, /
+    ) -> Solution:
+        """Solve the wanted blocks, and those of the others that are `quickly` solved.
+
+        `Solution.missing` says which were not solved.
+        """
+
+
+def solve_at_fitting_cutoffs(
+    states: States, base: Base, *, gap: float, deadline: float | None
+) -> Solution:
+    """Solve each block at its cutoff, or at a smaller one where that is far above its costs.
+
+    Parameters
+    ----------
+    states : States
+        The problem.
+    base : Base
+        Solves at the cutoff as it is.
+    gap : float
+        Relative gap that counts as exact.
+    deadline : float, optional
+        On the clock of `time.monotonic`.
+    """
+    scale = fitting_scales(states)
+    found = base(states, scale == 1, scale < 1, deadline)
+    missing = found.missing
+    if not missing.any() or states.problem.pair_price is None:
+        return found
+    scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))
+    if not (missing & (scale < 1)).any():
+        return found
+    ladder = _Ladder(states, found, base, gap, deadline)
+    ladder.climb(np.where(missing, scale, 1.0))
+    return ladder.solution()
+
+
+def fitting_scales(states: States) -> Floats:
+    """A cutoff price for each block, as a fraction of c^p, a power of 2; 1 where c^p is no other.
+
+    No assignment costs less than the cheapest pair of any object at any step, if it has one. At
+    a few times the largest of these costs an object may be left out, but not for nothing.
+    """
+    problem = states.problem
+    blocks = len(states.block_begin)
+    if problem.pair_price is None or not len(problem.cost):
+        return np.ones(blocks)
+    most = np.zeros(blocks)
+    for name in ("truth", "estimate"):
+        row, track = getattr(problem, f"{name}_row"), getattr(problem, f"{name}_track")
+        least = np.full(len(track), np.inf)
+        np.minimum.at(least, row, problem.cost)
+        near = np.flatnonzero(least < np.inf)
+        np.maximum.at(most, block_of_tracks(states, name)[track[near]], least[near])
+    most = np.where(most > 0, most, np.max(problem.switch_price, initial=0.0))
+    return _powers(most, FAR)
+
+
+def _scales_of_costs(states: States, weights: Floats) -> Floats:
+    """The same from the largest cost of an assignment in each block."""
+    problem = states.problem
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0.01))
+    most = np.zeros(len(states.block_begin))
+    block = states.pair_block[np.searchsorted(states.pair_first, used, side="right") - 1]
+    np.maximum.at(most, block, problem.cost[states.entry[used]])
+    return _powers(most, NEAR)
+
+
+def _powers(most: Floats, largest: float) -> Floats:
+    """The next power of 2 above ROOM times each cost; 1 where that is beyond the largest, or 0."""
+    scale = np.ldexp(1.0, np.frexp(ROOM * np.minimum(most, 1.0))[1])
+    return np.where((most > 0) & (scale <= largest), scale, 1.0)
+
+
+class _Ladder:
+    """Cutoffs that grow until they fit, and the best that was found on the way."""
+
+    def __init__(
+        self, states: States, found: Solution, base: Base, gap: float, deadline: float | None
+    ) -> None:
+        self.states, self.found, self.base = states, found, base
+        self.gap, self.deadline = gap, deadline
+        self.weights, self.prices = found.weights, found.prices
+        self.missing, self.iterations = found.missing.copy(), found.iterations
+        self.cost = block_costs(states, self.weights)
+        self.lower = np.full(len(self.cost), -np.inf)
+        self.parts: list[Reduced] = []
+
+    def climb(self, scale: Floats) -> None:
+        """Solve the blocks whose scale is below 1, first there, then at larger ones."""
+        pending = scale < 1
+        while pending.any() and not self._late():
+            size = float(scale[pending].min())
+            chosen = pending & (scale == size)
+            pending &= ~(chosen & self._attempt(chosen, size))
+            scale[chosen] *= STEP
+            last = pending & (scale > NEAR)
+            if last.any():
+                self._solve_directly(last)
+                pending &= ~last
+
+    def solution(self) -> Solution:
+        """Everything that was found."""
+        count, late = int(self.missing.sum()), self._late()
+        status = f"{LATE if late else 'not solved'} ({count} of {len(self.missing)} components)"
+        return replace(
+            self.found,
+            weights=self.weights,
+            prices=self.prices,
+            status=status if count else "solved",
+            iterations=self.iterations,
+            finished=not count,
+            missing=self.missing,
+            history=(),
+            reduced=tuple(part for part in self.parts if part.blocks.any()),
+        )
+
+    def _late(self) -> bool:
+        return self.deadline is not None and time.monotonic() > self.deadline
+
+    def _attempt(self, chosen: Mask, scale: float) -> Mask:
+        """Solve at one smaller cutoff; where no larger one would do better."""
+        states = self.states
+        reduced = reduce_cutoff(states, chosen, scale)
+        found = solve_at_fitting_cutoffs(reduced, self.base, gap=self.gap, deadline=self.deadline)
+        self.iterations += found.iterations
+        whole = repair(reduced, found.weights)
+        offered = offer(states, (keep(reduced, whole, scale * found.prices),), (1.0,))
+        part = Reduced(states=reduced, blocks=chosen, scale=scale, solution=found)
+
+        blocks, home = len(chosen), home_blocks(states, reduced)
+        rest = of_whole(states, part, np.zeros(len(home)))
+        inner = lower_bounds(reduced, found.prices, found.reduced)
+        lower = rest + scale * sum_by(home, inner, blocks)
+        own = rest + scale * sum_by(home, block_costs(reduced, found.weights), blocks)
+        self._take(chosen, offered.weights[0], offered.prices)
+        self._prove(chosen & (lower > self.lower), lower, part)
+        width = self.cost - self.lower
+        met = width <= self.gap * self.cost
+        missing = sum_by(home, found.missing.astype(np.float64), blocks) > 0
+        self.missing[chosen] = missing[chosen]
+        # What is open at the smaller cutoff alone stays open at any.
+        fits: Mask = met | (own - lower > 0.5 * width)
+        return fits
+
+    def _solve_directly(self, chosen: Mask) -> None:
+        """Solve at the cutoff as it is."""
+        found = self.base(self.states, chosen, ~chosen & False, self.deadline)
+        self.iterations += found.iterations
+        prices = np.where(self._slots_of(chosen), found.prices, 0.0)
+        lower = lower_bounds(self.states, prices)
+        wins = chosen & (lower > self.lower)
+        self._take(chosen, found.weights, np.where(self._slots_of(wins), prices, self.prices))
+        self._prove(wins, lower, None)
+        self.missing[chosen] = found.missing[chosen]
+
+    def _take(self, chosen: Mask, weights: Floats, prices: Floats) -> None:
+        """Use the weights where they cost less, and the prices."""
+        states = self.states
+        size = np.diff(states.pair_first)
+        mixed = np.where(np.repeat(chosen[states.pair_block], size), weights, self.weights)
+        cost = block_costs(states, mixed)
+        wins = chosen & (cost < self.cost)
+        self.weights = np.where(np.repeat(wins[states.pair_block], size), weights, self.weights)
+        self.cost = np.where(wins, cost, self.cost)
+        self.prices = np.where(self._slots_of(chosen), prices, self.prices)
+
+    def _prove(self, wins: Mask, lower: Floats, part: Reduced | None) -> None:
+        """Let a part, or the prices at the cutoff itself, stand for these blocks."""
+        self.lower = np.where(wins, lower, self.lower)
+        self.parts = [replace(other, blocks=other.blocks & ~wins) for other in self.parts]
+        if part is not None:
+            self.parts.append(replace(part, blocks=wins))
+
+    def _slots_of(self, chosen: Mask) -> Mask:
+        states = self.states
+        return np.repeat(chosen[states.node_block], np.diff(states.columns.first))
