@@ -52,6 +52,12 @@ ROUNDS = 200
 DENOMINATOR = 400
 """Largest denominator that a weight of a vertex is taken to have."""
 
+SUPPORT = 1e-7
+"""Weights above this are meant to be there."""
+
+TINIEST = 40
+"""Most states of pairs for which the textbook simplex is tried."""
+
 
 class RefereeError(Exception):
     """The referee itself found no answer."""
@@ -215,7 +221,7 @@ def assignment_cost(costs: Costs, weights: Array, whole: int) -> int:
 
 def dual_bound(costs: Costs, b: Array, g: Array) -> int:
     """Value of the dual of any b (T, n) and g (T - 1, m, n), made feasible, with the best a."""
-    m, n = costs.low.shape[1] - 1, costs.low.shape[2] - 1
+    _, m, n = sizes(costs)
     b = np.minimum(b, costs.low[:, m, :n])
     a = costs.low[:, :m, n]
     if n:
@@ -225,7 +231,7 @@ def dual_bound(costs: Costs, b: Array, g: Array) -> int:
 
 def reduced(costs: Costs, b: Array, g: Array) -> Array:
     """D_ij(k) - b_j(k) - g_ij(k - 1) + g_ij(k) of feasible g, (T, m, n)."""
-    m, n = costs.low.shape[1] - 1, costs.low.shape[2] - 1
+    _, m, n = sizes(costs)
     left = costs.low[:, :m, :n] - b[:, None, :]
     g = np.maximum(np.minimum(g, costs.switch[0]), -costs.switch[0])
     left[1:] -= g
@@ -340,6 +346,44 @@ class _Programme:
         return np.array(answer.col_value), np.array(answer.row_dual)
 
 
+class _Dual:
+    """Numbers a, b and g of the dual, integers, not yet feasible."""
+
+    def __init__(self, costs: Costs) -> None:
+        steps, m, n = sizes(costs)
+        self.costs = costs
+        self.a, self.b = np.zeros((steps, m), object), np.zeros((steps, n), object)
+        self.g = np.zeros((steps - 1, m, n), object)
+
+    def rest(self) -> Array:
+        """Exact reduced costs of the columns of `matrix`."""
+        low, price = self.costs.low, self.costs.switch[0]
+        pairs = low[:, :-1, :-1] - self.a[:, :, None] - self.b[:, None, :]
+        pairs[1:] -= self.g
+        pairs[:-1] += self.g
+        parts = (
+            pairs,
+            low[:, :-1, -1] - self.a,
+            low[:, -1, :-1] - self.b,
+            price + self.g,
+            price - self.g,
+        )
+        return np.concatenate([part.ravel() for part in parts])
+
+    def correct(self, step: Array) -> None:
+        """Add to all."""
+        a, b, g = np.split(step, np.cumsum([self.a.size, self.b.size]))
+        self.a = self.a + a.reshape(self.a.shape)
+        self.b = self.b + b.reshape(self.b.shape)
+        self.g = self.g + g.reshape(self.g.shape)
+
+
+def sizes(costs: Costs) -> tuple[int, int, int]:
+    """T, m, n."""
+    steps, m, n = costs.low.shape
+    return steps, m - 1, n - 1
+
+
 def solve(costs: Costs, width: Fraction = Fraction(0)) -> Optimum:
     """Bracket of the optimum, of relative width at most `width`, beside that of the costs.
 
@@ -354,55 +398,49 @@ def solve(costs: Costs, width: Fraction = Fraction(0)) -> Optimum:
     RefereeError
         The bracket stayed wider.
     """
-    steps, m, n = costs.low.shape[0], costs.low.shape[1] - 1, costs.low.shape[2] - 1
+    steps, m, n = sizes(costs)
     if not (steps and m and n):
         alone = (Fraction(int(table.sum())) for table in (costs.low, costs.high))
         return Optimum(costs, *alone)
-    programme = _Programme(steps, m, n)
-    slack = np.concatenate((costs.low[:, :m, n].ravel(), costs.low[:, m, :n].ravel()))
-    a, b = np.zeros((steps, m), object), np.zeros((steps, n), object)
-    g = np.zeros((max(steps - 1, 0), m, n), object)
-    nearer = costs.low[:, :m, :n][costs.high[:, :m, :n] < costs.cutoff[0] // 2]
-    level = int(max(nearer, default=0)) or costs.cutoff[0]
-    # The costs are enclosures: a programme of lower ones is not worth solving more precisely.
-    blur = int((costs.high - costs.low).sum()) + (costs.switch[1] - costs.switch[0]) * 2 * g.size
-    best: list[Fraction | None] = [None, None]
+    programme, dual = _Programme(steps, m, n), _Dual(costs)
+    # Lower costs than the true ones are not worth solving more precisely than they are known.
+    blur = int((costs.high - costs.low).sum()) + _blur_of_switches(costs)
+    rest, level = dual.rest(), _first_level(costs)
+    found = Optimum(costs, Fraction(0), Fraction(int(costs.high.sum())))
     for _ in range(ROUNDS):
-        left = costs.low[:, :m, :n] - a[:, :, None] - b[:, None, :]
-        left[1:] -= g
-        left[:-1] += g
-        ends = slack - np.concatenate((a.ravel(), b.ravel()))
-        price = costs.switch[0]
-        rest = np.concatenate((left.ravel(), ends, (price + g).ravel(), (price - g).ravel()))
-        if best[0] is not None:
-            level = max(int(-rest.min()), int(rest[support].max(initial=0)))
-            if not level:
-                break
         shift = max(level.bit_length() - RESOLUTION, 0)
-        seen = np.minimum(np.maximum(rest >> shift, -(2**CLAMP)), 2**CLAMP).astype(np.int64)
+        seen = np.clip(rest >> shift, -(2**CLAMP), 2**CLAMP).astype(np.int64)
         columns, duals = programme.solve(seen * 2.0**-RESOLUTION)
-        support = np.flatnonzero(columns > 1e-7)
-        step = np.rint(duals * 2.0**RESOLUTION).astype(np.int64).astype(object) << shift
-        a = a + step[: a.size].reshape(a.shape)
-        b = b + step[a.size : a.size + b.size].reshape(b.shape)
-        g = g + step[a.size + b.size :].reshape(g.shape)
-        upper = Fraction(*_value(costs, columns[: left.size].reshape(left.shape)))
-        lower = Fraction(dual_bound(costs, b, g))
-        best[0] = lower if best[0] is None else max(best[0], lower)
-        best[1] = upper if best[1] is None else min(best[1], upper)
-        if best[1] - best[0] <= max(width * best[1], blur):
+        step = np.rint(duals * 2.0**RESOLUTION).astype(np.int64).astype(object)
+        dual.correct(step << shift)
+        value = _value(costs, columns[: steps * m * n].reshape(steps, m, n))
+        bound = Fraction(dual_bound(costs, dual.b, dual.g))
+        found = Optimum(costs, max(found.lower, bound), min(found.upper, value))
+        rest = dual.rest()
+        level = max(int(-rest.min()), int(rest[columns > SUPPORT].max(initial=0)))
+        if found.upper - found.lower <= max(width * found.upper, blur):
+            return found
+        if not level:  # nothing is wrong with the floats, only with weights that are no fractions
             break
-    found = Optimum(costs, *best)
-    if found.upper - found.lower > max(width * found.upper, blur):
-        if width == 0 and found.upper - found.lower and steps * m * n <= 40 and not blur:
-            value = simplex(costs)
-            return Optimum(costs, value, value)
-        raise RefereeError(f"a bracket of {found.width:.3g} is left open")
-    return found
+    if not blur and steps * m * n <= TINIEST:
+        return Optimum(costs, *[simplex(costs)] * 2)
+    raise RefereeError(f"a bracket of {found.width:.3g} is left open")
 
 
-def _value(costs: Costs, columns: Array) -> tuple[int, int]:
-    """Exact cost of the feasible assignment that the floats mean: numerator, denominator."""
+def _first_level(costs: Costs) -> int:
+    """The largest cost below that of leaving both unassigned: what the answer is likely made of."""
+    pairs = costs.high[:, :-1, :-1]
+    return int(pairs[pairs < costs.cutoff[0] // 2].max(initial=0)) or costs.cutoff[0]
+
+
+def _blur_of_switches(costs: Costs) -> int:
+    """What the enclosure of lambda leaves unknown, at most."""
+    steps, m, n = sizes(costs)
+    return (costs.switch[1] - costs.switch[0]) * (steps - 1) * m * n
+
+
+def _value(costs: Costs, columns: Array) -> Fraction:
+    """Exact cost of the feasible assignment that the floats mean."""
     broken = np.flatnonzero((columns > 1e-9) & (columns < 1 - 1e-9))
     meant = {
         at: Fraction(value).limit_denominator(DENOMINATOR)
@@ -421,15 +459,15 @@ def _value(costs: Costs, columns: Array) -> tuple[int, int]:
             line = tuple(slice(None) if d == axis else p for d, p in enumerate(place))
             at = int(np.argmax(weights[line]))
             weights[line][at] -= over[place]
-    return assignment_cost(costs, weights, whole), whole
+    return Fraction(assignment_cost(costs, weights, whole), whole)
 
 
 def simplex(costs: Costs) -> Fraction:
-    """The optimum by the two-phase simplex method of textbooks in rational numbers, Bland's rule.
+    """The optimum by the simplex method of textbooks in rational numbers, with Bland's rule.
 
     Shares nothing with `solve` but the costs and the matrix; for the tiniest instances.
     """
-    steps, m, n = costs.low.shape[0], costs.low.shape[1] - 1, costs.low.shape[2] - 1
+    steps, m, n = sizes(costs)
     start, row, value, count = matrix(steps, m, n)
     size = len(start) - 1
     tableau = [[Fraction(0)] * size for _ in range(count)]
@@ -447,9 +485,8 @@ def simplex(costs: Costs) -> Fraction:
         )
     ]
     # The last column and row of W, and P, are a feasible basis: nothing is assigned.
-    moves = range(steps * (m + n), count)
     basis = [steps * m * n + r for r in range(count)]
-    for r in moves:
+    for r in range(steps * (m + n), count):
         tableau[r] = [-x for x in tableau[r]]
     right = [Fraction(int(r < steps * (m + n))) for r in range(count)]
     return _pivot(tableau, right, basis, objective)
