@@ -129,12 +129,13 @@ def wild(rng: np.random.Generator) -> FarScene:
 def walks(
     rng: np.random.Generator, m: int, steps: int, c: float, p: float, gamma: float, error: float
 ) -> FarScene:
-    """Random walks with unit steps, from a square with one per unit of area; estimates with errors.
+    """Walks with unit steps in a square of 1, 4 or 9 per track; estimates with errors.
 
     The identities of two estimates are exchanged at every tenth step or so.
     """
-    first = rng.uniform(0, math.sqrt(m), (m, 2))
-    truth = first + np.cumsum(rng.normal(0, 1, (steps, m, 2)), axis=0)
+    side = math.sqrt(m) * rng.integers(1, 4)
+    free = rng.uniform(0, side, (m, 2)) + np.cumsum(rng.normal(0, 1, (steps, m, 2)), axis=0)
+    truth = np.abs((free + side) % (2 * side) - side)  # reflected at the borders
     estimate = truth + rng.normal(0, error, truth.shape)
     who = np.arange(m)
     for k in range(steps):
