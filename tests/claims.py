@@ -5,15 +5,19 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from exact_lp import Optimum, optimum
+from exact_lp import TINIEST, Optimum, optimum
 from far_scenes import FarScene
 
 from tgospa_eval import Certified, evaluate
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Result
 from tgospa_eval.solvers import Solver
 
 GAP = Fraction(1, 10**9)
 """A number called exact is within this fraction of the optimum, as costs."""
+
+LIMIT = 20.0
+"""Seconds for the certified solver on one scene."""
 
 NARROW = 1e-24
 """Width of the reference where it is not zero: instances that are not tiny."""
@@ -99,6 +103,17 @@ def judge(result: Result, scene: FarScene, reference: Optimum) -> Judgement:
     )
 
 
+def may_be_refused(reference: Optimum) -> bool:
+    """Whether some cost is so far below c^p that it may be no double in its units, or no whole one.
+
+    Such input may be refused with a message, instead of being computed in a safe form.
+    """
+    costs = reference.costs
+    numbers = {int(low) for low in costs.low.ravel()} | {costs.switch[0]}
+    smallest = min((number for number in numbers if number > 0), default=costs.cutoff[0])
+    return costs.cutoff[1] > smallest << 900
+
+
 def rounding_of(scene: FarScene) -> float:
     """The largest metric value that the last places of the coordinates can make."""
     pairs = min(scene.truth.shape[1], scene.estimate.shape[1]) * len(scene.truth)
@@ -122,28 +137,35 @@ def _number(share: Fraction) -> float:
         return math.inf
 
 
-def examine(
-    scene: FarScene, solver: Solver | None = None, width: float | None = None
-) -> tuple[Result, Judgement]:
-    """Evaluate the scene and judge it."""
-    solver = solver or Certified(time_limit=20.0, jobs=1)
-    result = evaluate(
+def claim(scene: FarScene, solver: Solver | None = None) -> Result:
+    """What is said of the scene; by default the certified solver says it."""
+    return evaluate(
         scene.truth,
         scene.estimate,
         scene.c,
         scene.p,
         scene.gamma,
         distance=scene.distance,
-        solver=solver,
+        solver=solver or Certified(time_limit=LIMIT, jobs=1),
     )
-    return result, judge(result, scene, reference_of(scene, width))
 
 
-def reference_of(scene: FarScene, width: float | None = None) -> Optimum:
-    """The optimum: exact for instances of at most 40 pairs of states, else to `NARROW`."""
+def judged(scene: FarScene, solver: Solver | None = None) -> Judgement | None:
+    """The judgement; None where the scene is refused, and may be."""
+    reference = reference_of(scene)
+    try:
+        result = claim(scene, solver)
+    except ConfigError:
+        if may_be_refused(reference):
+            return None
+        raise
+    return judge(result, scene, reference)
+
+
+def reference_of(scene: FarScene) -> Optimum:
+    """The optimum: exact for instances of few states, else to `NARROW`."""
     states = scene.truth.shape[0] * scene.truth.shape[1] * scene.estimate.shape[1]
-    if width is None:
-        width = 0.0 if states <= 40 else NARROW
+    width = 0.0 if states <= TINIEST else NARROW
     return optimum(
         scene.truth, scene.estimate, scene.c, scene.p, scene.gamma, scene.distance, width
     )
