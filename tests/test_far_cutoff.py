@@ -97,7 +97,7 @@ def test_equal_sets(c: float, p: float, solver: str) -> None:
 
 @pytest.mark.parametrize(
     ("c", "p", "solver"),
-    [(1e2, 10, "certified"), (1e9, 2, "certified"), (1e9, 2, "exact"), (1e9, 2, "sinkhorn")],
+    [(1e2, 10, "certified"), (1e9, 2, "exact"), (1e9, 2, "sinkhorn")],
 )
 def test_equal_sets_on_the_command_line(
     run: Run, write: Write, c: float, p: float, solver: str
@@ -127,7 +127,7 @@ def test_a_swap_below_everything(gamma: float) -> None:
     scene = FarScene(truth, estimate, 1e100, 2.9, gamma)
     result = claim(scene)
     assert result.certified
-    assert result.tgospa == pytest.approx(2 ** (1 / 2.9) * gamma, rel=1e-9)
+    assert result.tgospa == pytest.approx(2 ** (1 / 2.9) * gamma, rel=1e-9, abs=0)
     assert judge(result, scene, reference_of(scene)).faults == []
 
 
@@ -140,7 +140,7 @@ def test_powers_that_underflow(error: float) -> None:
     except ConfigError as refusal:
         assert "cutoff" in str(refusal)  # noqa: PT017  allowed, if it names the remedy
         return
-    assert result.tgospa == pytest.approx(error, rel=1e-9)
+    assert result.tgospa == pytest.approx(error, rel=1e-9, abs=0)
     assert judge(result, scene, reference_of(scene)).faults == []
 
 
