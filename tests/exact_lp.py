@@ -3,8 +3,8 @@
 Coordinates, cutoff and switch penalty are doubles, hence integers in a common unit 2^-e; so their
 differences, sums of squares and whole powers are integers too, and the claim that is checked is
 one about the input, not about somebody's rounded costs. Where a cost is irrational (Euclidean
-distance to an odd power, any other power) two integers enclose it, at least 199 bits apart from
-its size.
+distance to an odd power, any other power) two integers enclose it that are at most 2 apart, in a
+unit 2^200 times smaller.
 
 The programme is that of the definition (docs/theory/metric.md), its absolute values split:
 
@@ -42,8 +42,8 @@ DIVISIBLE = math.lcm(*range(1, 13))
 GUARD = 200
 """Binary digits of an irrational cost."""
 
-DIGITS = 90
-"""Decimal digits of powers that are no roots; what is enclosed is wider by far."""
+SPARE = 12
+"""Decimal digits beyond the point of powers that are no roots."""
 
 RESOLUTION, CLAMP = 24, 44
 """HiGHS sees costs as multiples of 2^-24, up to 2^20: its tolerance of 1e-9 is no multiple."""
@@ -67,7 +67,10 @@ class RefereeError(Exception):
 
 
 def raised(base: Fraction | int, exponent: Fraction, bits: int) -> Enclosure:
-    """Integers around base^exponent * 2^bits, base >= 0; equal ones if it is an integer."""
+    """Integers around base^exponent * 2^bits, base >= 0, at most 2 apart.
+
+    They are equal where the power is an integer that roots can tell.
+    """
     base = Fraction(base)
     if not base:
         return 0, 0
@@ -78,16 +81,20 @@ def raised(base: Fraction | int, exponent: Fraction, bits: int) -> Enclosure:
         square = base**exponent.numerator * 4**bits
         low = math.isqrt(math.floor(square))
         return low, low + (low * low != square)
-    with decimal.localcontext(prec=DIGITS) as context:
+    # log2 of base and result, within 1 and order + 1
+    size = base.numerator.bit_length() - base.denominator.bit_length()
+    size = math.ceil(float(exponent) * (abs(size) + 1)) + bits
+    digits = size * 31 // 100 + 2 * SPARE
+    with decimal.localcontext(prec=digits) as context:
         context.Emax, context.Emin = decimal.MAX_EMAX, decimal.MIN_EMIN
 
         def of(number: Fraction) -> decimal.Decimal:
             return decimal.Decimal(number.numerator) / decimal.Decimal(number.denominator)
 
-        # ln and exp are rounded correctly; |ln base| < 10^4, so that the relative error of the
-        # power is below 10^(6 - DIGITS).
+        # ln and exp are rounded correctly; with |exponent ln base| < 10^5 the relative error of the
+        # power is below 10^(6 - digits).
         value = Fraction((of(exponent) * of(base).ln()).exp()) * 2**bits
-    error = value / 10 ** (DIGITS - 10)
+    error = value / 10 ** (digits - SPARE)
     return max(math.floor(value - error), 0), math.ceil(value + error)
 
 

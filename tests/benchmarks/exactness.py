@@ -35,6 +35,10 @@ EVERY = 30.0
 """Seconds between two lines of counts."""
 
 
+Key = tuple[str, int, int]
+"""Family, seed, index."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """`scenes` of each random family, fewer of the walks; `jobs` processes."""
@@ -83,21 +87,29 @@ def examine(family: str, seed: int, index: int) -> Values:
 
 
 def measure(plan: Plan, store: Store, say: Callable[[str], None]) -> None:
-    """Examine what was not yet; faults are told as they are found."""
-    missing = [
-        (family, plan.seed, index)
-        for family, count in plan.counts().items()
-        for index in range(count)
-        if stored(family, plan.seed, index, store) is None
-    ]
-    told = time.monotonic()
+    """Examine what was not yet; faults are told as they are found, earlier ones first."""
+    missing = []
+    for family, count in plan.counts().items():
+        for index in range(count):
+            values = stored(family, plan.seed, index, store)
+            if values is None:
+                missing.append((family, plan.seed, index))
+            else:
+                _tell((family, plan.seed, index), values)
+    told, faulty = time.monotonic(), 0
     for done, (key, values) in enumerate(_examined(missing, plan.jobs), 1):
         store.add(PART, *map(str, key), values=values)
-        for line in complaints(*key, values):
-            click.echo(line)
+        faulty += _tell(key, values)
         if time.monotonic() - told > EVERY or done == len(missing):
             told = time.monotonic()
-            say(f"exactness: {done} of {len(missing)} scenes")
+            say(f"exactness: {done} of {len(missing)} scenes, {faulty} with faults or open")
+
+
+def _tell(key: Key, values: Values) -> bool:
+    lines = complaints(*key, values)
+    for line in lines:
+        click.echo(line)
+    return bool(lines)
 
 
 def stored(family: str, seed: int, index: int, store: Store) -> Values | None:
@@ -111,9 +123,6 @@ def complaints(family: str, seed: int, index: int, values: Values) -> list[str]:
     if not values.get("certified", True):
         faults.append(f"left open: gap {values['gap']:.3g} after {values['seconds']:.2f} s")
     return [f"{family!r} {seed} {index}: {fault} ({values['scene']})" for fault in faults]
-
-
-Key = tuple[str, int, int]
 
 
 def _examined(keys: list[Key], jobs: int) -> Iterator[tuple[Key, Values]]:
