@@ -1,9 +1,12 @@
 """The referee of tests/exact_lp.py against values by hand, and against two other solvers."""
 
 from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from claims import judge, reference_of
 from exact_lp import DIVISIBLE, RefereeError, assignment_cost, costs_of, optimum, raised, simplex
 from far_scenes import RANDOM, WALKS, far_scene
 from oracles import tgospa_lp
@@ -116,3 +119,42 @@ def test_brackets_close(family: str) -> None:
         )
         assert found.lower <= found.upper
         assert found.width < 1e-24
+
+
+@pytest.mark.parametrize("family", RANDOM)
+def test_the_judge_sees_a_last_place(family: str) -> None:
+    """Bounds rounded outward are sound; moved inward by one place more they are not."""
+    for index in range(15):
+        given = far_scene(family, 3, index)
+        reference = reference_of(given)
+        if not reference.lower:
+            continue
+        share = float(reference.upper / reference.costs.cutoff[0])
+        if not 1e-290 < share < 1e290:
+            continue
+        less, more = [
+            (np.nextafter(share, end), np.nextafter(reference.metric, end)) for end in (0, np.inf)
+        ]
+        assert judge(said(less, more), given, reference).faults == []
+        wrong = judge(said((more[0], less[1]), more), given, reference).faults
+        assert len(wrong) == 1
+        assert "lower bound is above" in wrong[0]
+        wrong = judge(said(less, (more[0], less[1])), given, reference).faults
+        assert len(wrong) == 1
+        assert "upper bound is below" in wrong[0]
+        wrong = judge(said(less, (1.01 * share, more[1])), given, reference).faults
+        assert [fault[:12] for fault in wrong] == ["called exact"] * 2
+        wrong = judge(said(less, more, within_rounding=True), given, reference).faults
+        assert wrong == ["excused by rounding, but the data determine the value"]
+
+
+def said(lower: tuple[float, float], upper: tuple[float, float], **more: bool) -> Any:
+    """A certified result with bounds of the total in units of c^p, and of the metric."""
+    bounds = SimpleNamespace(lower=float(lower[0]), upper=float(upper[0]))
+    return SimpleNamespace(
+        proof=SimpleNamespace(bounds=bounds),
+        lower_bound=float(lower[1]),
+        upper_bound=float(upper[1]),
+        certified=True,
+        **more,
+    )
