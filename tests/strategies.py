@@ -1,6 +1,7 @@
 """Random instances for the property tests: small, of every kind that has bitten somebody."""
 
 import numpy as np
+from far_scenes import KINDS, FarScene, largest_distance, sides, within_range
 from hypothesis import strategies as st
 
 ORDERS = st.sampled_from([1.0, 1.5, 2.0, 3.0])
@@ -31,6 +32,39 @@ def pairs_of_sets(
     steps = draw(st.integers(1, most_steps))
     dimension = draw(st.integers(1, 3))
     return draw(sets(steps, dimension, most)), draw(sets(steps, dimension, most))
+
+
+WHOLE_ORDERS = st.sampled_from([1.0, 2.0, 3.0, 4.0, 5.0, 10.0])
+ANY_ORDERS = st.sampled_from([1.5, 2.9]) | st.floats(0, 1).map(lambda exponent: 10.0**exponent)
+
+
+@st.composite
+def far_scenes(
+    draw: st.DrawFn,
+    *,
+    orders: st.SearchStrategy[float] = WHOLE_ORDERS,
+    most: int = 3,
+    steps: tuple[int, int] = (1, 4),
+    farthest: float = 6.0,
+    kinds: tuple[str, ...] = KINDS,
+) -> FarScene:
+    """Costs far below c^p: order, cutoff and switch penalty log-uniform in units of the distances.
+
+    The cutoff is from the largest distance to `farthest` powers of ten above it.
+    """
+    p = draw(orders)
+    distance = draw(st.sampled_from(["euclidean", "manhattan", "chebyshev"]))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    m, n = draw(st.integers(1, most)), draw(st.integers(1, most))
+    holes = draw(st.sampled_from([0.0, 0.0, 0.3]))
+    truth, estimate = sides(
+        rng, draw(st.sampled_from(kinds)), m, n, draw(st.integers(*steps)), 2, holes
+    )
+    unit = draw(st.sampled_from([1.0, 1.0, 1e-6, 1e5]))
+    truth, estimate = truth * unit, estimate * unit
+    d = largest_distance(truth, estimate, distance)
+    c = within_range(d * 10.0 ** draw(st.floats(0.0, farthest)), p)
+    return FarScene(truth, estimate, c, p, d * 10.0 ** draw(st.floats(-3.0, 6.0)), distance)
 
 
 def scene(

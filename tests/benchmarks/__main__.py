@@ -10,6 +10,7 @@ from itertools import chain
 
 import click
 import curve
+import exactness
 import gaussian
 import grid
 import kernel
@@ -25,6 +26,7 @@ from tables import Table
 BUDGET = 660.0
 SEEDS = 5
 SMALL_SEEDS = 1
+SMALL_SCENES = 10
 SMALL_SETTINGS = grid.SETTINGS[:1]
 
 
@@ -39,6 +41,7 @@ class Plan:
     curve: tuple[Scene, ...]
     scale: tuple[Scene, ...]
     gaussian: tuple[str, ...]
+    exactness: exactness.Plan
     deadline: float
 
 
@@ -108,6 +111,12 @@ def run_startup(plan: Plan, store: Store) -> list[Table]:
     return report.of_startup(store)
 
 
+def run_exactness(plan: Plan, store: Store) -> list[Table]:
+    """Scenes with far cutoffs, judged by integers."""
+    exactness.measure(plan.exactness, store, say)
+    return report.of_exactness(plan.exactness, store)
+
+
 PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "grid": run_grid,
     "kernel": run_kernel,
@@ -117,6 +126,7 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "curve": run_curve,
     "scale": run_scale,
     "startup": run_startup,
+    "exactness": run_exactness,
 }
 """In the order of the tables; measured last to first, for the grid fills what time is left."""
 
@@ -130,6 +140,21 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     help="Settings of the grid instead of the usual seven; may be repeated.",
 )
 @click.option("--seeds", type=int, help=f"Draws of each setting.  [default: {SEEDS}]")
+@click.option(
+    "--scenes",
+    type=click.IntRange(1),
+    help="Scenes of each random family of exactness, fewer of the walks.  "
+    f"[default: {exactness.Plan.scenes}]",
+)
+@click.option(
+    "--families",
+    multiple=True,
+    type=click.Choice(exactness.FAMILIES),
+    metavar="FAMILY",
+    help="Families of exactness instead of all; may be repeated.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of exactness.")
+@click.option("--jobs", type=click.IntRange(1), default=1, help="Processes of exactness.")
 @click.option(
     "--budget",
     type=float,
@@ -145,6 +170,10 @@ def main(
     parts: str,
     settings: tuple[str, ...],
     seeds: int | None,
+    scenes: int | None,
+    families: tuple[str, ...],
+    seed: int,
+    jobs: int,
     budget: float,
     small: bool,
     fresh: bool,
@@ -163,6 +192,12 @@ def main(
         curve=curve.SMALL if small else curve.SCENES,
         scale=scale.SMALL if small else scale.SCENES,
         gaussian=tuple(gaussian.CASES)[: 1 if small else None],
+        exactness=exactness.Plan(
+            scenes=scenes or (SMALL_SCENES if small else exactness.Plan.scenes),
+            seed=seed,
+            jobs=jobs,
+            families=families or exactness.FAMILIES,
+        ),
         deadline=time.monotonic() + budget,
     )
     store = Store(fresh=fresh)

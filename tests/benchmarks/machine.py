@@ -18,6 +18,9 @@ PACKAGE = Path(tgospa_eval.__file__).parent
 SHOWING = ("__main__.py", "report.py", "tables.py")
 """Modules here that only show; a change in them leaves measurements valid."""
 
+REFEREE = ("exact_lp.py", "claims.py", "far_scenes.py")
+"""Modules of the tests that measure as well."""
+
 
 def describe() -> dict[str, str]:
     """The machine and the versions."""
@@ -41,6 +44,7 @@ def fingerprint() -> str:
     sha = hashlib.sha256(json.dumps(describe(), sort_keys=True).encode())
     sources = [path for path in PACKAGE.rglob("*") if path.is_file()]
     sources += [path for path in HERE.glob("*.py") if path.name not in SHOWING]
+    sources += [HERE.parent / name for name in REFEREE]
     for path in sorted(sources):
         if "__pycache__" not in path.parts:
             sha.update(path.name.encode() + path.read_bytes())

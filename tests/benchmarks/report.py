@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from statistics import median
 
 import curve
+import exactness
 import gaussian
 import grid
 import kernel
@@ -365,3 +366,56 @@ def of_startup(store: Store) -> list[Table]:
             ),
         )
     ]
+
+
+def of_exactness(plan: exactness.Plan, store: Store) -> list[Table]:
+    """Counts of faults of each family."""
+    rows, totals = [], [0] * len(EXACTNESS)
+    slowest, worst = 0.0, [0.0, 0.0]
+    for family, count in plan.counts().items():
+        found = [
+            values
+            for index in range(count)
+            if (values := exactness.stored(family, plan.seed, index, store))
+        ]
+        done = [values for values in found if "failed" not in values]
+        counts = [
+            len(found),
+            sum(values["certified"] for values in done),
+            sum(values["within_rounding"] for values in done),
+            sum(values["wrong"] for values in done),
+            sum(values["above"] > 0 for values in done),
+            sum(values["below"] > 0 for values in done),
+            sum(not values["certified"] for values in done),
+            len(found) - len(done),
+        ]
+        seconds = max((values["seconds"] for values in done), default=0.0)
+        beyond = [max((v[name] for v in done), default=0.0) for name in ("above", "below")]
+        rows.append((family, *_exactness_cells(counts, beyond, seconds)))
+        totals = [a + b for a, b in zip(totals, counts, strict=True)]
+        slowest, worst = max(slowest, seconds), [*map(max, worst, beyond)]
+    rows.append(("all", *_exactness_cells(totals, worst, slowest)))
+    return [
+        Table(
+            f"Exactness, seed {plan.seed}",
+            ("family", *EXACTNESS, "worst above", "worst below", "slowest s"),
+            rows,
+            (
+                "exact: called exact; rounding: those of them that are excused by rounding",
+                f"off: called exact, and off by more than {float(exactness.GAP):g} of the cost",
+                "above: the lower bound is above the exact optimum, by whatever little, as cost or "
+                "as printed; below: the upper bound is below it; worst: relative to the cost",
+                f"open: not proven within {exactness.LIMIT:g} s; failed: no result at all",
+                "tiny: 2 to 3 tracks, 1 to 4 steps; small: 2 to 5 tracks, 1 to 20 steps, c 2 to "
+                "10^6 times the largest distance; wild: every kind, unit and order, c to 10^100 "
+                "distances",
+            ),
+        )
+    ]
+
+
+EXACTNESS = ("scenes", "exact", "rounding", "off", "above", "below", "open", "failed")
+
+
+def _exactness_cells(counts: list[int], worst: list[float], seconds: float) -> list[str]:
+    return [*map(str, counts), *(f"{x:.1e}" if x else "0" for x in worst), f"{seconds:.2f}"]
