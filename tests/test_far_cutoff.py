@@ -74,7 +74,7 @@ def test_the_table_of_a_switch_penalty_that_drowned(run: Run, write: Write) -> N
     files = [write(f"{k}.csv", text) for k, text in enumerate(SWAPPED_PAIR)]
     status, out, _ = run(*files, "-c", "2000000", "-g", "0.01")
     assert status == 0
-    assert out.startswith("TGOSPA = 2.2360679")  # sqrt(5)
+    assert out.startswith("TGOSPA = 2.23607, exact")  # sqrt(5)
 
 
 @pytest.mark.parametrize(
@@ -116,19 +116,29 @@ def test_equal_sets_on_the_command_line(
     assert "UserWarning" not in err
 
 
-@pytest.mark.parametrize("gamma", [1e-12, 1e-9, 0.25])
-def test_a_swap_below_everything(gamma: float) -> None:
+@pytest.mark.parametrize(("c", "gamma"), [(1e87, 1e-12), (1e100, 0.25), (1e100, 1.0)])
+def test_a_swap_below_everything(c: float, gamma: float) -> None:
     """Both tracks change hands once, without an error: 2 gamma^p, or 2 errors of 1 at a step.
 
     Four weights of the assignment change by 1, each for gamma^p / 2. The metric is
-    2^(1/2.9) gamma = 1.2700 gamma, for c = 1e100 as for any other.
+    2^(1/2.9) gamma = 1.2700 gamma, however large c is.
     """
     truth, estimate = tracks([0, 0, 0], [1, 1, 1]), tracks([0, 0, 1], [1, 1, 0])
-    scene = FarScene(truth, estimate, 1e100, 2.9, gamma)
+    scene = FarScene(truth, estimate, c, 2.9, gamma)
     result = claim(scene)
     assert result.certified
     assert result.tgospa == pytest.approx(2 ** (1 / 2.9) * gamma, rel=1e-9, abs=0)
     assert judge(result, scene, reference_of(scene)).faults == []
+
+
+@pytest.mark.parametrize("gamma", [1e-12, 1e-9])
+def test_a_switch_penalty_whose_power_is_no_double(gamma: float) -> None:
+    """(gamma / c)^p is below 1e-316; the message names the largest cutoff that there is."""
+    truth, estimate = tracks([0, 0, 0], [1, 1, 1]), tracks([0, 0, 1], [1, 1, 0])
+    with pytest.raises(ConfigError, match="choose a cutoff of at most") as refusal:
+        claim(FarScene(truth, estimate, 1e100, 2.9, gamma))
+    most = float(str(refusal.value).split()[-1])
+    assert claim(FarScene(truth, estimate, most, 2.9, gamma)).certified
 
 
 @pytest.mark.parametrize("error", [1e-3, 1e-5])

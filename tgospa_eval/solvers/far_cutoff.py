@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
-from tgospa_eval.problem import Floats, sum_by
+from tgospa_eval.problem import Floats, Ints, sum_by
 from tgospa_eval.reduced import reduce_cutoff
 from tgospa_eval.result import LATE, Reduced, Solution
 from tgospa_eval.solvers.kernels import block_costs
@@ -31,8 +31,9 @@ NEAR = 2.0**-2
 ROOM = 16.0
 """A cutoff price fits that is so many times the largest cost that cannot be avoided."""
 
-STEP = 64.0
-"""By how much a cutoff price grows that turned out too small."""
+STEP, LEAP = 2.0**6, 2.0**1000
+"""By how much a cutoff price grows that turned out too small; inside a problem that is tried again
+at once to where it began, or all that was tried before would be tried again."""
 
 Mask = NDArray[np.bool_]
 
@@ -50,7 +51,7 @@ class Base(Protocol):
 
 
 def solve_at_fitting_cutoffs(
-    states: States, base: Base, *, gap: float, deadline: float | None
+    states: States, base: Base, *, gap: float, deadline: float | None, step: float = STEP
 ) -> Solution:
     """Solve each block at its cutoff, or at a smaller one where that is far above its costs.
 
@@ -64,6 +65,8 @@ def solve_at_fitting_cutoffs(
         Relative gap that counts as exact.
     deadline : float, optional
         On the clock of `time.monotonic`.
+    step : float
+        By how much a cutoff price grows that turned out too small.
     """
     scale = fitting_scales(states)
     found = base(states, scale == 1, scale < 1, deadline)
@@ -73,7 +76,7 @@ def solve_at_fitting_cutoffs(
     scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))
     if not (missing & (scale < 1)).any():
         return found
-    ladder = _Ladder(states, found, base, gap, deadline)
+    ladder = _Ladder(states, found, base, gap, deadline, step)
     ladder.climb(np.where(missing, scale, 1.0))
     return ladder.solution()
 
@@ -95,8 +98,19 @@ def fitting_scales(states: States) -> Floats:
         np.minimum.at(least, row, problem.cost)
         near = np.flatnonzero(least < np.inf)
         np.maximum.at(most, block_of_tracks(states, name)[track[near]], least[near])
-    most = np.where(most > 0, most, np.max(problem.switch_price, initial=0.0))
-    return _powers(most, FAR)
+    # Where all have a pair that costs nothing, the first cost that is any is tried.
+    least = np.full(blocks, np.max(problem.switch_price, initial=0.0))
+    least[least == 0] = np.inf
+    for block in np.flatnonzero(most == 0).tolist():
+        cost = problem.cost[_entries_of(states, block)]
+        least[block] = min(least[block], cost.min(where=cost > 0, initial=np.inf))
+    return _powers(np.where(most > 0, most, np.where(least < np.inf, least, 0.0)), FAR)
+
+
+def _entries_of(states: States, block: int) -> Ints:
+    pairs = np.searchsorted(states.pair_block, (block, block + 1))
+    entry = states.entry[slice(*states.pair_first[pairs])]
+    return entry[entry >= 0]
 
 
 def _scales_of_costs(states: States, weights: Floats) -> Floats:
@@ -119,10 +133,16 @@ class _Ladder:
     """Cutoffs that grow until they fit, and the best that was found on the way."""
 
     def __init__(
-        self, states: States, found: Solution, base: Base, gap: float, deadline: float | None
+        self,
+        states: States,
+        found: Solution,
+        base: Base,
+        gap: float,
+        deadline: float | None,
+        step: float,
     ) -> None:
         self.states, self.found, self.base = states, found, base
-        self.gap, self.deadline = gap, deadline
+        self.gap, self.deadline, self.step = gap, deadline, step
         self.weights, self.prices = found.weights, found.prices
         self.missing, self.iterations = found.missing.copy(), found.iterations
         self.cost = block_costs(states, self.weights)
@@ -131,12 +151,14 @@ class _Ladder:
 
     def climb(self, scale: Floats) -> None:
         """Solve the blocks whose scale is below 1, first there, then at larger ones."""
-        pending = scale < 1
+        pending, first = scale < 1, np.ones(len(scale), bool)
         while pending.any() and not self._late():
             size = float(scale[pending].min())
             chosen = pending & (scale == size)
-            pending &= ~(chosen & self._attempt(chosen, size))
-            scale[chosen] *= STEP
+            again = bool((chosen & ~first).any())
+            pending &= ~(chosen & self._attempt(chosen, size, LEAP if again else self.step))
+            first &= ~chosen
+            scale[chosen] *= self.step
             last = pending & (scale > NEAR)
             if last.any():
                 self._solve_directly(last)
@@ -161,11 +183,13 @@ class _Ladder:
     def _late(self) -> bool:
         return self.deadline is not None and time.monotonic() > self.deadline
 
-    def _attempt(self, chosen: Mask, scale: float) -> Mask:
+    def _attempt(self, chosen: Mask, scale: float, step: float) -> Mask:
         """Solve at one smaller cutoff; where no larger one would do better."""
         states = self.states
         reduced = reduce_cutoff(states, chosen, scale)
-        found = solve_at_fitting_cutoffs(reduced, self.base, gap=self.gap, deadline=self.deadline)
+        found = solve_at_fitting_cutoffs(
+            reduced, self.base, gap=self.gap, deadline=self.deadline, step=step
+        )
         self.iterations += found.iterations
         whole = repair(reduced, found.weights)
         offered = offer(states, (keep(reduced, whole, scale * found.prices),), (1.0,))
