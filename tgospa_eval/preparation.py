@@ -99,6 +99,8 @@ class Measured:
             truth_row=pairs.truth_row,
             estimate_row=pairs.estimate_row,
             distance=pairs.distance,
+            distance_error=self.distance.error(truth.state.shape[1]),
+            last_place=self.distance.last_place(truth, estimate),
         )
 
     def prepared(self, states: States, parameters: Parameters) -> Prepared:

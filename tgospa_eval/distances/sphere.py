@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
+from tgospa_eval.trajectories import Trajectories
 
 RADIUS = 6371008.8
 """Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""
@@ -26,6 +27,11 @@ class Haversine(Distance):
     def tree_power(self) -> float:
         """A chord is no longer than its arc."""
         return 2.0
+
+    def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
+        """Of angles up to a half turn."""
+        del truth, estimate
+        return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Distance of points that are given as latitudes and longitudes.

@@ -9,6 +9,7 @@ import numpy as np
 
 from tgospa_eval.distances.base import ROUNDING, Distance, Floats
 from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.trajectories import Trajectories
 
 SMALLEST, LARGEST = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""
@@ -54,6 +55,17 @@ class Norm(Distance):
     def tree_power(self) -> float:
         """Its own; but no sum of the two components of a chord is bounded by the arc."""
         return max(self.power, 2.0) if self.period is not None else self.power
+
+    def error(self, dimension: int) -> float:
+        """Of a difference, its scale, and ``dimension - 1`` sums, or hypotenuses to one last place.
+
+        Not the shorter way round a circle: the difference to the period cancels.
+        """
+        return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
+
+    def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
+        """In units of the state, that is of the scaled columns."""
+        return super().last_place(truth, estimate) * max(self.scale or (1.0,))
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Distance of states that are given component by component, without overflow."""
