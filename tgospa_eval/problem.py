@@ -243,6 +243,7 @@ def tgospa_problem(
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
     objects = len(truth_step) + len(estimate_step)
+    blur = last_place / parameters.cutoff
     return Problem(
         steps=steps,
         truths=truths,
@@ -259,7 +260,7 @@ def tgospa_problem(
         switch_price=parameters.switch_price,
         cost_slack=slack,
         cost_error=_cost_error(order, distance_error),
-        rounding=objects * (last_place / parameters.cutoff) ** order,
+        rounding=objects * blur**order if blur < 1 else 0.0,
     )
 
 
