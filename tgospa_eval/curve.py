@@ -79,16 +79,17 @@ def trace(
         least[at] = np.maximum(least[at], lower)
 
     problem = states.problem
-    shown = np.array([cells.totals(part, problem.steps) for part in parts])
+    shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
     shown[1:3] += alone
     # Of objects that are near to none: sums of so many prices.
     rows = len(problem.truth_step) + len(problem.estimate_step)
     unsure = 0.0 if alone.max(initial=0.0) < 2.0**31 and whole_prices(problem) else rows * EPS
     few = 8 * EPS
-    upper = cells.totals(parts.sum(axis=0) + error, problem.steps, sign=1) + alone.sum(axis=0)
-    upper *= (1 + few + unsure) / (1 - problem.cost_error)
-    lower = cells.totals(least, problem.steps, sign=-1) + alone.sum(axis=0)
-    lower = (lower * (1 - few - unsure) - problem.cost_slack) * (1 - few - problem.cost_error)
+    upper, off = cells.totals(parts.sum(axis=0) + error, problem.steps)
+    upper = (upper + off + alone.sum(axis=0)) * (1 + few + unsure) / (1 - problem.cost_error)
+    lower, off = cells.totals(least, problem.steps)
+    lower = (lower - off + alone.sum(axis=0)) * (1 - few - unsure) - problem.cost_slack
+    lower *= 1 - few - problem.cost_error
     share = np.cumsum(sum_by(problem.truth_step, problem.truth_price, problem.steps))
     share += np.cumsum(sum_by(problem.estimate_step, problem.estimate_price, problem.steps))
     return Curve(

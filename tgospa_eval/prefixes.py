@@ -4,13 +4,13 @@ Its assignment up to a step is feasible there, and its prices up to it bound fro
 at many steps.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
 from tgospa_eval.paths import down, up
 from tgospa_eval.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.slots import exact_running
 from tgospa_eval.states import States
 from tgospa_eval.weights import ONE, changes
 
@@ -50,27 +50,28 @@ class Cells:
         return self.running(sum_by(self.of(block, step), value, int(self.first[-1])))
 
     def running(self, value: Floats) -> Floats:
-        """Running sums in each block, as exact as integers of 62 bits for each block can be."""
-        unit, sums = exact_running(value, self.first)
-        total: Floats = unit[self.block] * (sums[1:] - sums[self.first[:-1]][self.block])
+        """Running sums in each block.
+
+        Of values >= 0 they are off by as many units of rounding, relative, as there are terms, and
+        no sum is touched by larger ones elsewhere.
+        """
+        total = np.empty_like(value)
+        for low, high in itertools.pairwise(self.first.tolist()):
+            np.cumsum(value[low:high], out=total[low:high])
         return total
 
-    def totals(self, value: Floats, steps: int, *, sign: int = 0) -> Floats:
-        """Sum over the blocks at each step; blocks that have ended keep their last value.
+    def totals(self, value: Floats, steps: int) -> tuple[Floats, Floats]:
+        """Sum over the blocks at each step, and how far off it may be, (T,), (T,).
 
-        Of values 0 or more, as parts of a cost are, which may fall. Summed in integers, rounded
-        down (-1) or up (1) or to the nearest (0).
+        Blocks that have ended keep their last value. Of values 0 or more, as parts of a cost are,
+        which may fall; no sum rounds to less than 0.
         """
-        ends = self.first[1:] - 1
-        size = float(np.maximum.reduceat(value, self.first[:-1]).sum()) if len(ends) else 0.0
-        unit = np.ldexp(1.0, int(np.frexp(max(size, 1e-270))[1]) - 61)
-        whole = {-1: np.floor, 0: np.rint, 1: np.ceil}[sign](value / unit).astype(np.int64)
-        rise = np.diff(whole, prepend=0)
-        rise[self.first[:-1]] = whole[self.first[:-1]]
-        total = np.zeros(steps, np.int64)
-        np.add.at(total, self.step, rise)
-        answer: Floats = unit * np.cumsum(total)
-        return answer * (1 + sign * 2.0**-52)
+        rise = np.diff(value, prepend=0.0)
+        rise[self.first[:-1]] = value[self.first[:-1]]
+        total: Floats = np.maximum(np.cumsum(sum_by(self.step, rise, steps)), 0.0)
+        size = sum_by(self.step, np.abs(rise), steps)
+        blocks = len(self.begin)
+        return total, np.cumsum((blocks + 4) * size + 2 * total) * 2.0**-53
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,11 +106,8 @@ def propose(states: States, weights: Ints, prices: Floats) -> Proposal:
         begin=states.block_begin.astype(np.int64),
     )
     parts = _costs(states, cells, weights, changes(states, weights))
-    # Of each block and kind at most all terms of the problem, each rounded a few times, and as
-    # many integers as there are steps.
-    last = parts[:, cells.first[1:] - 1].sum(axis=0) if len(length) else np.zeros(0)
-    terms = 16 + 2 * _busiest(states)
-    error = (parts.sum(axis=0) * terms * 2.0**-53) + (4 * length * 2.0**-61 * last)[cells.block]
+    terms = 16 + 2 * _busiest(states) + length[cells.block]
+    error = parts.sum(axis=0) * terms * 2.0**-53
     return Proposal(
         cells=cells,
         parts=parts,
@@ -151,8 +149,6 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
     Values are relative to the cheapest pair of each row and step, as in `tgospa_eval.paths`.
     """
     problem, slots, pair = states.problem, states.columns, states.pair
-    unit, sums = slots.running(prices)
-    prices = np.diff(sums) * np.repeat(unit, np.diff(slots.first))  # as exact sums have them
     # What happens: a state begins; a slot of it does, and costs its price.
     count = slots.end - slots.begin
     slot = np.arange(count.sum()) + np.repeat(slots.begin - (np.cumsum(count) - count), count)
@@ -203,11 +199,8 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
     )  # fmt: skip
     # Sums at a step, of as many terms as states begin or rows there are; then running sums.
     rows = int(np.bincount(states.node_block).max(initial=0))
-    terms = 16 + 2 * _busiest(states) + 2 * rows
-    length = np.diff(cells.first)
-    last = (size + paid)[cells.first[1:] - 1] if len(length) else np.zeros(0)
+    terms = 16 + 2 * _busiest(states) + 2 * rows + np.diff(cells.first)[cells.block]
     error = (size + paid + best[1] + np.abs(total)) * terms * 2.0**-53
-    error += (8 * length * 2.0**-61 * last)[cells.block]
     answer: Floats = total - best[0] - paid - error
     return answer
 

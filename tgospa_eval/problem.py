@@ -22,7 +22,7 @@ POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
 use are off by less than two. Squares are rounded once."""
 
-SMALLEST = 1e-300
+SMALLEST = 1e-306
 """Costs below this, near the end of the doubles, count as this much."""
 
 
@@ -279,7 +279,7 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
         lost = max(lost, penalty)
     if lost:
         what = "distance" if lost == farthest else "switch penalty"
-        most = math.pow(10.0, math.log10(lost) + 299 / order)
+        most = math.pow(10.0, math.log10(lost) + 305 / order)
         raise ConfigError(
             f"cutoff {parameters.cutoff:g} is too large for order {order:g} and a {what} of "
             f"{lost:g}: the power of their ratio is below the smallest double; choose a cutoff of "
