@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints
@@ -16,6 +17,7 @@ from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import LATE, Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
+from tgospa_eval.solvers.pieces import cut_out
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -49,6 +51,14 @@ ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf
 states that are left out would win, yet not so little that it takes many rounds. Early; after the
 stages where a solution nearby was given, of which a few prices may be far off; and at the end.
 """
+
+MODEL = 3000
+"""States of components that share a programme: the time of the simplex method grows faster than
+its size, so that components in one programme cost more than one after the other."""
+
+MANY, SPAN, WIDEN = 50_000, 25, 4
+"""Where more states than this are undecided, programmes take those within so many steps of what
+keeps a bracket open; the span grows by this factor where that does not halve the brackets."""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
@@ -165,50 +175,111 @@ class _Programmes:
         self.iterations, self.seconds = 0, 0.0
 
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
-        """One programme a round until the brackets are met, or it would be larger than `most`."""
+        """A round of programmes each, until the brackets are met; components up to `most` states.
+
+        Where very much is undecided, programmes look at the neighbourhood of what keeps the
+        brackets open first.
+        """
         ascent = self.ascent
         begin = time.perf_counter()
         for reach, box in rounds:
             if self.batch.late() or not ascent.open.any():
                 break
             ascent.survey(ascent.prices, reach)
-            free = ascent.undecided(self.tempted)
-            if most is not None and len(free) > most:
-                break
-            if not len(free):  # what keeps the bracket open is farther away
+            near = ascent.near(self.tempted)
+            if np.count_nonzero(near) > MANY:
+                self._run_windows(near, reach, box, gap, most)
                 continue
-            self._solve(free, box)
-            ascent.keep(ascent.wide(gap))
+            if not self._solve_undecided(near, box, gap, most):
+                break
         self.seconds += time.perf_counter() - begin
 
-    def _solve(self, free: Ints, box: float) -> None:
-        """Propose what is best for the free states; mixtures of prices may be better."""
-        from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
-
+    def _run_windows(
+        self, near: NDArray[np.bool_], reach: float, box: float, gap: float, most: int | None
+    ) -> None:
+        """Programmes around the steps that keep the brackets open, in growing windows of time."""
         ascent = self.ascent
-        found = residual(
-            ascent.states, free, ascent.weights, ascent.prices, ascent.crossing, box,
-            self.batch.left(),
-        )  # fmt: skip
-        self.iterations += found.iterations
-        self._propose_weights(free, found.weights)
-        prices = ascent.prices.copy()
-        before = prices[found.slot]
-        prices[found.slot] = found.prices
+        steps = ascent.states.problem.steps
+        span = SPAN
+        while ascent.open.any() and not self.batch.late():
+            before = ascent.gap[ascent.open].sum()
+            if span < steps:
+                around = _windows(ascent.losses(), 0.25 * gap * ascent.cost[ascent.open].sum(), span)
+                self._solve_undecided(ascent.within(near, around), box, gap, most)
+            else:
+                self._solve_undecided(near, box, gap, most)
+                return
+            if ascent.gap[ascent.open].sum() > 0.5 * before:
+                span *= WIDEN
+                if most is not None:
+                    return
+            ascent.survey(ascent.prices, reach)
+            near = ascent.near(self.tempted)
+
+    def _solve_undecided(
+        self, near: NDArray[np.bool_], box: float, gap: float, most: int | None
+    ) -> bool:
+        """Solve what has to be decided among the states near; False if all of it is too large."""
+        free, component = self.ascent.undecided(near)
+        groups = _groups(self.ascent.states, free, component, most)
+        if groups:
+            self._solve(groups, box)
+            self.ascent.keep(self.ascent.wide(gap))
+        # Where there is nothing to decide, what keeps the bracket open is farther away.
+        return bool(groups) or not len(free)
+
+    def _solve(self, groups: list[Ints], box: float) -> None:
+        """Propose what is best for each group of states; mixtures of prices may be better."""
+        ascent = self.ascent
+        weights, prices = ascent.weights.copy(), ascent.prices.copy()
+        free, priced = [], []
+        for group in groups:
+            if self.batch.late():
+                break
+            free.append(group)
+            priced.append(self._solve_group(group, box, len(groups) == 1, weights, prices))
+        if not free:
+            return
+        self._propose_weights(np.concatenate(free), weights)
+        slot = np.concatenate(priced)
+        found, before = prices[slot], ascent.prices[slot]
         ascent.offer_prices(prices)
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(TEMPTED)
         for share in (0.5, 0.2):
-            prices[found.slot] = share * found.prices + (1 - share) * before
+            prices[slot] = share * found + (1 - share) * before
             ascent.offer_prices(prices)
         prices[:] = ascent.prices
         prices[~ascent.full()] = 0.0
         ascent.offer_prices(prices)
 
+    def _solve_group(
+        self, free: Ints, box: float, whole: bool, weights: Floats, prices: Floats
+    ) -> Ints:
+        """Solve one programme, writing what it says; the slots that it has priced."""
+        from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
+
+        ascent, left = self.ascent, self.batch.left()
+        given = ascent.weights, ascent.prices
+        if whole:
+            found = residual(ascent.states, free, *given, ascent.crossing, box, left)
+            slot = found.slot
+        else:
+            piece = cut_out(ascent.states, free)
+            found = residual(
+                piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
+                ascent.crossing, box, left,
+            )  # fmt: skip
+            slot = piece.slot[found.slot]
+        self.iterations += found.iterations
+        weights[free] = found.weights
+        prices[slot] = found.prices
+        return slot
+
     def _propose_weights(self, free: Ints, weights: Floats) -> None:
-        """Offer the weights for the free states, made feasible."""
+        """Offer the weights (S,), of which those of the free states are new, made feasible."""
         states = self.ascent.states
-        proposed = self.ascent.weights.copy()
+        proposed, weights = weights, weights[free]
         proposed[free] = np.where(weights < SNAP, 0.0, np.where(weights > 1 - SNAP, 1.0, weights))
         if any(
             load(slots, proposed).max(initial=0.0) > 1 + OVERFULL
@@ -216,3 +287,36 @@ class _Programmes:
         ):
             proposed = repair(states, proposed) / ONE
         self.ascent.offer_weights(proposed)
+
+
+def _groups(states: States, free: Ints, component: Ints, most: int | None) -> list[Ints]:
+    """The free states by programme: neighbouring components of up to MODEL states in all, in time.
+
+    Components of more than `most` states are left out.
+    """
+    _, number, size = np.unique(component, return_inverse=True, return_counts=True)
+    if most is not None and size.max(initial=0) > most:
+        kept = size[number] <= most
+        free = free[kept]
+        _, number, size = np.unique(number[kept], return_inverse=True, return_counts=True)
+    if len(free) <= MODEL:
+        return [free] if len(free) else []
+    begin = np.full(len(size), np.iinfo(np.int32).max)
+    np.minimum.at(begin, number, states.begin[free])
+    in_time = np.argsort(begin, kind="stable")
+    group = np.empty(len(size), np.int64)
+    group[in_time] = (np.cumsum(size[in_time]) - 1) // MODEL
+    of_state = group[number]
+    order = np.argsort(of_state, kind="stable")  # in each group the states stay in order
+    return np.split(free[order], np.flatnonzero(np.diff(of_state[order])) + 1)
+
+
+def _windows(lost: Floats, allowed: float, span: int) -> NDArray[np.bool_]:
+    """The steps (T,) within `span` of those that lose most, but for as much as is allowed."""
+    order = np.argsort(lost)
+    bad = order[np.cumsum(lost[order]) > allowed]
+    change = np.zeros(len(lost) + 1, np.int32)
+    np.add.at(change, np.maximum(bad - span, 0), 1)
+    np.subtract.at(change, np.minimum(bad + span + 1, len(lost)), 1)
+    around: NDArray[np.bool_] = np.cumsum(change[:-1]) > 0
+    return around
