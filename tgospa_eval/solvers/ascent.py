@@ -324,8 +324,8 @@ class Ascent:
         found &= count[self.states.end + 1] > count[self.states.begin]
         return found
 
-    def losses(self) -> Floats:
-        """Where the brackets of the open blocks are open: what is lost at each step, (T,).
+    def losses(self, prices: Floats) -> Floats:
+        """What the best weights lose at the prices, in the open blocks and at each step, (T,).
 
         By the identity of the gap, the regret of the rows, at the step from which on it cannot be
         avoided, and prices of columns that are not full. Sums to the widths.
@@ -335,9 +335,9 @@ class Ascent:
         kernels.survey(
             self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
             s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
-            self.offset, self.prices, self.best, self.weights, regret=lost,
+            self.offset, prices, self.best, self.weights, regret=lost,
         )  # fmt: skip
-        idle = self.prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
+        idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
         idle *= self._slots_of(self.open)
         lost += sum_by(s.columns.step, idle, len(lost))
         return lost[:-1]

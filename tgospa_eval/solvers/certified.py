@@ -56,9 +56,18 @@ MODEL = 3000
 """States of components that share a programme: the time of the simplex method grows faster than
 its size, so that components in one programme cost more than one after the other."""
 
-MANY, SPAN, WIDEN = 50_000, 25, 4
+MANY, SPAN, WIDEN, SHRINK = 50_000, 25, 4, 0.3
 """Where more states than this are undecided, programmes take those within so many steps of what
-keeps a bracket open; the span grows by this factor where that does not halve the brackets."""
+keeps a bracket open; the span grows by this factor where more than this share of the brackets stays.
+"""
+
+LARGE, SHARE = 200_000, 0.05
+"""A problem with more states is searched in windows before the temperature falls further, as long
+as no more than this share of its states is undecided there: a stage of sweeps takes about as long.
+"""
+
+AFTER = 10
+"""Steps after the last state of a programme in which what it loses may still show."""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
@@ -150,6 +159,7 @@ class Certified:
             skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
             if epsilon <= EARLY and ascent.gap[ascent.open].sum() < HOPE * cost:
                 programmes.run(SMALL, self.gap, most=FEW)
+                programmes.run_nearby(*ROUNDS[0], self.gap)
         if near:
             programmes.run(FAR, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
@@ -188,28 +198,51 @@ class _Programmes:
             ascent.survey(ascent.prices, reach)
             near = ascent.near(self.tempted)
             if np.count_nonzero(near) > MANY:
-                self._run_windows(near, reach, box, gap, most)
+                self._run_windows(near, reach, box, gap, most, len(near))
                 continue
             if not self._solve_undecided(near, box, gap, most):
                 break
         self.seconds += time.perf_counter() - begin
 
+    def run_nearby(self, reach: float, box: float, gap: float) -> None:
+        """Of a large problem only: programmes in windows, unless sweeps of all take less time."""
+        ascent = self.ascent
+        size = len(self.tempted)
+        if size < LARGE or self.batch.late() or not ascent.open.any():
+            return
+        begin = time.perf_counter()
+        ascent.survey(ascent.prices, reach)
+        self._run_windows(ascent.near(self.tempted), reach, box, gap, None, int(SHARE * size))
+        self.seconds += time.perf_counter() - begin
+
     def _run_windows(
-        self, near: NDArray[np.bool_], reach: float, box: float, gap: float, most: int | None
+        self,
+        near: NDArray[np.bool_],
+        reach: float,
+        box: float,
+        gap: float,
+        most: int | None,
+        room: int,
     ) -> None:
-        """Programmes around the steps that keep the brackets open, in growing windows of time."""
+        """Programmes around the steps that keep the brackets open, in growing windows of time.
+
+        Components of more than `most` states are left out, and windows of more than `room`.
+        """
         ascent = self.ascent
         steps = ascent.states.problem.steps
         span = SPAN
         while ascent.open.any() and not self.batch.late():
             before = ascent.gap[ascent.open].sum()
             if span < steps:
-                around = _windows(ascent.losses(), 0.25 * gap * ascent.cost[ascent.open].sum(), span)
-                self._solve_undecided(ascent.within(near, around), box, gap, most)
+                around = _windows(ascent.losses(ascent.prices), 0.25 * gap * ascent.cost[ascent.open].sum(), span)
+                around = ascent.within(near, around)
+                if np.count_nonzero(around) > room:
+                    return
+                self._solve_undecided(around, box, gap, most)
             else:
                 self._solve_undecided(near, box, gap, most)
                 return
-            if ascent.gap[ascent.open].sum() > 0.5 * before:
+            if ascent.gap[ascent.open].sum() > SHRINK * before:
                 span *= WIDEN
                 if most is not None:
                     return
@@ -240,17 +273,35 @@ class _Programmes:
             priced.append(self._solve_group(group, box, len(groups) == 1, weights, prices))
         if not free:
             return
+        wide = ascent.gap[ascent.open].sum()
         self._propose_weights(np.concatenate(free), weights)
         slot = np.concatenate(priced)
         found, before = prices[slot], ascent.prices[slot]
+        if len(free) > 1:
+            self._offer_best(free, priced, prices)
         ascent.offer_prices(prices)
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(TEMPTED)
+        if len(free) > 1 and ascent.gap[ascent.open].sum() < 0.5 * wide:
+            return
         for share in (0.5, 0.2):
             prices[slot] = share * found + (1 - share) * before
             ascent.offer_prices(prices)
         prices[:] = ascent.prices
         prices[~ascent.full()] = 0.0
+        ascent.offer_prices(prices)
+
+    def _offer_best(self, groups: list[Ints], priced: list[Ints], prices: Floats) -> None:
+        """Offer the new prices of the groups in whose time less is lost by them."""
+        ascent = self.ascent
+        states, prices = ascent.states, prices.copy()
+        change = ascent.losses(prices)
+        change -= ascent.losses(ascent.prices)
+        change = np.concatenate(([0.0], np.cumsum(change)))
+        for free, slot in zip(groups, priced, strict=True):
+            begin, end = states.begin[free].min(), states.begin[free].max() + AFTER
+            if change[min(end, len(change) - 1)] > change[begin]:
+                prices[slot] = ascent.prices[slot]
         ascent.offer_prices(prices)
 
     def _solve_group(
