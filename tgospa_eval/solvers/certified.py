@@ -113,26 +113,27 @@ class Certified:
 
         What is offered, from neighbouring problems, may solve some; without kernels it is not used.
         """
-        trivial, solve = solve_steps, self._ascend
-        if not kernels:
-            from tgospa_eval.solvers.contest import solve_contest as solve
-
-            trivial = solve_conflict_free
         return solve_in_batches(
             states,
-            trivial,
-            solve,
+            solve_steps if kernels else solve_conflict_free,
+            self._ascend if kernels else self._contest,
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
-            offered=offered,
+            offered=offered if kernels else None,
         )
+
+    def _contest(self, batch: Batch) -> Answer:
+        """Without kernels: programmes first, and the ascent where they would be large."""
+        from tgospa_eval.solvers.contest import solve_contest
+
+        return solve_contest(batch, self._ascend)
 
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
-        ascent = Ascent(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
+        ascent = _ascent()(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
@@ -381,3 +382,12 @@ def _windows(lost: Floats, allowed: float, span: int) -> NDArray[np.bool_]:
     np.subtract.at(change, np.minimum(bad + span + 1, len(lost)), 1)
     around: NDArray[np.bool_] = np.cumsum(change[:-1]) > 0
     return around
+
+
+def _ascent() -> type[Ascent]:
+    """What ascends here."""
+    if kernels:
+        return Ascent
+    from tgospa_eval.solvers.numpy_ascent import NumpyAscent
+
+    return NumpyAscent
