@@ -147,7 +147,8 @@ def solve_in_batches(
             deadline=deadline,
             offered=None if offered is None else offered.between(state, slot),
         )
-        answer = _answer(batch, trivial, solve, gap)
+        with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
+            answer = _answer(batch, trivial, solve, gap)
         part.forget()
         return answer
 

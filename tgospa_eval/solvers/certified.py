@@ -58,8 +58,7 @@ its size, so that components in one programme cost more than one after the other
 
 MANY, SPAN, WIDEN, SHRINK = 50_000, 25, 4, 0.3
 """Where more states than this are undecided, programmes take those within so many steps of what
-keeps a bracket open; the span grows by this factor where more than this share of the brackets stays.
-"""
+keeps a bracket open; the span grows by that factor where more than this share of it stays."""
 
 LARGE, SHARE = 200_000, 0.05
 """A problem with more states is searched in windows before the temperature falls further, as long
@@ -240,7 +239,9 @@ class _Programmes:
         while ascent.open.any() and not self.batch.late():
             before = ascent.gap[ascent.open].sum()
             if span < steps:
-                around = _windows(ascent.losses(ascent.prices), 0.25 * gap * ascent.cost[ascent.open].sum(), span)
+                around = _windows(
+                    ascent.losses(ascent.prices), 0.25 * gap * ascent.cost[ascent.open].sum(), span
+                )
                 around = ascent.within(near, around)
                 if np.count_nonzero(around) > room:
                     return

@@ -25,7 +25,7 @@ REGRET = 1e-11
 
 
 def solve_contest(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
-    """Solve each block of a batch on the rows that matter; `ascend` solves those too large for it."""
+    """Solve each block of a batch on the rows that matter; `ascend` solves the large ones."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
     large = np.zeros(len(batch.wanted), bool)

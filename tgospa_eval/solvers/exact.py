@@ -34,8 +34,8 @@ GAP = 1e-9
 IMPORT, BUILD, FACTOR, WIDTH = 2.0, 6e-5, 4e-7, 1.1
 """Seconds that importing cvxpy takes; that compiling a programme takes for each state; and a first
 factorisation by Clarabel, for each state and that power of the states that begin at a step. Nothing
-can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor of
-three."""
+can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor
+of three."""
 SETTINGS = {
     "tol_gap_abs": 1e-10,
     "tol_gap_rel": 1e-10,

@@ -1,7 +1,7 @@
 """The ascent of the certified solver where no kernel was built: the same prices, in NumPy.
 
-Sweeps are those of `tgospa_eval.solvers.plain`; what programmes ask of prices comes from Viterbi passes
-over all rows at once.
+Sweeps are those of `tgospa_eval.solvers.plain`; what programmes ask of prices comes from Viterbi
+passes over all rows at once.
 """
 
 import itertools
@@ -134,7 +134,7 @@ class NumpyAscent(Ascent):
         self.own = self._own(self.gain, weights)
         return self._sum_own()
 
-    def losses(self, prices: Floats) -> Floats:
+    def losses(self, _: Floats) -> Floats:
         """Nothing is known of the steps: all of them lose the same."""
         steps = self.states.problem.steps
         lost: Floats = np.full(steps, max(float(self.gap[self.open].sum()), 1e-300) / steps)
@@ -144,7 +144,7 @@ class NumpyAscent(Ascent):
         self,
         epsilon: float,
         sweeps: int,
-        threshold: float,
+        _: float,
         late: Callable[[], bool],
         calm: float = 0.0,
     ) -> tuple[int, float]:
