@@ -95,7 +95,7 @@ def test_numpy_says_of_prices_what_the_kernels_say() -> None:
 
 @compiled_only
 def test_windows_and_groups_give_the_same_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    truth, estimate = scene(3, 12, 12, 400, side=25.0, noise=1.5)
+    truth, estimate = scene(3, 12, 12, 400, side=25.0, noise=1.0)
     plain = evaluate(truth, estimate, 5.0, 2, 2.0)
     sizes = []
 
