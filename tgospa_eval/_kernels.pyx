@@ -8,7 +8,7 @@ never on the same rows in two threads, so that many threads give the bytes of on
 
 import numpy as np
 
-from libc.math cimport exp, fabs, log, sqrt
+from libc.math cimport exp, fabs, fmax, log, sqrt
 
 from tgospa_eval.errors import check_size
 
@@ -236,6 +236,14 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
 # --- gains relative to the cheapest pair: the twin is tgospa_eval.result.add_gains -----------------
 
 
+cdef inline void add_to(double* total, double* rest, double part) noexcept nogil:
+    """Add to a sum of two doubles: what `total` loses by rounding goes to `rest` (Knuth)."""
+    cdef double new = total[0] + part
+    cdef double got = new - total[0]
+    rest[0] += (total[0] - (new - got)) + (part - got)
+    total[0] = new
+
+
 def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
                    const i32[::1] entry, const double[::1] cost, double price,
                    const double[::1] prices=None):
@@ -262,7 +270,7 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     """
     cdef Py_ssize_t S = order.shape[0], nodes = row_first.shape[0] - 1, i, a, c, low, high, width
     cdef i32 s, k, g, total = 0
-    cdef double least, least_price, running
+    cdef double least, least_price, running, rest
     cdef bint vary = prices is not None
     group_first_array = np.zeros(nodes + 1, np.int32)
     cdef i32[::1] group_first = group_first_array
@@ -278,13 +286,14 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
             group_first[i + 1] = total
     gain_array, offset_array = np.empty(S), np.zeros(total)
     cdef double[::1] gain = gain_array, offset = offset_array
-    cdef double[::1] before = np.empty(width + 1)  # what was taken off before the group of a state
+    # What was taken off before the group of a state, in two parts.
+    cdef double[::1] before = np.empty(width + 1), lost = np.empty(width + 1)
     cdef i32[::1] group = np.empty(width + 1, np.int32)
     with nogil:
         for i in range(nodes):
             low, high = row_first[i], row_first[i + 1]
             g = group_first[i]
-            running = 0.0
+            running = rest = 0.0
             a = low
             while a < high:
                 k = begin[order[a]]
@@ -292,13 +301,14 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
                 least = NEVER
                 while c < high and begin[order[c]] == k:
                     s = order[c]
-                    before[s - low], group[s - low] = running, g
+                    before[s - low], lost[s - low], group[s - low] = running, rest, g
                     if entry[s] >= 0 and cost[entry[s]] < least:
                         least = cost[entry[s]]
                         least_price = prices[entry[s]] if vary else price
                     if k > begin[low] and entry[s - 1] < 0:
                         gain[s - 1] = (-offset[g - 1] if group[s - 1 - low] == g - 1
-                                       else before[s - 1 - low] - running)
+                                       else (before[s - 1 - low] - running)
+                                       + (lost[s - 1 - low] - rest))
                     c += 1
                 if least < NEVER:
                     offset[g] = least_price - least
@@ -309,12 +319,12 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
                         if vary:
                             gain[s] += prices[entry[s]] - least_price
                     a += 1
-                running += offset[g]
+                add_to(&running, &rest, offset[g])
                 g += 1
             for s in range(<i32>low, <i32>high):
                 if (s + 1 == high or begin[s + 1] == begin[low]) and entry[s] < 0:
                     gain[s] = (-offset[g - 1] if group[s - low] == g - 1
-                               else before[s - low] - running)
+                               else (before[s - low] - running) + (lost[s - low] - rest))
     return gain_array, group_first_array, offset_array
 
 
@@ -323,18 +333,22 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
 
 cdef double row_forward(const i32* order, const i32* begin, const double* crossing,
                         const double* value, const double* offset, double* forward, i32* came,
-                        double* none, Py_ssize_t low, Py_ssize_t high, i32* final) noexcept nogil:
+                        double* none, double* rest, Py_ssize_t low, Py_ssize_t high,
+                        i32* final) noexcept nogil:
     """Best value of a path up to each state of one row, and the state that it came from (or -1).
 
     A group of states that begin together is entered from the state before each or from the hub
-    ("none"), into which the states before them may have left at the same transition; `none` is the
-    value of the hub then. In the hub a path loses the `offset` of each group. Returns the value of
-    the best path; its last state goes to `final`. `value`, `offset`, `forward`, `came`, `none`
-    begin with the row.
+    ("none"), into which the states before them may have left at the same transition; `none` +
+    `rest` is the value of the hub then. In the hub a path loses the `offset` of each group. Returns
+    the value of the best path; its last state goes to `final`. `value`, `offset`, `forward`,
+    `came`, `none`, `rest` begin with the row.
+
+    `forward` is relative to the hub when the state begins, and the hub is a sum of two doubles:
+    nothing grows with the length of a recording, and no digits are lost to it.
     """
     cdef Py_ssize_t a = low, c, g = 0
     cdef i32 s, k, hub_from = -1
-    cdef double hub = 0.0, price, enter, best
+    cdef double hub = 0.0, lost = 0.0, price, rise, best
     final[0] = -1
     if low == high:
         return 0.0
@@ -343,39 +357,95 @@ cdef double row_forward(const i32* order, const i32* begin, const double* crossi
         s = order[a] - <i32>low
         forward[s] = value[s]
         none[s] = 0.0
+        rest[s] = 0.0
         came[s] = -1
         a += 1
     while a < high:
-        hub -= offset[g]
+        add_to(&hub, &lost, -offset[g])
         g += 1
         k = begin[order[a]]
         price = crossing[k]
         c = a
+        rise = 0.0
         while c < high and begin[order[c]] == k:
-            s = order[c] - <i32>low - 1
-            if forward[s] - price > hub:
-                hub = forward[s] - price
-                hub_from = s
+            s = order[c] - <i32>low
+            forward[s] = forward[s - 1] - ((hub - none[s - 1]) + (lost - rest[s - 1]))
+            if forward[s] - price > rise:
+                rise = forward[s] - price
+                hub_from = s - 1
             c += 1
-        enter = hub - price
+        add_to(&hub, &lost, rise)
         while a < c:
             s = order[a] - <i32>low
-            if forward[s - 1] >= enter:
-                forward[s] = forward[s - 1] + value[s]
+            if forward[s] - rise >= -price:
+                forward[s] = (forward[s] - rise) + value[s]
                 came[s] = s - 1
             else:
-                forward[s] = enter + value[s]
+                forward[s] = value[s] - price
                 came[s] = hub_from
             none[s] = hub
+            rest[s] = lost
             a += 1
-    best = hub - offset[g]
+    add_to(&hub, &lost, -offset[g])
+    best = 0.0
     final[0] = hub_from
     k = begin[low]
     for s in range(<i32>(high - low)):
-        if (low + s + 1 == high or begin[low + s + 1] == k) and forward[s] > best:
-            best = forward[s]
-            final[0] = s
-    return best
+        if low + s + 1 == high or begin[low + s + 1] == k:
+            price = forward[s] - ((hub - none[s]) + (lost - rest[s]))
+            if price > best:
+                best = price
+                final[0] = s
+    return hub + (lost + best)
+
+
+cdef void row_regret(const i32* order, const i32* begin, const double* crossing,
+                     const double* value, const double* offset, const double* forward,
+                     const double* none, const double* rest, const double* weight, Py_ssize_t low,
+                     Py_ssize_t high, double* at) noexcept nogil:
+    """Add what the assignment of one row loses against its best path to the steps where it does.
+
+    The reduced costs, at the values of `row_forward`, of the transitions that the assignment uses:
+    each is 0 or more, and their sum is the regret of the row. Arrays begin with the row, `at` with
+    the first step.
+    """
+    cdef Py_ssize_t a = low, c, g = 0
+    cdef i32 s, k, first = begin[order[low]]
+    cdef double hub = 0.0, lost = 0.0, cover = 0.0, price, rise, stays, reached, best
+    while a < high and begin[order[a]] == first:
+        cover += weight[order[a] - low]
+        a += 1
+    while a < high:
+        add_to(&hub, &lost, -offset[g])
+        g += 1
+        k = begin[order[a]]
+        price = crossing[k]
+        s = order[a] - <i32>low
+        rise = (none[s] - hub) + (rest[s] - lost)
+        hub, lost = none[s], rest[s]
+        at[k] += fmax(1.0 - cover, 0.0) * rise
+        c = a
+        while c < high and begin[order[c]] == k:
+            s = order[c] - <i32>low
+            reached = forward[s - 1] - ((hub - none[s - 1]) + (lost - rest[s - 1]))
+            stays = weight[s] if weight[s] < weight[s - 1] else weight[s - 1]
+            at[k] += (stays * fmax(forward[s] - value[s] - reached, 0.0)
+                      + (weight[s] - stays) * fmax(forward[s] - value[s] + price, 0.0)
+                      + (weight[s - 1] - stays) * fmax(price - reached, 0.0))
+            cover += weight[s] - weight[s - 1]
+            c += 1
+        a = c
+    add_to(&hub, &lost, -offset[g])
+    best = 0.0
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == first:
+            best = fmax(best, forward[s] - ((hub - none[s]) + (lost - rest[s])))
+    k = begin[order[high - 1]]
+    at[k] += fmax(1.0 - cover, 0.0) * best
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == first:
+            at[k] += weight[s] * fmax(best - (forward[s] - ((hub - none[s]) + (lost - rest[s]))),
+                                      0.0)
 
 
 cdef void row_backward(const i32* order, const i32* begin, const double* crossing,
@@ -384,7 +454,7 @@ cdef void row_backward(const i32* order, const i32* begin, const double* crossin
                        Py_ssize_t low, Py_ssize_t high) noexcept nogil:
     """Slack: what the best path of the row has over the best one through each state.
 
-    `none` comes from `row_forward` and becomes the same for the paths that are in no state when
+    `forward` and `none` are those of `row_forward`, the first no longer relative. `none` becomes the same for the paths that are in no state when
     the state begins. Within a group the best continuation of every state is known before the
     states before them get theirs, which `slack` holds on the way.
     """
@@ -447,29 +517,26 @@ def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] r
            const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] crossing,
            const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
            const double[::1] price, double[::1] best, const double[::1] weight=None,
-           double reach=0.0, double[::1] own=None, u8[::1] flags=None):
+           double reach=0.0, double[::1] own=None, u8[::1] flags=None, double[::1] regret=None):
     """Value of the best path of each row at the prices; with `flags` what that says of each state.
 
     Gains are those of `relative_gains`. The prices of a state are those of its slots, from running
     sums in each column. With `flags` also the value `own` of the assignment in `weight` at the
-    prices, less its changes.
+    prices, less its changes. What that loses against the best paths is added to `regret` (T + 1,),
+    step by step.
     """
-    cdef Py_ssize_t r, s, t, low, high, most = longest(rows, row_first)
+    cdef Py_ssize_t r, s, low, high, most = longest(rows, row_first)
     cdef i32 b, e, i, last
-    cdef double total
-    cdef bint judge = flags is not None
-    cdef double[::1] before = np.empty(price.shape[0] + 1)
+    cdef bint judge = flags is not None, locate = regret is not None
+    cdef double[::1] before = np.empty(price.shape[0] + 1), lost = np.empty(price.shape[0] + 1)
     cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
     cdef double[::1] none = np.empty(most + 1), slack = np.empty(most + 1 if judge else 1)
+    cdef double[::1] rest = np.empty(most + 1)
     cdef i32[::1] came = np.empty(most + 1, np.int32)
     if not most:
         return
     with nogil:
-        for r in range(columns.shape[0]):
-            total = 0.0
-            for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
-                before[t] = total
-                total += price[t]
+        run_up(columns, column_first, price, before, lost)
         for r in range(rows.shape[0]):
             i = rows[r]
             low, high = row_first[i], row_first[i + 1]
@@ -480,12 +547,20 @@ def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] r
                 elif e == b + 1:
                     value[s - low] = gain[s] - price[b]
                 else:
-                    value[s - low] = gain[s] - (before[e - 1] + price[e - 1] - before[b])
+                    value[s - low] = gain[s] - (((before[e - 1] - before[b])
+                                                 + (lost[e - 1] - lost[b])) + price[e - 1])
             best[i] = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
-                                  &offset[group_first[i]], &forward[0], &came[0], &none[0], low,
-                                  high, &last)
-            if not judge or low == high:
+                                  &offset[group_first[i]], &forward[0], &came[0], &none[0],
+                                  &rest[0], low, high, &last)
+            if low == high:
                 continue
+            if locate:
+                row_regret(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
+                           &forward[0], &none[0], &rest[0], &weight[low], low, high, &regret[0])
+            if not judge:
+                continue
+            for s in range(high - low):
+                forward[s] += none[s]
             row_backward(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
                          group_first[i + 1] - group_first[i], &forward[0], &none[0], &slack[0],
                          best[i], low, high)
@@ -501,6 +576,18 @@ def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] r
                 last = came[last]
 
 
+cdef void run_up(const i32[::1] columns, const i32[::1] column_first, const double[::1] price,
+                 double[::1] before, double[::1] lost) noexcept nogil:
+    """Sum of the prices before each slot of its column, in two parts, as a recording may be long."""
+    cdef Py_ssize_t r, t
+    cdef double total, rest
+    for r in range(columns.shape[0]):
+        total = rest = 0.0
+        for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
+            before[t], lost[t] = total, rest
+            add_to(&total, &rest, price[t])
+
+
 cdef double row_own(const i32* order, const i32* begin, const double* crossing,
                     const double* value, const double* offset, const Weight* weight,
                     Py_ssize_t low, Py_ssize_t high) noexcept nogil:
@@ -510,22 +597,23 @@ cdef double row_own(const i32* order, const i32* begin, const double* crossing,
     """
     cdef Py_ssize_t a = low, g = 0
     cdef i32 s, k, first = begin[low]
-    cdef double total = 0.0, cover = 0.0, change
+    cdef double total = 0.0, rest = 0.0, cover = 0.0, change, part
     while a < high:
         k = begin[order[a]]
+        part = 0.0
         while a < high and begin[order[a]] == k:
             s = order[a] - <i32>low
-            total += weight[s] * value[s]
+            part += weight[s] * value[s]
             change = weight[s]
             if k > first:
                 change -= weight[s - 1]
                 if change != 0.0:
-                    total -= crossing[k] * fabs(change)
+                    part -= crossing[k] * fabs(change)
             cover += change
             a += 1
-        total -= (1.0 - cover) * offset[g]
+        add_to(&total, &rest, part - (1.0 - cover) * offset[g])
         g += 1
-    return total
+    return total + rest
 
 
 def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
@@ -599,7 +687,7 @@ def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
     cdef i32 i, last, changed = 0
     cdef double best
     cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
-    cdef double[::1] none = np.empty(most + 1)
+    cdef double[::1] none = np.empty(most + 1), rest = np.empty(most + 1)
     cdef i32[::1] came = np.empty(most + 1, np.int32)
     if not most:
         return 0
@@ -620,8 +708,8 @@ def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
                         value[s - low] = NOTHING
                         break
             best = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
-                               &offset[group_first[i]], &forward[0], &came[0], &none[0], low,
-                               high, &last)
+                               &offset[group_first[i]], &forward[0], &came[0], &none[0],
+                               &rest[0], low, high, &last)
             if best > own[i]:
                 # Sums in another order differ in the last digit: that is no change for the better.
                 changed += best > own[i] + 1e-12

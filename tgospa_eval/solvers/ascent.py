@@ -26,6 +26,10 @@ LINKS, FEW, TINY = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
 unless it is tiny."""
 
+ROUNDING = 8 * 2.0**-53
+"""How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
+two parts and relative to the hub, so that the length of a recording does not count."""
+
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
 
@@ -151,12 +155,7 @@ class Ascent:
         total[self.rows] = self.best[self.rows]
         total = sum_by(self.states.node_block, total, blocks)
         # What the values of paths may have lost by rounding counts as well.
-        return total + (1 + self._rounding) * self._paid(prices)
-
-    @property
-    def _rounding(self) -> float:
-        """How wrong a sum of prices along a path may be, as a fraction of all of them."""
-        return 2.0**-53 * self.states.problem.steps
+        return total + (1 + ROUNDING) * self._paid(prices)
 
     def _paid(self, prices: Floats) -> Floats:
         """Sum of the prices of each open block, (B,)."""
@@ -254,7 +253,7 @@ class Ascent:
 
         A price that nobody contests is as good as none, but sums of prices lose digits.
         """
-        lost = self._rounding * self._paid(self.prices)
+        lost = ROUNDING * self._paid(self.prices)
         if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * lost)):
             self.survey(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(NEAR))
@@ -300,13 +299,11 @@ class Ascent:
         """Whether the best assignment uses each column slot up, (K,)."""
         return load(self.states.columns, self.weights) > 1 - 1e-9
 
-    def undecided(self, also: NDArray[np.bool_]) -> Ints:
-        """States that a programme has to decide for the bracket to close, after a survey.
+    def near(self, also: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """States that a programme may have to decide, after a survey, (S,).
 
         Near are the states within its reach, those in use and those in `also`. Where a row
-        has one of them only, and cannot well do without, it is decided. What is left falls apart
-        into components through shared slots and transitions; wanted are those with a seed: by the
-        identity of the gap a row with regret, or a price on a column that is not full.
+        has one of them only, and cannot well do without, it is decided.
         """
         rows = self.states.rows
         near = self.has(NEAR)
@@ -318,11 +315,49 @@ class Ascent:
         decided &= self.weights > 1 - 1e-9
         decided &= self.has(NEEDED)
         near &= ~decided
-        free = np.flatnonzero(near)
-        return free[self._seeded(free)]
+        return near
 
-    def _seeded(self, free: Ints) -> NDArray[np.bool_]:
-        """Which of the free states are in a component with a seed."""
+    def within(self, near: NDArray[np.bool_], steps: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Those of the states that last through one of the steps (T,)."""
+        count = _running(steps)
+        found = near.copy()
+        found &= count[self.states.end + 1] > count[self.states.begin]
+        return found
+
+    def losses(self, prices: Floats) -> Floats:
+        """What the best weights lose at the prices, in the open blocks and at each step, (T,).
+
+        By the identity of the gap, the regret of the rows, at the step from which on it cannot be
+        avoided, and prices of columns that are not full. Sums to the widths.
+        """
+        s = self.states
+        lost = np.zeros(s.problem.steps + 1)
+        kernels.survey(
+            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            self.offset, prices, self.best, self.weights, regret=lost,
+        )  # fmt: skip
+        idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
+        idle *= self._slots_of(self.open)
+        lost += sum_by(s.columns.step, idle, len(lost))
+        return lost[:-1]
+
+    def undecided(self, near: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+        """Those of the states near that have to be decided, and the component of each.
+
+        They fall apart into components through shared slots and transitions; wanted are those with
+        a seed: by the identity of the gap a row with regret, or a price on a column that is not
+        full.
+        """
+        free = np.flatnonzero(near)
+        component = self._components(free)
+        wanted = np.zeros(int(component.max(initial=0)) + 1, bool)
+        wanted[component[self._seeds(free)]] = True
+        wanted = wanted[component]
+        return free[wanted], component[wanted]
+
+    def _seeds(self, free: Ints) -> NDArray[np.bool_]:
+        """Which of the free states show that the gap is open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
         regret[self.rows] = (self.best - self.own)[self.rows] > REGRET
@@ -339,7 +374,12 @@ class Ascent:
         lost = _running((self.prices > REGRET) & ~self.full())
         begin, end = s.columns.begin[free], s.columns.end[free]
         seed |= lost[end] > lost[begin]
+        return seed
 
+    def _components(self, free: Ints) -> Ints:
+        """A number for each of the free states, the same where they hang together."""
+        s = self.states
+        pair = np.searchsorted(s.pair_first, free, side="right") - 1
         size = len(free)
         joined = np.flatnonzero((np.diff(free) == 1) & (np.diff(pair) == 0))
         one, other, nodes = [joined], [joined + 1], size
@@ -350,10 +390,8 @@ class Ascent:
             one.append(np.repeat(np.arange(size), length))
             other.append(nodes + np.repeat(begin, length) + offset)
             nodes += len(slots.step)
-        component = connected_components(np.concatenate(one), np.concatenate(other), nodes)[:size]
-        wanted = np.zeros(nodes, bool)
-        wanted[component[seed]] = True
-        return wanted[component]
+        found = connected_components(np.concatenate(one), np.concatenate(other), nodes)
+        return found[:size]
 
     def _majority(self, weights: NDArray[np.uint8]) -> Ints:
         """Write feasible weights 0 and 1; what uses each column slot."""

@@ -174,7 +174,8 @@ def _solve_some(
             deadline=deadline,
             offered=None if offered is None else offered.between(state, slot),
         )
-        answer = _answer(batch, trivial, solve, tries=tries)
+        with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
+            answer = _answer(batch, trivial, solve, tries=tries)
         part.forget()
         return answer
 

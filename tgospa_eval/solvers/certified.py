@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints
@@ -16,6 +17,7 @@ from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
+from tgospa_eval.solvers.pieces import cut_out
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -49,6 +51,25 @@ ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf
 states that are left out would win, yet not so little that it takes many rounds. Early; after the
 stages where a solution nearby was given, of which a few prices may be far off; and at the end.
 """
+
+MODEL = 3000
+"""States of components that share a programme: the time of the simplex method grows faster than
+its size, so that components in one programme cost more than one after the other."""
+
+MANY, SPAN, WIDEN, SHRINK = 50_000, 25, 4, 0.3
+"""Where more states than this are undecided, programmes take those within so many steps of what
+keeps a bracket open; the span grows by that factor where more than this share of it stays."""
+
+LARGE, SHARE = 200_000, 0.05
+"""A problem with more states is searched in windows before the temperature falls further, as long
+as no more than this share of its states is undecided there: a stage of sweeps takes about as long.
+"""
+
+BUILD = 1e-5
+"""Seconds that building a programme takes for each state of it, and HiGHS to begin: 3 to 10 us."""
+
+AFTER = 10
+"""Steps after the last state of a programme in which what it loses may still show."""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
@@ -91,28 +112,29 @@ class Certified:
 
         What is offered, from neighbouring problems, may solve some; without kernels it is not used.
         """
-        trivial, solve = solve_steps, self._ascend
-        if not kernels:
-            from tgospa_eval.solvers.contest import solve_contest as solve
-
-            trivial = solve_conflict_free
         return solve_in_batches(
             states,
-            trivial,
-            solve,
+            solve_steps if kernels else solve_conflict_free,
+            self._ascend if kernels else self._contest,
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
-            offered=offered,
+            offered=offered if kernels else None,
             tries=bool(kernels),
         )
+
+    def _contest(self, batch: Batch) -> Answer:
+        """Without kernels: programmes first, and the ascent where they would be large."""
+        from tgospa_eval.solvers.contest import solve_contest
+
+        return solve_contest(batch, self._ascend)
 
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
-        ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
+        ascent = _ascent()(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
@@ -141,9 +163,12 @@ class Certified:
             iterations += done
             ascent.keep(ascent.wide(self.gap))
             cost = ascent.cost[ascent.open].sum()
-            skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > EARLY * 2
+            # A long recording has some hard spots, however narrow the bracket of the whole is.
+            last = 0.05 if len(batch.weights) > LARGE else 2 * EARLY
+            skip = ascent.gap[ascent.open].sum() < EASY * cost and epsilon > last
             if epsilon <= EARLY and ascent.gap[ascent.open].sum() < HOPE * cost:
                 programmes.run(SMALL, self.gap, most=FEW)
+                programmes.run_nearby(*ROUNDS[0], self.gap)
         if near:
             programmes.run(FAR, self.gap, most=FEW)
         programmes.run(ROUNDS, self.gap, most=None)
@@ -168,50 +193,159 @@ class _Programmes:
         self.iterations, self.seconds = 0, 0.0
 
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
-        """One programme a round until the brackets are met, or it would be larger than `most`."""
+        """A round of programmes each, until the brackets are met; components up to `most` states.
+
+        Where very much is undecided, programmes look at the neighbourhood of what keeps the
+        brackets open first.
+        """
         ascent = self.ascent
         begin = time.perf_counter()
         for reach, box in rounds:
             if self.batch.late() or not ascent.open.any():
                 break
             ascent.survey(ascent.prices, reach)
-            free = ascent.undecided(self.tempted)
-            if most is not None and len(free) > most:
-                break
-            if not len(free):  # what keeps the bracket open is farther away
+            near = ascent.near(self.tempted)
+            if np.count_nonzero(near) > MANY:
+                self._run_windows(near, reach, box, gap, most, len(near))
                 continue
-            self._solve(free, box)
-            ascent.keep(ascent.wide(gap))
+            if not self._solve_undecided(near, box, gap, most):
+                break
         self.seconds += time.perf_counter() - begin
 
-    def _solve(self, free: Ints, box: float) -> None:
-        """Propose what is best for the free states; mixtures of prices may be better."""
-        from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
-
+    def run_nearby(self, reach: float, box: float, gap: float) -> None:
+        """Of a large problem only: programmes in windows, unless sweeps of all take less time."""
         ascent = self.ascent
-        found = residual(
-            ascent.states, free, ascent.weights, ascent.prices, ascent.crossing, box,
-            self.batch.left(),
-        )  # fmt: skip
-        self.iterations += found.iterations
-        self._propose_weights(free, found.weights)
-        prices = ascent.prices.copy()
-        before = prices[found.slot]
-        prices[found.slot] = found.prices
+        size = len(self.tempted)
+        if size < LARGE or self.batch.late() or not ascent.open.any():
+            return
+        begin = time.perf_counter()
+        ascent.survey(ascent.prices, reach)
+        self._run_windows(ascent.near(self.tempted), reach, box, gap, None, int(SHARE * size))
+        self.seconds += time.perf_counter() - begin
+
+    def _run_windows(
+        self,
+        near: NDArray[np.bool_],
+        reach: float,
+        box: float,
+        gap: float,
+        most: int | None,
+        room: int,
+    ) -> None:
+        """Programmes around the steps that keep the brackets open, in growing windows of time.
+
+        Components of more than `most` states are left out, and windows of more than `room`.
+        """
+        ascent = self.ascent
+        steps = ascent.states.problem.steps
+        span = SPAN
+        while ascent.open.any() and not self.batch.late():
+            before = ascent.gap[ascent.open].sum()
+            if span < steps:
+                around = _windows(
+                    ascent.losses(ascent.prices), 0.25 * gap * ascent.cost[ascent.open].sum(), span
+                )
+                around = ascent.within(near, around)
+                if np.count_nonzero(around) > room:
+                    return
+                self._solve_undecided(around, box, gap, most)
+            else:
+                self._solve_undecided(near, box, gap, most)
+                return
+            if ascent.gap[ascent.open].sum() > SHRINK * before:
+                span *= WIDEN
+                if most is not None:
+                    return
+            ascent.survey(ascent.prices, reach)
+            near = ascent.near(self.tempted)
+
+    def _solve_undecided(
+        self, near: NDArray[np.bool_], box: float, gap: float, most: int | None
+    ) -> bool:
+        """Solve what has to be decided among the states near; False if all of it is too large."""
+        free, component = self.ascent.undecided(near)
+        groups = _groups(self.ascent.states, free, component, most)
+        if groups:
+            self._solve(groups, box)
+            self.ascent.keep(self.ascent.wide(gap))
+        # Where there is nothing to decide, what keeps the bracket open is farther away.
+        return bool(groups) or not len(free)
+
+    def _solve(self, groups: list[Ints], box: float) -> None:
+        """Propose what is best for each group of states; mixtures of prices may be better."""
+        ascent = self.ascent
+        weights, prices = ascent.weights.copy(), ascent.prices.copy()
+        free, priced = [], []
+        for group in groups:
+            if self.batch.late():
+                break
+            left = self.batch.left()
+            if left is not None and left < BUILD * len(group):
+                break
+            free.append(group)
+            priced.append(self._solve_group(group, box, len(groups) == 1, weights, prices))
+        if not free:
+            return
+        wide = ascent.gap[ascent.open].sum()
+        self._propose_weights(np.concatenate(free), weights)
+        slot = np.concatenate(priced)
+        found, before = prices[slot], ascent.prices[slot]
+        if len(free) > 1:
+            self._offer_best(free, priced, prices)
         ascent.offer_prices(prices)
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(TEMPTED)
+        if len(free) > 1 and ascent.gap[ascent.open].sum() < 0.5 * wide:
+            return
         for share in (0.5, 0.2):
-            prices[found.slot] = share * found.prices + (1 - share) * before
+            prices[slot] = share * found + (1 - share) * before
             ascent.offer_prices(prices)
         prices[:] = ascent.prices
         prices[~ascent.full()] = 0.0
         ascent.offer_prices(prices)
 
+    def _offer_best(self, groups: list[Ints], priced: list[Ints], prices: Floats) -> None:
+        """Offer the new prices of the groups in whose time less is lost by them."""
+        ascent = self.ascent
+        states, prices = ascent.states, prices.copy()
+        change = ascent.losses(prices)
+        change -= ascent.losses(ascent.prices)
+        change = np.concatenate(([0.0], np.cumsum(change)))
+        for free, slot in zip(groups, priced, strict=True):
+            begin, end = states.begin[free].min(), states.begin[free].max() + AFTER
+            if change[min(end, len(change) - 1)] > change[begin]:
+                prices[slot] = ascent.prices[slot]
+        ascent.offer_prices(prices)
+
+    def _solve_group(
+        self, free: Ints, box: float, whole: bool, weights: Floats, prices: Floats
+    ) -> Ints:
+        """Solve one programme, writing what it says; the slots that it has priced."""
+        from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
+
+        ascent, left = self.ascent, self.batch.left()
+        if left is not None:
+            left = max(left - BUILD * len(free), 0.0)
+        given = ascent.weights, ascent.prices
+        if whole:
+            found = residual(ascent.states, free, *given, ascent.crossing, box, left)
+            slot = found.slot
+        else:
+            piece = cut_out(ascent.states, free)
+            found = residual(
+                piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
+                ascent.crossing, box, left,
+            )  # fmt: skip
+            slot = piece.slot[found.slot]
+        self.iterations += found.iterations
+        weights[free] = found.weights
+        prices[slot] = found.prices
+        return slot
+
     def _propose_weights(self, free: Ints, weights: Floats) -> None:
-        """Offer the weights for the free states, made feasible."""
+        """Offer the weights (S,), of which those of the free states are new, made feasible."""
         states = self.ascent.states
-        proposed = self.ascent.weights.copy()
+        proposed, weights = weights, weights[free]
         proposed[free] = np.where(weights < SNAP, 0.0, np.where(weights > 1 - SNAP, 1.0, weights))
         if any(
             load(slots, proposed).max(initial=0.0) > 1 + OVERFULL
@@ -219,3 +353,45 @@ class _Programmes:
         ):
             proposed = repair(states, proposed) / ONE
         self.ascent.offer_weights(proposed)
+
+
+def _groups(states: States, free: Ints, component: Ints, most: int | None) -> list[Ints]:
+    """The free states by programme: neighbouring components of up to MODEL states in all, in time.
+
+    Components of more than `most` states are left out.
+    """
+    _, number, size = np.unique(component, return_inverse=True, return_counts=True)
+    if most is not None and size.max(initial=0) > most:
+        kept = size[number] <= most
+        free = free[kept]
+        _, number, size = np.unique(number[kept], return_inverse=True, return_counts=True)
+    if len(free) <= MODEL:
+        return [free] if len(free) else []
+    begin = np.full(len(size), np.iinfo(np.int32).max)
+    np.minimum.at(begin, number, states.begin[free])
+    in_time = np.argsort(begin, kind="stable")
+    group = np.empty(len(size), np.int64)
+    group[in_time] = (np.cumsum(size[in_time]) - 1) // MODEL
+    of_state = group[number]
+    order = np.argsort(of_state, kind="stable")  # in each group the states stay in order
+    return np.split(free[order], np.flatnonzero(np.diff(of_state[order])) + 1)
+
+
+def _windows(lost: Floats, allowed: float, span: int) -> NDArray[np.bool_]:
+    """The steps (T,) within `span` of those that lose most, but for as much as is allowed."""
+    order = np.argsort(lost)
+    bad = order[np.cumsum(lost[order]) > allowed]
+    change = np.zeros(len(lost) + 1, np.int32)
+    np.add.at(change, np.maximum(bad - span, 0), 1)
+    np.subtract.at(change, np.minimum(bad + span + 1, len(lost)), 1)
+    around: NDArray[np.bool_] = np.cumsum(change[:-1]) > 0
+    return around
+
+
+def _ascent() -> type[Ascent]:
+    """What ascends here."""
+    if kernels:
+        return Ascent
+    from tgospa_eval.solvers.numpy_ascent import NumpyAscent
+
+    return NumpyAscent

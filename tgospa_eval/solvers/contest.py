@@ -1,6 +1,8 @@
 """Where no kernel was built: the linear programme of the rows that compete, by HiGHS alone."""
 
 import time
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,36 +18,56 @@ ROUNDS = 30
 MOST = 0.6
 """After so many rounds, or with so large a share of its rows active, a block is solved whole."""
 
+LARGE = 25_000
+"""A programme of more states takes longer than sweeps and the smaller programmes after them."""
+
 REGRET = 1e-11
 """A row that could gain no more than this by leaving its path stays; sums round to 1e-12."""
 
 
-def solve_contest(batch: Batch) -> Answer:
-    """Solve each block of a batch on the rows that matter."""
+def solve_contest(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
+    """Solve each block of a batch on the rows that matter; `ascend` solves the large ones."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
+    large = np.zeros(len(batch.wanted), bool)
     for number in np.flatnonzero(batch.wanted).tolist():
         part, state, slot = batch.states.between(number, number + 1)
-        batch.weights[state], batch.prices[slot], steps, solved = _solve(part, batch)
+        found = _solve(part, batch)
+        if found is None:
+            large[number] = True
+            continue
+        batch.weights[state], batch.prices[slot], steps, solved = found
         iterations += steps
         if not solved:
             unsolved.append(number)
     late = LATE if batch.late() else "HiGHS failed"
-    return Answer(
+    answer = Answer(
         iterations=iterations,
         status=late if unsolved else "solved",
         open=np.array(unsolved, np.int64),
         left=np.flatnonzero(batch.wanted),
         seconds={"lp": time.perf_counter() - begin},
     )
+    if not large.any():
+        return answer
+    rest = ascend(replace(batch, wanted=large, quickly=np.zeros_like(large)))
+    return replace(
+        rest,
+        iterations=iterations + rest.iterations,
+        status=rest.status if len(rest.open) or not unsolved else answer.status,
+        open=np.sort(np.concatenate((answer.open, rest.open))),
+        left=answer.left,
+        seconds={**rest.seconds, "lp": answer.seconds["lp"] + rest.seconds.get("lp", 0.0)},
+    )
 
 
-def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool]:
+def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool] | None:
     """Rows that clash on their best paths are *active* and go into a linear programme.
 
     The others keep their paths, which use up columns. At the prices of the programme a row that
     would rather leave its path becomes active too, and the programme is solved again. When no such
-    row is left the certificate closes: no row has regret, and priced columns are full.
+    row is left the certificate closes: no row has regret, and priced columns are full. None if a
+    programme would be too large.
     """
     slots = states.columns
     prices = np.zeros(len(slots.step))
@@ -63,6 +85,8 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool]:
         if attempt == ROUNDS or active.sum() > MOST * is_row.sum():
             active |= is_row
         free = np.flatnonzero(active[row])
+        if len(free) > LARGE:
+            return None
         if batch.late():
             return paths, prices, iterations, False
         found = residual(

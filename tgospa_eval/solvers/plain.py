@@ -37,7 +37,7 @@ class PlainAscent:
         self.bound = dual_values(states, self.prices)
         self.slot_block = states.node_block[states.columns.node]
         self.state_block = states.pair_block[states.pair]
-        self.sweeps = _Sweeps(states, np.flatnonzero(wanted))
+        self.sweeps = Sweeps(states, np.flatnonzero(wanted))
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
@@ -95,7 +95,7 @@ class PlainAscent:
         return done, violation
 
 
-class _Sweeps:
+class Sweeps:
     """Messages over the chain of steps of the open blocks.
 
     A run is a chain of one state a step here. The longest runs are left out where the chain would
