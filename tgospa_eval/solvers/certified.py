@@ -162,6 +162,7 @@ class _Programmes:
     def __init__(self, ascent: Ascent, batch: Batch) -> None:
         self.ascent, self.batch = ascent, batch
         self.tempted = np.zeros(len(ascent.states.begin), bool)
+        self.interior = False
         self.iterations, self.seconds = 0, 0.0
 
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
@@ -188,9 +189,10 @@ class _Programmes:
         ascent = self.ascent
         found = residual(
             ascent.states, free, ascent.weights, ascent.prices, ascent.crossing, box,
-            self.batch.left(),
+            self.batch.left(), interior=self.interior,
         )  # fmt: skip
         self.iterations += found.iterations
+        self.interior = found.interior
         self._propose_weights(free, found.weights)
         prices = ascent.prices.copy()
         before = prices[found.slot]
