@@ -23,6 +23,7 @@ from tgospa_eval.weights import ONE, repair
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.offers import Offer
+    from tgospa_eval.solvers.residual import Proposal
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
@@ -49,6 +50,12 @@ ROUNDS = ((0.3, 0.07), (0.3, 0.05), (0.3, 0.05), (0.4, 0.1), (1.0, 0.3), (np.inf
 states that are left out would win, yet not so little that it takes many rounds. Early; after the
 stages where a solution nearby was given, of which a few prices may be far off; and at the end.
 """
+
+STUCK = 0.5
+"""A round at the end that leaves more than this of the gap is followed by one of a larger reach."""
+
+TOLERANCE = 1e-9
+"""What HiGHS takes for zero."""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
@@ -168,31 +175,50 @@ class _Programmes:
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
         """One programme a round until the brackets are met, or it would be larger than `most`."""
         ascent = self.ascent
-        begin = time.perf_counter()
+        begin, stuck = time.perf_counter(), 0.0
         for reach, box in rounds:
             if self.batch.late() or not ascent.open.any():
                 break
+            if reach == stuck:
+                continue
             ascent.survey(ascent.prices, reach)
             free = ascent.undecided(self.tempted)
+            if not len(free) and np.isinf(reach):  # regret that passes for rounding
+                pairs = ascent.open[ascent.states.pair_block]
+                free = np.flatnonzero(np.repeat(pairs, np.diff(ascent.states.pair_first)))
             if most is not None and len(free) > most:
                 break
             if not len(free):  # what keeps the bracket open is farther away
                 continue
+            before = ascent.gap[ascent.open].sum()
             self._solve(free, box)
             ascent.keep(ascent.wide(gap))
+            if most is None and ascent.gap[ascent.open].sum() > STUCK * before:
+                stuck = reach
         self.seconds += time.perf_counter() - begin
 
     def _solve(self, free: Ints, box: float) -> None:
-        """Propose what is best for the free states; mixtures of prices may be better."""
-        from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
+        """Propose what is best for the free states, refined where tolerances keep a bracket open.
+
+        The prices of a programme may miss the best by `TOLERANCE` for each state.
+        """
+        from tgospa_eval.solvers.residual import refined, residual  # HiGHS: slow to import
 
         ascent = self.ascent
         found = residual(
             ascent.states, free, ascent.weights, ascent.prices, ascent.crossing, box,
             self.batch.left(), interior=self.interior,
         )  # fmt: skip
-        self.iterations += found.iterations
         self.interior = found.interior
+        self._propose(free, found)
+        wide = ascent.wide(ascent.wanted_gap)
+        if wide.any() and ascent.gap[wide].sum() <= TOLERANCE * len(free):
+            self._propose(free, refined(found, self.batch.left()))
+        self.iterations += found.iterations
+
+    def _propose(self, free: Ints, found: "Proposal") -> None:
+        """Offer weights and prices; mixtures of prices may be better."""
+        ascent = self.ascent
         self._propose_weights(free, found.weights)
         prices = ascent.prices.copy()
         before = prices[found.slot]

@@ -55,7 +55,7 @@ class Programme:
     rows, columns : Limits
     idle, over : int arrays
         Limits of columns that have an idle or an excess column.
-    reward : long float array
+    reward : float array
     row, column, entry : (nnz,) arrays
         A; nothing appears twice.
     full, upper : float arrays
@@ -68,7 +68,7 @@ class Programme:
     columns: Limits
     idle: Ints
     over: Ints
-    reward: Long
+    reward: Floats
     row: Ints
     column: Ints
     entry: Floats
@@ -88,10 +88,39 @@ class Programme:
         a, b = len(self.rows.room), len(self.columns.room)
         return slice(0, a), slice(a, a + b), slice(a + b, len(self.full))
 
-    def reduced(self, dual: NDArray[np.floating]) -> Long:
-        """Reduced costs of the minimisation of -reward x at duals <= 0 of the rows."""
-        cost: Long = -self.reward
-        np.subtract.at(cost, self.column, self.entry * dual.astype(np.longdouble)[self.row])
+    def reduced(self, dual: Floats) -> Floats:
+        """Reduced costs of the minimisation of -reward x at duals <= 0 of the constraints."""
+        return -self.reward - np.bincount(
+            self.column, self.entry * dual[self.row], len(self.reward)
+        )
+
+    @cached_property
+    def offset(self) -> Long:
+        """What the gains of each limit of the rows have in common, 0 of other constraints.
+
+        Gains are A + B - cost: beside the prices A and B small costs lose digits. A row slot with a
+        gain is charged with A + B instead: its dual is that much smaller.
+        """
+        entry, limit = self.states.entry[self.free], self.rows.limit
+        count = np.bincount(self.rows.state, minlength=len(entry))
+        only = (count == 1) & (entry >= 0)
+        mine = np.flatnonzero(only[self.rows.state])
+        offset = np.zeros(len(self.full), np.longdouble)
+        offset[limit[mine]] = _prices(self.states, entry[self.rows.state[mine]])
+        return offset
+
+    def reduced_long(self, dual: Long) -> Long:
+        """`reduced`, in long doubles, at the duals with `offset` added to them."""
+        entry = self.states.entry[self.free]
+        gains = np.flatnonzero(entry >= 0)
+        cost = -self.reward.astype(np.longdouble)
+        own = cost[self.parts[0]]
+        own[:] = 0.0
+        own[gains] -= _prices(self.states, entry[gains])
+        np.add.at(own, self.rows.state, self.offset[self.rows.limit])  # mostly 0 now
+        own[gains] += self.states.problem.cost[entry[gains]]
+        own -= self.moves.reward
+        np.subtract.at(cost, self.column, self.entry * dual[self.row])
         return cost
 
 
@@ -134,7 +163,7 @@ def make_programme(
     entry[len(row) - len(over) :] = -1.0
     reward = np.concatenate(
         (
-            _gains(states, free) + moves.reward,
+            states.gains(free) + moves.reward.astype(np.float64),
             -2.0 * moves.paid,
             low[idle],
             -(columns.price + box)[over],
@@ -161,20 +190,12 @@ def make_programme(
     )
 
 
-def _gains(states: States, chosen: Ints) -> Long:
-    """Gains of some states with the digits of small costs that a double beside 1 has no room for.
-
-    A long double has 64 bits on x86, 53 or 113 elsewhere.
-    """
+def _prices(states: States, entry: Ints) -> Long:
+    """Prices A + B of leaving the pairs of some entries unassigned."""
     problem = states.problem
-    entry = states.entry[chosen]
-    gain = np.zeros(len(entry), np.longdouble)
-    at = np.flatnonzero(entry >= 0)
-    entry = entry[at]
-    gain[at] = problem.truth_price[problem.truth_row[entry]]
-    gain[at] += problem.estimate_price[problem.estimate_row[entry]]
-    gain[at] -= problem.cost[entry]
-    return gain
+    price: Long = problem.truth_price[problem.truth_row[entry]].astype(np.longdouble)
+    price += problem.estimate_price[problem.estimate_row[entry]]
+    return price
 
 
 def _moves(states: States, free: Ints, held: Floats, crossing: Floats) -> Moves:

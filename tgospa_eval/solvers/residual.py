@@ -20,10 +20,14 @@ LARGE, PATIENCE, COLD = 2000, 0.5, 1.5
 for each of them, or more where it starts cold, is dense with ties: the interior point method is up
 to ten times quicker there, and two to four times slower elsewhere."""
 
-SCALE, SHIFT = 2.0**40, 2.0**20
+SCALE, SHIFT = 2.0**70, 2.0**20
 """The correction of duals is scaled up by at most SCALE; costs in it are cut at SHIFT."""
 
-VIOLATION, REFINEMENTS = 1e-17, 3
+ROOMIER = 1e-6
+"""Columns have so much more room while duals are refined, so that of all best prices the least are
+taken: a basis that is best then is best without, and prices near 1 have no room for small digits."""
+
+VIOLATION, REFINEMENTS = 1e-25, 4
 """Duals are refined until none is wrong by more, or so many times."""
 
 DENOMINATORS, SNAP = 64, 1e-9
@@ -140,37 +144,53 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
     vertex = found.vertex
     if vertex is None:
         return found
-    p, dual = vertex.programme, vertex.dual
+    p = vertex.programme
+    dual = vertex.dual + p.offset
     columns = len(p.upper)
     free = np.append(np.isinf(p.upper), np.ones(len(p.full), bool))
     basic = np.append(vertex.columns, vertex.rows)
     deadline = None if seconds is None else time.monotonic() + seconds
     highs = _highs(_model(p, slacks=True))
     highs.setBasis(_basis(basic, np.zeros(len(p.full), bool)))
-    iterations, values = found.iterations, None
+    roomier = p.full.copy()
+    roomier[p.constraints[1]] += ROOMIER
+    _set_room(highs, roomier)
+    iterations, solved = found.iterations, False
     for _ in range(REFINEMENTS):
-        cost = np.append(p.reduced(dual), -dual)
+        cost = np.append(p.reduced_long(dual), p.offset - dual)
         wrong = float(np.where(basic, np.abs(cost), np.where(free, -cost, 0.0)).max(initial=0.0))
-        if wrong <= VIOLATION:
+        if solved and wrong <= VIOLATION:
             break
-        scale = min(SCALE, 2.0 ** -np.ceil(np.log2(wrong)))
+        scale = min(SCALE, 2.0 ** -np.ceil(np.log2(max(wrong, 1e-40))))
         scaled = np.clip((cost * scale).astype(np.float64), -SHIFT, SHIFT)
         highs.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), scaled)
-        finished, done = _run(highs, deadline)
+        solved, done = _run(highs, deadline)
         iterations += done
-        if not finished:
+        if not solved:
             break
         answer = highs.getSolution()
-        dual = np.minimum(dual + np.asarray(answer.row_dual).astype(np.longdouble) / scale, 0.0)
-        values = np.asarray(answer.col_value)
+        dual += np.asarray(answer.row_dual).astype(np.longdouble) / scale
+        np.minimum(dual, p.offset, out=dual)
         basic, _ = _basic(highs)
+    weights = found.weights
+    if solved:
+        _set_room(highs, p.full)
+        solved, done = _run(highs, deadline)
+        iterations += done
+        if solved:
+            weights = _snapped(p, np.asarray(highs.getSolution().col_value))
     return replace(
         found,
-        weights=found.weights if values is None else _snapped(p, values),
+        weights=weights,
         prices=_spread(p, dual.astype(np.float64), vertex.prices),
         iterations=iterations,
-        vertex=replace(vertex, dual=dual, columns=basic[:columns], rows=basic[columns:]),
+        vertex=replace(vertex, dual=dual - p.offset, columns=basic[:columns], rows=basic[columns:]),
     )
+
+
+def _set_room(highs: highspy.Highs, room: Floats) -> None:
+    """Set all constraints, which have slacks as columns."""
+    highs.changeRowsBounds(len(room), np.arange(len(room), dtype=np.int32), room, room)
 
 
 def _spread(p: Programme, dual: Floats, before: Floats) -> Floats:
