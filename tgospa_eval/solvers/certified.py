@@ -52,7 +52,8 @@ stages where a solution nearby was given, of which a few prices may be far off; 
 """
 
 STUCK = 0.5
-"""A round at the end that leaves more than this of the gap is followed by one of a larger reach."""
+"""A round at the end that leaves more than this of a wide gap is followed by one that reaches
+farther."""
 
 TOLERANCE = 1e-9
 """What HiGHS takes for zero."""
@@ -193,7 +194,8 @@ class _Programmes:
             before = ascent.gap[ascent.open].sum()
             self._solve(free, box)
             ascent.keep(ascent.wide(gap))
-            if most is None and ascent.gap[ascent.open].sum() > STUCK * before:
+            after, cost = ascent.gap[ascent.open].sum(), ascent.cost[ascent.open].sum()
+            if most is None and after > max(STUCK * before, HOPE * cost):
                 stuck = reach
         self.seconds += time.perf_counter() - begin
 
