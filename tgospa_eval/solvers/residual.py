@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import highspy
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.solvers.programme import Long, Programme, make_programme
@@ -27,7 +26,7 @@ SCALE, SHIFT = 2.0**70, 2.0**20
 
 ROOMIER = 1e-6
 """Columns have so much more room while duals are refined, so that of all best prices the least are
-taken: a basis that is best then is best without, and prices near 1 have no room for small digits."""
+taken: a basis that is best then is best without it, and prices near 1 drop small digits."""
 
 VIOLATION, REFINEMENTS = 1e-25, 4
 """Duals are refined until none is wrong by more, or so many times."""
@@ -192,7 +191,8 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
 
 def _set_room(highs: highspy.Highs, room: Floats) -> None:
     """Set all constraints, which have slacks as columns."""
-    highs.changeRowsBounds(len(room), np.arange(len(room), dtype=np.int32), room, room)
+    rows = np.arange(len(room), dtype=np.int32)
+    highs.changeRowsBounds(len(room), rows, room, room)  # type: ignore[attr-defined]
 
 
 def _spread(p: Programme, dual: Floats, before: Floats) -> Floats:
@@ -315,7 +315,8 @@ def _simplex(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
 def _density(highs: highspy.Highs, rows: int) -> float:
     """Mean number of entries other than 0 of a row of the inverse of the basis, by a sample."""
     sample = np.linspace(0, rows - 1, SAMPLE).astype(int).tolist()
-    return float(np.mean([highs.getBasisInverseRowSparse(row)[2] for row in sample]))
+    found = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
+    return float(np.mean([count for _, _, count, *_ in found]))
 
 
 def _over(deadline: float | None) -> bool:

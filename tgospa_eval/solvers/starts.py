@@ -14,7 +14,7 @@ from tgospa_eval.solvers.programme import Programme
 Marks = NDArray[np.bool_]
 
 WORTH = 3000
-"""Free states of a programme that is worth a starting basis: smaller ones take 50 ms at most without."""
+"""Free states of a programme that is worth a starting basis: others take 50 ms at most without."""
 
 TURNS = 8
 """The potentials are found turn by turn, which pays with so many states a turn."""
@@ -36,7 +36,7 @@ def suggest(p: Programme) -> tuple[Marks, Marks] | None:
     dual = _potentials(p)
     if dual is None:
         return None
-    states, rises, *_ = p.parts
+    _, rises, *_ = p.parts
     reduced = np.abs(p.reduced(-dual))
     reduced[rises.stop :] = np.inf  # no price is at the border of its box
     rows = len(p.full)
