@@ -153,9 +153,7 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
     deadline = None if seconds is None else time.monotonic() + seconds
     highs = _highs(_model(p, slacks=True))
     highs.setBasis(_basis(basic, np.zeros(len(p.full), bool)))
-    roomier = p.full.copy()
-    roomier[p.constraints[1]] += ROOMIER
-    _set_room(highs, roomier)
+    _set_room(highs, p, ROOMIER)
     iterations, solved = found.iterations, False
     for _ in range(REFINEMENTS):
         cost = np.append(p.reduced_long(dual), p.offset - dual)
@@ -175,7 +173,7 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
         basic, _ = _basic(highs)
     weights = found.weights
     if solved:
-        _set_room(highs, p.full)
+        _set_room(highs, p, 0.0)
         solved, done = _run(highs, deadline)
         iterations += done
         if solved:
@@ -189,10 +187,11 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
     )
 
 
-def _set_room(highs: highspy.Highs, room: Floats) -> None:
-    """Set all constraints, which have slacks as columns."""
-    rows = np.arange(len(room), dtype=np.int32)
-    highs.changeRowsBounds(len(room), rows, room, room)  # type: ignore[attr-defined]
+def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
+    """Give the columns more room; slacks are columns of the model."""
+    limits = p.constraints[1]
+    for row, room in enumerate((p.full[limits] + more).tolist(), limits.start):
+        highs.changeRowBounds(row, room, room)
 
 
 def _spread(p: Programme, dual: Floats, before: Floats) -> Floats:
