@@ -94,3 +94,56 @@ def scene(
         begin = rng.integers(0, steps)
         estimate[begin : begin + 5, j] = rng.uniform(0, side, 2)
     return truth, estimate
+
+
+def coincident(
+    seed: int, m: int, n: int, steps: int, *, places: int = 3, holes: float = 0.3
+) -> tuple[np.ndarray, np.ndarray]:
+    """Objects that stand still at few places, each missing at random steps: everything ties."""
+    rng = np.random.default_rng(seed)
+    spots = rng.integers(0, 10, (places, 2)).astype(float)
+
+    def side(count: int) -> np.ndarray:
+        return np.repeat(spots[rng.integers(0, places, count)][None], steps, axis=0)
+
+    truth, estimate = side(m), side(n)
+    truth[rng.random((steps, m)) < holes] = np.nan
+    estimate[rng.random((steps, n)) < holes] = np.nan
+    return truth, estimate
+
+
+def lattice_walks(
+    seed: int, m: int, n: int, steps: int, *, side: int = 6, holes: float = 0.1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Random walks on a lattice, nobody following anybody: distances tie, optima are fractional."""
+    rng = np.random.default_rng(seed)
+
+    def walk(count: int) -> np.ndarray:
+        position = rng.integers(0, side, (count, 2))
+        states = np.empty((steps, count, 2))
+        for k in range(steps):
+            states[k] = position
+            position = np.clip(position + rng.integers(-1, 2, (count, 2)), 0, side - 1)
+        states[rng.random((steps, count)) < holes] = np.nan
+        return states
+
+    return walk(m), walk(n)
+
+
+def dice(seed: int, m: int, n: int, steps: int, *, side: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    """Everybody at a random point of a small lattice at each step."""
+    rng = np.random.default_rng(seed)
+    truth, estimate = (rng.integers(0, side, (steps, k, 2)).astype(float) for k in (m, n))
+    return truth, estimate
+
+
+def overlapping(
+    seed: int, m: int, steps: int, *, noise: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Walkers side by side, each with an estimate; two estimates change places half way."""
+    rng = np.random.default_rng(seed)
+    truth = np.cumsum(rng.normal(0, 1, (steps, m, 2)), axis=0) + rng.uniform(0, 4, (1, m, 2))
+    estimate = truth + rng.normal(0, noise, truth.shape)
+    order = np.r_[1, 0, 2:m]
+    estimate[steps // 2 :] = estimate[steps // 2 :, order]
+    return truth, estimate

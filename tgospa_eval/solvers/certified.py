@@ -4,7 +4,7 @@ Whatever happens here only proposes; the bracket is made by `tgospa_eval.result.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from tgospa_eval.weights import ONE, repair
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.offers import Offer
+    from tgospa_eval.solvers.residual import Proposal
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
@@ -70,6 +71,13 @@ BUILD = 1e-5
 
 AFTER = 10
 """Steps after the last state of a programme in which what it loses may still show."""
+
+STUCK = 0.5
+"""A round at the end that leaves more than this of a wide gap is followed by one that reaches
+farther."""
+
+TOLERANCE = 1e-9
+"""What HiGHS takes for zero."""
 
 SNAP, OVERFULL = 1e-9, 1e-15
 """Weights of a programme that are this near to 0 or 1 are meant to be; sums of them that exceed 1
@@ -190,6 +198,7 @@ class _Programmes:
     def __init__(self, ascent: Ascent, batch: Batch) -> None:
         self.ascent, self.batch = ascent, batch
         self.tempted = np.zeros(len(ascent.states.begin), bool)
+        self.interior = False
         self.iterations, self.seconds = 0, 0.0
 
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
@@ -199,17 +208,23 @@ class _Programmes:
         brackets open first.
         """
         ascent = self.ascent
-        begin = time.perf_counter()
+        begin, stuck = time.perf_counter(), 0.0
         for reach, box in rounds:
             if self.batch.late() or not ascent.open.any():
                 break
+            if reach == stuck:
+                continue
             ascent.survey(ascent.prices, reach)
             near = ascent.near(self.tempted)
             if np.count_nonzero(near) > MANY:
                 self._run_windows(near, reach, box, gap, most, len(near))
                 continue
+            before = ascent.gap[ascent.open].sum()
             if not self._solve_undecided(near, box, gap, most):
                 break
+            after, cost = ascent.gap[ascent.open].sum(), ascent.cost[ascent.open].sum()
+            if most is None and after > max(STUCK * before, HOPE * cost):
+                stuck = reach
         self.seconds += time.perf_counter() - begin
 
     def run_nearby(self, reach: float, box: float, gap: float) -> None:
@@ -263,8 +278,13 @@ class _Programmes:
         self, near: NDArray[np.bool_], box: float, gap: float, most: int | None
     ) -> bool:
         """Solve what has to be decided among the states near; False if all of it is too large."""
+        states = self.ascent.states
         free, component = self.ascent.undecided(near)
-        groups = _groups(self.ascent.states, free, component, most)
+        if not len(free) and np.isinf(box):  # what keeps the bracket open passes for rounding
+            pairs = self.ascent.open[states.pair_block]
+            free = np.flatnonzero(np.repeat(pairs, np.diff(states.pair_first)))
+            component = states.pair_block[states.pair[free]]
+        groups = _groups(states, free, component, most)
         if groups:
             self._solve(groups, box)
             self.ascent.keep(self.ascent.wide(gap))
@@ -272,30 +292,45 @@ class _Programmes:
         return bool(groups) or not len(free)
 
     def _solve(self, groups: list[Ints], box: float) -> None:
-        """Propose what is best for each group of states; mixtures of prices may be better."""
+        """Propose what is best for each group of states, refined where tolerances matter.
+
+        The prices of a programme may miss the best by `TOLERANCE` for each state.
+        """
+        ascent, solved = self.ascent, []
+        for group in groups:
+            left = self.batch.left()
+            if left is not None and left <= BUILD * len(group):
+                break
+            solved.append(self._solve_group(group, box, len(groups) == 1))
+        if not solved:
+            return
+        self._propose(solved)
+        wide = ascent.wide(ascent.wanted_gap)
+        size = sum(len(one.free) for one in solved)
+        if wide.any() and ascent.gap[wide].sum() <= TOLERANCE * size:
+            from tgospa_eval.solvers.residual import refined  # HiGHS: slow to import
+
+            self._propose(
+                [replace(one, found=refined(one.found, self.batch.left())) for one in solved]
+            )
+
+    def _propose(self, solved: "list[_Solved]") -> None:
+        """Offer weights and prices; mixtures of prices may be better."""
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
-        free, priced = [], []
-        for group in groups:
-            if self.batch.late():
-                break
-            left = self.batch.left()
-            if left is not None and left < BUILD * len(group):
-                break
-            free.append(group)
-            priced.append(self._solve_group(group, box, len(groups) == 1, weights, prices))
-        if not free:
-            return
+        for one in solved:
+            weights[one.free] = one.found.weights
+            prices[one.slot] = one.found.prices
         wide = ascent.gap[ascent.open].sum()
-        self._propose_weights(np.concatenate(free), weights)
-        slot = np.concatenate(priced)
+        self._propose_weights(np.concatenate([one.free for one in solved]), weights)
+        slot = np.concatenate([one.slot for one in solved])
         found, before = prices[slot], ascent.prices[slot]
-        if len(free) > 1:
-            self._offer_best(free, priced, prices)
+        if len(solved) > 1:
+            self._offer_best(solved, prices)
         ascent.offer_prices(prices)
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(TEMPTED)
-        if len(free) > 1 and ascent.gap[ascent.open].sum() < 0.5 * wide:
+        if len(solved) > 1 and ascent.gap[ascent.open].sum() < 0.5 * wide:
             return
         for share in (0.5, 0.2):
             prices[slot] = share * found + (1 - share) * before
@@ -304,23 +339,21 @@ class _Programmes:
         prices[~ascent.full()] = 0.0
         ascent.offer_prices(prices)
 
-    def _offer_best(self, groups: list[Ints], priced: list[Ints], prices: Floats) -> None:
+    def _offer_best(self, solved: "list[_Solved]", prices: Floats) -> None:
         """Offer the new prices of the groups in whose time less is lost by them."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
         change -= ascent.losses(ascent.prices)
         change = np.concatenate(([0.0], np.cumsum(change)))
-        for free, slot in zip(groups, priced, strict=True):
-            begin, end = states.begin[free].min(), states.begin[free].max() + AFTER
+        for one in solved:
+            begin, end = states.begin[one.free].min(), states.begin[one.free].max() + AFTER
             if change[min(end, len(change) - 1)] > change[begin]:
-                prices[slot] = ascent.prices[slot]
+                prices[one.slot] = ascent.prices[one.slot]
         ascent.offer_prices(prices)
 
-    def _solve_group(
-        self, free: Ints, box: float, whole: bool, weights: Floats, prices: Floats
-    ) -> Ints:
-        """Solve one programme, writing what it says; the slots that it has priced."""
+    def _solve_group(self, free: Ints, box: float, whole: bool) -> "_Solved":
+        """Solve one programme."""
         from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
 
         ascent, left = self.ascent, self.batch.left()
@@ -328,19 +361,20 @@ class _Programmes:
             left = max(left - BUILD * len(free), 0.0)
         given = ascent.weights, ascent.prices
         if whole:
-            found = residual(ascent.states, free, *given, ascent.crossing, box, left)
+            found = residual(
+                ascent.states, free, *given, ascent.crossing, box, left, interior=self.interior
+            )
             slot = found.slot
         else:
             piece = cut_out(ascent.states, free)
             found = residual(
                 piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
-                ascent.crossing, box, left,
+                ascent.crossing, box, left, interior=self.interior,
             )  # fmt: skip
             slot = piece.slot[found.slot]
+        self.interior = found.interior
         self.iterations += found.iterations
-        weights[free] = found.weights
-        prices[slot] = found.prices
-        return slot
+        return _Solved(free=free, slot=slot, found=found)
 
     def _propose_weights(self, free: Ints, weights: Floats) -> None:
         """Offer the weights (S,), of which those of the free states are new, made feasible."""
@@ -353,6 +387,23 @@ class _Programmes:
         ):
             proposed = repair(states, proposed) / ONE
         self.ascent.offer_weights(proposed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Solved:
+    """A programme that was solved.
+
+    Parameters
+    ----------
+    free, slot : int arrays
+        Its free states and the slots that it has priced, in the whole.
+    found : Proposal
+        What it says of them.
+    """
+
+    free: Ints
+    slot: Ints
+    found: "Proposal"
 
 
 def _groups(states: States, free: Ints, component: Ints, most: int | None) -> list[Ints]:
