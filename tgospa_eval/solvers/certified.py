@@ -61,10 +61,13 @@ MANY, SPAN, WIDEN, SHRINK = 50_000, 25, 4, 0.3
 """Where more states than this are undecided, programmes take those within so many steps of what
 keeps a bracket open; the span grows by that factor where more than this share of it stays."""
 
-LARGE, SHARE = 200_000, 0.05
+LARGE, SHARE = 200_000, 0.02
 """A problem with more states is searched in windows before the temperature falls further, as long
 as no more than this share of its states is undecided there: a stage of sweeps takes about as long.
 """
+
+FARTHER = 1.0
+"""Reach in a window that did not help, before the span grows."""
 
 BUILD = 1e-5
 """Seconds that building a programme takes for each state of it, and HiGHS to begin: 3 to 10 us."""
@@ -253,7 +256,7 @@ class _Programmes:
         """
         ascent = self.ascent
         steps = ascent.states.problem.steps
-        span = SPAN
+        span, farther = SPAN, reach
         while ascent.open.any() and not self.batch.late():
             before = ascent.gap[ascent.open].sum()
             if span < steps:
@@ -268,10 +271,14 @@ class _Programmes:
                 self._solve_undecided(near, box, gap, most)
                 return
             if ascent.gap[ascent.open].sum() > SHRINK * before:
-                span *= WIDEN
                 if most is not None:
                     return
-            ascent.survey(ascent.prices, reach)
+                # Either states that were left out win now, or the window is too short.
+                if farther < FARTHER:
+                    farther = FARTHER
+                else:
+                    span, farther = span * WIDEN, reach
+            ascent.survey(ascent.prices, farther)
             near = ascent.near(self.tempted)
 
     def _solve_undecided(
