@@ -14,6 +14,9 @@ ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
 """The integer that stands for the weight 1: fractional optima have small denominators, and those up
 to 18 are exact. Near 2^50, so that sums of some thousand weights fit, and doubles hold each."""
 
+TURN = 32
+"""States of a part for each step that it lasts: fewer cost no more than the call of a function."""
+
 SNAP = ONE * 1e-9
 """Weights this near to 0 or 1 are meant to be 0 or 1."""
 
@@ -70,12 +73,13 @@ def row_parts(states: States) -> Iterator[tuple[States, slice]]:
     """The states in parts of whole rows, about PART states each, and where they are.
 
     Rows do not depend on each other once prices are given. Nodes and column slots keep their
-    numbers.
+    numbers. A pass over a part takes a turn for each step: parts of long recordings are larger.
     """
-    if 0 < len(states.begin) <= PART:
+    size = max(PART, TURN * int((states.block_end - states.block_begin).max(initial=0)))
+    if 0 < len(states.begin) <= size:
         yield states, slice(None)
         return
-    bounds = divided(states.pair_row, states.pair_first, PART)
+    bounds = divided(states.pair_row, states.pair_first, size)
     for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
         first = states.pair_first[pairs.start : pairs.stop + 1]
         own = slice(int(first[0]), int(first[-1]))

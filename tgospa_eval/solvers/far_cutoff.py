@@ -28,6 +28,10 @@ FAR = 2.0**-8
 NEAR = 2.0**-2
 """Fractions above this are no different from 1."""
 
+DOUBTFUL, ROUNDED = 2.0**-20, 1e-12
+"""At a fraction of c^p below this the digits of a solver do not tell whether a block is solved: the
+certificate is asked. It rounds outward by less than ROUNDED, relative."""
+
 ROOM = 16.0
 """A cutoff price fits that is so many times the largest cost that cannot be avoided."""
 
@@ -69,8 +73,14 @@ def solve_at_fitting_cutoffs(
         By how much a cutoff price grows that turned out too small.
     """
     scale = fitting_scales(states)
-    found = base(states, scale == 1, scale < 1, deadline)
+    far = scale < 1
+    found = base(states, ~far, far, deadline)
     missing = found.missing
+    doubtful = (scale < DOUBTFUL) & ~missing
+    if doubtful.any():
+        cost = block_costs(states, found.weights)
+        width = cost - lower_bounds(states, found.prices)
+        missing |= doubtful & (width > max(gap, ROUNDED) * cost)
     if not missing.any() or states.problem.pair_price is None:
         return found
     scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))
