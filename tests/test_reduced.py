@@ -10,12 +10,14 @@ from far_scenes import FarScene, far_scene
 
 from tgospa_eval import evaluate
 from tgospa_eval.certificate import certify
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.problem import Parameters, tgospa_problem
 from tgospa_eval.reduced import forced_cost, reduce_cutoff
 from tgospa_eval.result import Reduced, Solution
 from tgospa_eval.solvers.far_cutoff import fitting_scales
 from tgospa_eval.states import States
+from tgospa_eval.weights import ONE
 
 
 def states_of(scene: FarScene) -> States:
@@ -103,3 +105,59 @@ def test_a_smaller_cutoff_is_the_same_problem_in_other_units() -> None:
     other = states_of(smaller).problem
     assert inner.problem.cost == pytest.approx(other.cost, rel=1e-12)
     assert inner.problem.switch_price == pytest.approx(other.switch_price, rel=1e-12)
+
+
+def test_more_pairs_than_sums_of_integers_hold() -> None:
+    # 27,000 truths near one estimate: so many full weights are more than 2^64, and looked feasible
+    count = 27_000
+    states = one_step([[0.1]] * count, count, 1)
+    for full in (13_065, 25_932, count):
+        weights = np.zeros(len(states.begin))
+        weights[:full] = 1.0
+        prices = np.zeros(len(states.columns.step))
+        bounds, whole, _ = certify(states, Solution(weights=weights, prices=prices, status=""))
+        assert sum(whole.tolist()) <= ONE
+        assert bounds.upper >= 0.5 * (count + 1) - 0.9 - 1e-9
+
+
+def test_prices_of_the_sides_may_differ() -> None:
+    # one truth at 0.9 and three estimates at 0.1 each: assigned for 0.2, the others cost 0.2
+    problem = one_step([[0.2, 0.2, 0.2]], 1, 3).problem
+    problem = replace(problem, truth_price=np.array([0.9]), estimate_price=np.full(3, 0.1))
+    states = merge_runs(problem)
+    weights = np.array([1.0, 0.0, 0.0])
+    prices = np.zeros(len(states.columns.step))
+    bounds, _, _ = certify(states, Solution(weights=weights, prices=prices, status=""))
+    assert problem.pair_price is None
+    assert bounds.lower <= 0.4 <= bounds.upper
+    assert bounds.upper - bounds.lower < 1e-12
+
+
+def test_large_prices_that_nobody_contests_leave_no_rounding() -> None:
+    # every price of 20,000 steps is 0.3, and sums of them are 6,000: errors of 1e-6 keep digits
+    truth = np.zeros((20_000, 2, 1))
+    truth[:, 1] = 0.5
+    states = evaluate(truth, truth + 1e-6, 1.0, 2, 0.1).proof.states
+    weights = (states.pair_truth == states.pair_estimate)[states.pair].astype(float)
+    prices = np.full(len(states.columns.step), 0.3)
+    bounds, _, _ = certify(states, Solution(weights=weights, prices=prices, status=""))
+    assert bounds.relative_gap < 1e-9
+    assert bounds.upper == pytest.approx(4e-8, rel=1e-9)
+
+
+def test_far_coordinates_excuse_no_bracket() -> None:
+    # one pair far away has coarse last places, the others decide the value: nothing is excused
+    rng = np.random.default_rng(0)
+    truth = rng.integers(0, 8, (10, 6, 1)) * 2.0**-30
+    estimate = rng.integers(0, 8, (10, 6, 1)) * 2.0**-30
+    truth[:, 0] = estimate[:, 0] = 2.0**27
+    result = evaluate(truth, estimate, 10.0, 2, 1e-9, solver="sinkhorn")
+    assert not result.within_rounding
+    assert result.certified == (result.relative_gap <= 1e-9)
+    assert evaluate(truth, estimate, 10.0, 2, 1e-9).certified
+
+
+def test_a_value_made_of_powers_that_underflow_is_refused() -> None:
+    truth, estimate = np.array([[[0.0], [1.0]]]), np.array([[[1e-3], [1.001]]])
+    with pytest.raises(ConfigError, match="choose a smaller cutoff or a lower order"):
+        evaluate(truth, estimate, 1e29, 10, 1.0)

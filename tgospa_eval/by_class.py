@@ -152,12 +152,14 @@ def _sum_of_curves(curves: list[Curve | None]) -> Curve | None:
     asked = [curve for curve in curves if curve is not None]
     if not asked:
         return None
-    return Curve(
-        **{
-            field.name: np.sum([getattr(curve, field.name) for curve in asked], axis=0)
-            for field in fields(Curve)
-        }
-    )
+    sums = {
+        field.name: np.sum([getattr(curve, field.name) for curve in asked], axis=0)
+        for field in fields(Curve)
+    }
+    rounding = (len(asked) + 1) * 2.0**-53
+    sums["lower"] *= 1 - rounding
+    sums["upper"] *= 1 + rounding
+    return Curve(**sums)
 
 
 def _joined_input(told: dict[str, Any], inputs: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from tgospa_eval.errors import SolverError
 from tgospa_eval.paths import (
     best_values,
     down,
@@ -26,6 +27,12 @@ from tgospa_eval.weights import ONE, changes, make_feasible, row_parts, whole_we
 
 EPS = 2.0**-53
 """Largest relative error of one rounded operation."""
+
+HALF = 1 << 31
+"""Of a whole price: sums of as many as there can be of either half are no overflow."""
+
+CHUNK = 64
+"""Terms of a cost that are added with rounding; sums of these are added without."""
 
 MOST = 1e100
 """Prices above this are taken as 0."""
@@ -53,16 +60,22 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
         The feasible assignment, in units of 1/ONE.
     Breakdown
         Its cost by step; sums to the upper bound but for its rounding.
+
+    Raises
+    ------
+    SolverError
+        The bounds contradict each other, which only a fault of this program can bring about.
     """
     weights, lower, breakdown = prove(states, solution)
     problem = states.problem
     upper = upper_cost(problem, breakdown)
     least = lower_cost(problem, math.fsum((*lower.tolist(), *unpaired_prices(states))))
-    return (
-        Bounds(lower=min(least, upper), upper=upper, rounding=problem.rounding),
-        weights,
-        breakdown,
-    )
+    if least > upper:
+        raise SolverError(
+            f"the proof contradicts itself, lower bound {least!r} and upper bound {upper!r} in "
+            "units of c^p: please report this as a bug, with the two files"
+        )
+    return Bounds(lower=least, upper=upper, rounding=problem.rounding), weights, breakdown
 
 
 def prove(states: States, solution: Solution) -> tuple[Ints, Floats, Breakdown]:
@@ -106,10 +119,9 @@ def lower_cost(problem: Problem, bound: float) -> float:
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
     """An upper bound of the exact cost of an assignment: see `lower_cost`, and `break_down`.
 
-    A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative.
+    A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
     """
-    terms = 2 * max(breakdown.terms, 1) + 8
-    return breakdown.total * (1 + terms * EPS) * (1 + 2 * EPS) / (1 - problem.cost_error)
+    return breakdown.total * (1 + (CHUNK + 8) * EPS) / (1 - problem.cost_error)
 
 
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
@@ -125,13 +137,18 @@ def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = 
         inner = lower_bounds(part.states, part.solution.prices, part.solution.reduced)
         np.maximum(lower, of_whole(states, part, inner), out=lower)
     objects = _Objects(states)
-    prices = np.where(prices <= MOST, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
+    prices = fair_prices(prices)
     for low, high in states.cuts(PART):
         if direct[low:high].any():
             part_states, _, slot = states.between(low, high)
             bound = _bounds_of_prices(part_states, prices[slot], objects, low)
             np.maximum(lower[low:high], bound, out=lower[low:high], where=direct[low:high])
     return lower
+
+
+def fair_prices(prices: Floats) -> Floats:
+    """Prices that prove something: at least 0, and 0 for what is no number or too large."""
+    return np.where(prices <= MOST, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
 
 
 class _Objects:
@@ -144,9 +161,8 @@ class _Objects:
             block = block_of_tracks(states, name)[getattr(problem, f"{name}_track")]
             self.sides.append((block, getattr(problem, f"{name}_price")))
         pair = problem.pair_price
-        self.half = None
-        if pair is not None and problem.truth_price[0] == problem.estimate_price[0]:
-            self.half = float(problem.truth_price[0])
+        self.half = None if pair is None else 0.5 * pair
+        if pair is not None:
             blocks = len(states.block_begin)
             both = np.concatenate([block for block, _ in self.sides])
             self.count = np.bincount(both[both >= 0], minlength=blocks)
@@ -182,27 +198,37 @@ def unpaired_prices(states: States) -> tuple[float, float]:
 def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: int) -> Floats:
     """Lower bound of each block: the prices of its objects, less what rows can gain, less prices.
 
-    With the cost of the cheapest pair of each row and step put aside, what rows can gain is small
-    where the cost is, and nothing cancels: the unassigned prices of the pairs put aside are taken
-    off those of all objects as whole numbers.
+    With the best pair of each row and step put aside, what rows can gain is small where the cost
+    is, and nothing cancels: unassigned prices and prices of the pairs put aside are taken off those
+    of all objects and of all columns as whole numbers.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    unit, sums = running
-    terms = np.zeros((states.nodes, 3))
-    terms[:, 0] = -up(unit * (sums[columns.first[1:]] - sums[columns.first[:-1]]))
+    unit, whole = running[0], np.diff(running[1])
+    # Prices less those of the pairs put aside, in two halves so that no sum overflows.
+    left = np.stack([_whole_sums(half, columns.first) for half in _halves(whole)])
+    terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
     for rows, _ in row_parts(states):
         steps = row_steps(rows)
-        gains = relative_gains(rows, steps)
-        value = up(gains.relative - rows.columns.spans(running, floor=True))
-        terms[:, 1] -= best_values(rows, value, steps, gains.offset)
-        paired = gains.least < np.inf
-        terms[:, 2] += lower_sums(np.where(paired, gains.least, 0.0), steps.first)
-        groups += sum_parts(paired.astype(np.float64), steps.first)
-        if gains.cheapest is not None:
-            taken.append(gains.cheapest[gains.cheapest >= 0])
+        price = rows.columns.spans(running)
+        runs = np.flatnonzero(rows.entry < 0)
+        price[runs] = np.nextafter(price[runs], 0.0)
+        gains = relative_gains(rows, steps, price)
+        terms[:, 1] -= best_values(rows, gains.relative, steps, gains.offset)
+        best = gains.best[gains.best >= 0]
+        least = np.zeros(len(gains.best))
+        least[gains.best >= 0] = problem.cost[rows.entry[best]]
+        terms[:, 2] += lower_sums(least, steps.first)
+        groups += sum_parts((gains.best >= 0).astype(np.float64), steps.first)
+        taken.append(rows.entry[best])
+        priced = best[rows.columns.end[best] > rows.columns.begin[best]]
+        slot = rows.columns.begin[priced]
+        node = rows.pair_column[np.searchsorted(rows.pair_first, priced, side="right") - 1]
+        for half, of_slot in zip(left, _halves(whole[slot]), strict=True):
+            np.subtract.at(half, node, of_slot)
+    terms[:, 0], terms[:, 3] = -up(unit * left[0]), -up(unit * HALF * left[1])
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
     if objects.half is not None:
@@ -221,6 +247,18 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
         for part, a, b in zip(constant, first[:-1], first[1:], strict=True)
     ]
     return np.maximum(down(np.array(sums_of)), 0.0)
+
+
+def _halves(whole: Ints) -> tuple[Ints, Ints]:
+    """Integers >= 0 as remainders and multiples of HALF."""
+    return whole % HALF, whole // HALF
+
+
+def _whole_sums(value: Ints, first: Ints) -> Ints:
+    """Sums of parts of integers; part i begins at first[i]."""
+    running = np.concatenate(([0], np.cumsum(value)))
+    sums: Ints = running[first[1:]] - running[first[:-1]]
+    return sums
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
@@ -243,7 +281,7 @@ def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
         price = scale * getattr(problem, f"{name}_price")[lone][:1]
         count = np.bincount(outer[lone], minlength=blocks)
         for block in np.flatnonzero(count).tolist():
-            terms[block].append(float(price[0]) * int(count[block]))
+            terms[block].append(math.nextafter(float(price[0]) * int(count[block]), 0.0))
     forced = forced_cost(states, part.blocks)
     lower = np.array(
         [
@@ -261,12 +299,17 @@ def home_blocks(states: States, inner: States) -> Ints:
     return block_of_tracks(states, "truth")[truth]
 
 
+def _in_chunks(terms: Floats) -> list[float]:
+    """Sums of CHUNK terms each."""
+    return np.add.reduceat(terms, np.arange(0, len(terms), CHUNK)).tolist() if len(terms) else []
+
+
 def break_down(states: States, weights: Ints) -> Breakdown:
     """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
     problem, steps = states.problem, states.problem.steps
 
     localisation = np.zeros(steps)
-    terms = np.zeros(steps, np.int64)
+    chunks: list[float] = []  # of all terms, for the sum
 
     def unassigned(name: str) -> tuple[Floats, Floats]:
         """Cost and number of one side's unassigned objects at each step; one side at a time."""
@@ -278,21 +321,21 @@ def break_down(states: States, weights: Ints) -> Breakdown:
             np.subtract.at(free, row[entry].astype(np.intp), whole)
             if name == "truth":
                 paid = whole / ONE * problem.cost[entry]
-                at = states.begin[part][used]
-                np.add(localisation, sum_by(at, paid, steps), localisation)
-                np.add(terms, np.bincount(at, minlength=steps), terms)
+                np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
+                chunks.extend(_in_chunks(paid))
         cost, count = np.zeros(steps), np.zeros(steps)
         for part in parts(len(free)):
             left = np.flatnonzero(free[part])
             at, share = step[part][left].astype(np.intp), free[part][left] / ONE
             np.add.at(count, at, share)
-            np.add.at(cost, at, share * price[part][left])
+            lost = share * price[part][left]
+            np.add.at(cost, at, lost)
+            chunks.extend(_in_chunks(lost))
         return cost, count
 
     missed, false = unassigned("truth"), unassigned("estimate")
     moved, amount = changes(states, weights)
-    for step in (problem.truth_step, problem.estimate_step, states.begin[moved]):
-        terms += np.bincount(step, minlength=steps)
+    chunks.extend(_in_chunks(problem.crossing_price[states.begin[moved]] * amount))
     variation = sum_by(states.begin[moved], amount, steps)
     return Breakdown(
         localisation=localisation,
@@ -302,5 +345,5 @@ def break_down(states: States, weights: Ints) -> Breakdown:
         missed_count=missed[1],
         false_count=false[1],
         switch_count=0.5 * variation,
-        terms=int(terms.max(initial=0)),
+        total=math.fsum(chunks),
     )

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.certificate import EPS, block_of_tracks, lower_bounds, prove
+from tgospa_eval.certificate import EPS, block_of_tracks, fair_prices, lower_bounds, prove
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.prefixes import propose, whole_prices
 from tgospa_eval.problem import Floats, Ints, Problem, sum_by
@@ -49,7 +49,7 @@ def trace(
     reduced : tuple of Reduced
         What is known of the whole at smaller cutoffs.
     """
-    begin = time.monotonic()
+    begin, prices = time.monotonic(), fair_prices(prices)
     found = propose(states, weights, prices)
     cells, parts = found.cells, found.parts
     least, error = found.lower.copy(), found.error.copy()
@@ -217,7 +217,8 @@ class _Copies:
         # A sum of the steps of a copy, and of its blocks.
         cost = parts.sum(axis=0)
         length = np.diff(first, append=problem.steps)
-        error = cost * (length + split.terms * 2 + 16) * EPS
+        terms = int(np.bincount(states.begin, minlength=1).max())
+        error = cost * (length + 2 * terms + 16) * EPS
         return parts, bound * (1 - len(states.block_begin) * EPS), error
 
     def _cut(self, block: Ints, end: Ints) -> tuple[Problem, Origin, Ints]:

@@ -34,7 +34,7 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     chunks, and then of these, keep n small.
     """
     if len(value) <= CHUNK:
-        total, terms = sum_parts(value, first), len(value)
+        total, terms = sum_parts(value, first), np.diff(first)
     else:
         begins = np.zeros(len(value), bool)
         begins[::CHUNK] = begins[first[first < len(value)]] = True
@@ -43,81 +43,74 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
         of_part = np.searchsorted(starts, np.minimum(first, len(value)))
         of_part[first >= len(value)] = len(starts)
         total = sum_parts(chunks, of_part)
-        terms = CHUNK + int(np.diff(of_part).max(initial=0))
+        terms = np.minimum(np.diff(first), CHUNK) + np.diff(of_part)
     total *= 1.0 - (terms + 2) * 2.0**-53
     return total
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gains:
-    """Gains of states relative to the cheapest pair of their row and step.
+    """Gains less prices of states, relative to the best pair of their row and step.
 
-    Gains near 1 differ in their last digits, which sums over many steps lose; their differences are
-    differences of costs, and keep the digits of those. Every path of a row is lowered by the same
-    sum.
+    Gains near 1 differ in their last digits, which sums over many steps lose, and so do large
+    prices that nobody contests; differences of costs and of prices keep the digits of those. Every
+    path of a row is lowered by the same sum. Where no pair is worth its price there is no offset.
 
     Parameters
     ----------
     relative : (S,) float array
-        Upper bounds of the gains less the offsets of their steps.
+        Upper bounds of the gains less prices and less the offsets of their steps.
     offset : (G,) float array
-        Lower bounds of the gain of the cheapest pair of each row and step, 0 where there is none.
-    least : (G,) float array
-        Its cost, infinite where there is none.
-    cheapest : (G,) int array, optional
-        Its entry, -1 where there is none; None where all pairs of objects have the same prices.
+        Lower bounds of the gain less price of the best pair of each row and step, 0 without one.
+    best : (G,) int array
+        Its state, -1 where there is none.
     """
 
     relative: Floats
     offset: Floats
-    least: Floats
-    cheapest: Ints | None
+    best: Ints
 
 
-def relative_gains(states: States, steps: Slots) -> Gains:
-    """The gains of all states; `steps` are those of `row_steps`."""
+def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
+    """The gains of all states less their prices (S,); `steps` are those of `row_steps`.
+
+    The prices of states with a gain are exact, those of runs lower bounds.
+    """
     problem, entry = states.problem, states.entry
+    price = np.zeros(len(entry)) if price is None else price
     runs = np.flatnonzero(entry < 0)
     at = steps.begin.astype(np.intp)
     cost = np.empty(len(entry))
     np.take(problem.cost, entry, out=cost, mode="clip")
     cost[runs] = np.inf
-    least = np.full(len(steps.step), np.inf)
-    np.minimum.at(least, at, cost)
-    with np.errstate(invalid="ignore"):
-        relative = up(least[at] - cost)
     base: float | Floats
+    sides: tuple[Floats, ...] = ()
     if problem.pair_price is None:
-        cheapest = np.full(len(least), -1)
-        is_least = np.flatnonzero((cost == least[at]) & (entry >= 0))
-        cheapest[at[is_least]] = entry[is_least]
-        base = _lower_price(states, cheapest)
-        # What two pairs of objects cost if they are left unassigned differs: four rounded steps.
-        own = (
-            problem.truth_price[problem.truth_row[entry]]
-            - (problem.truth_price[problem.truth_row[cheapest]][at])
+        sides = (
+            problem.truth_price[problem.truth_row[entry]],
+            problem.estimate_price[problem.estimate_row[entry]],
         )
-        other = (
-            problem.estimate_price[problem.estimate_row[entry]]
-            - (problem.estimate_price[problem.estimate_row[cheapest]][at])
-        )
-        relative = up(relative + up(up(own) + up(other)))
+        base = sides[0] + sides[1]
     else:
-        cheapest, base = None, problem.pair_price
-        if base - float(problem.truth_price[0]) != float(problem.estimate_price[0]):
-            base = np.nextafter(base, 0.0)
-    offset = np.where(least < np.inf, base - least, 0.0)
-    np.maximum(down(offset), 0.0, out=offset)
-    relative[runs] = -steps.totals(offset, runs, floor=True)
-    return Gains(relative=relative, offset=offset, least=least, cheapest=cheapest)
-
-
-def _lower_price(states: States, entry: Ints) -> Floats:
-    problem = states.problem
-    return down(
-        problem.truth_price[problem.truth_row[entry]]
-        + problem.estimate_price[problem.estimate_row[entry]]
-    )
+        base = problem.pair_price
+    loss = cost + price - base
+    least = np.zeros(len(steps.step))
+    np.minimum.at(least, at, loss)
+    best = np.full(len(least), -1)
+    is_best = np.flatnonzero((loss == least[at]) & (loss < 0))
+    best[at[is_best]] = is_best
+    with np.errstate(invalid="ignore"):
+        relative = up(up(cost[best][at] - cost) + up(price[best][at] - price))
+        for side in sides:  # what two pairs of objects cost if they are left unassigned differs
+            relative = up(relative + up(side - side[best][at]))
+        offset = np.broadcast_to(base, len(entry))[best]
+        offset = down(down(down(offset) - cost[best]) - price[best])
+        np.maximum(np.where(best >= 0, offset, 0.0), 0.0, out=offset)
+        alone = np.flatnonzero((best[at] < 0) & (entry >= 0))
+        own = up(np.broadcast_to(base, len(entry))[alone] - cost[alone])
+        relative[alone] = up(up(own) - price[alone])
+    relative[runs] = up(-price[runs] - steps.totals(offset, runs, floor=True))
+    return Gains(relative=relative, offset=offset, best=best)
 
 
 def row_steps(states: States) -> Slots:
@@ -205,6 +198,7 @@ def best_values(
     current = np.zeros(len(states.pair_row))  # at the first turn: a window is entered for free
     price: Floats = np.asarray(states.problem.switch_price)
     varies, crossing = price.ndim > 0, states.problem.crossing_price
+    next_double, top = np.nextafter, np.array(np.inf)  # `up`, without the cost of a call
     for (low, high), (first, last) in zip(
         itertools.pairwise(turn.bounds), itertools.pairwise(lost), strict=True
     ):
@@ -212,14 +206,17 @@ def best_values(
         reached = current[pair]
         if varies:
             price = crossing[states.begin[turn.order[low:high]]]
-        np.maximum.at(hub, row, up(reached - price))
+        left = reached - price
+        np.maximum.at(hub, row, next_double(left, top, left))
         enter = hub[row]
         enter -= price
-        np.maximum(reached, up(enter), out=reached)
+        np.maximum(reached, next_double(enter, top, enter), out=reached)
         reached += value[low:high]
-        current[pair] = up(reached)
+        current[pair] = next_double(reached, top, reached)
         if first < last:
             losing = row_lost[first:last]
-            hub[losing] = up(hub[losing] - offsets[first:last])
+            less = hub[losing]
+            less -= offsets[first:last]
+            hub[losing] = next_double(less, top, less)
     np.maximum.at(hub, states.pair_row, current)
     return hub

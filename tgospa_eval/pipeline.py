@@ -12,7 +12,7 @@ from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Proof, Result
 from tgospa_eval.preparation import Prepared, as_distance, as_solver, as_trajectories, prepare
-from tgospa_eval.problem import Floats, Parameters
+from tgospa_eval.problem import Floats, Parameters, check_underflow
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
@@ -208,6 +208,7 @@ def prove(
     prices, reduced = solution.prices.copy() if curve else None, solution.reduced
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution)
+    check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
     proof = Proof(
         parameters=prepared.parameters,
         states=prepared.states,

@@ -135,7 +135,7 @@ def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Fl
         row = rows[entry].astype(np.intp)
         used = np.bincount(row, weights[gains].astype(np.float64), minlength=len(price))
         some, at = np.unique(row, return_index=True)
-        left = (1 - used[some] / ONE) * price[some]
+        left = (ONE - used[some]) / ONE * price[some]
         parts.append(cells.sums(block[gains][at], step[at], left))
     moved, amount = switched
     begin = states.begin[moved]

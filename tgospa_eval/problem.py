@@ -23,7 +23,7 @@ POWER = 2.0**-50
 use are off by less than two. Squares are rounded once."""
 
 SMALLEST = 1e-306
-"""Costs below this, near the end of the doubles, count as this much."""
+"""Costs and distances below this, near the end of the doubles, count as this much."""
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
@@ -169,11 +169,11 @@ class Problem:
 
     @cached_property
     def pair_price(self) -> float | None:
-        """A + B where that is the same for all pairs of objects."""
+        """A + B where all objects have the same price, A = B, and the sum is no rounded one."""
         prices = self.truth_price, self.estimate_price
-        if any(not len(price) or (price != price[0]).any() for price in prices):
+        if any(not len(price) or (price != self.truth_price[:1]).any() for price in prices):
             return None
-        return float(self.truth_price[0] + self.estimate_price[0])
+        return float(2.0 * self.truth_price[0])
 
     @property
     def gain(self) -> Floats:
@@ -234,11 +234,12 @@ def tgospa_problem(
     cost **= order
     _check_powers(distance, cost, parameters)
     slack = 0.0
-    lifted = np.flatnonzero(cost < SMALLEST)
+    lifted = np.flatnonzero((cost < SMALLEST) | (distance < SMALLEST))
     lifted = lifted[distance[lifted] > 0]
     if len(lifted):
-        cost[lifted] = SMALLEST
-        slack = SMALLEST * min(len(truth_step), len(estimate_step))
+        least = max(SMALLEST, min(SMALLEST / parameters.cutoff, 1.0) ** order)
+        cost[lifted] = np.maximum(cost[lifted], least)
+        slack = least * min(len(truth_step), len(estimate_step))
     keep = (distance < parameters.cutoff) & (cost < 1.0)
     if not keep.all():
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
@@ -264,6 +265,22 @@ def tgospa_problem(
     )
 
 
+def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
+    """Refuse a cost that is made of powers that underflow; others do not matter beside it.
+
+    Raises
+    ------
+    ConfigError
+        It is.
+    """
+    if problem.cost_slack > 1e-9 * cost:
+        raise ConfigError(
+            f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and the "
+            "distances that make the result: powers of their ratio are below the smallest double; "
+            "choose a smaller cutoff or a lower order"
+        )
+
+
 def _cost_error(order: float, distance_error: float) -> float:
     """Largest relative error of a cost or switch price: of a distance, a quotient, and a power."""
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
@@ -282,6 +299,7 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
         most = math.pow(10.0, math.log10(lost) + 305 / order)
         raise ConfigError(
             f"cutoff {parameters.cutoff:g} is too large for order {order:g} and a {what} of "
-            f"{lost:g}: the power of their ratio is below the smallest double; choose a cutoff of "
-            f"at most {most:.2g}"
+            f"{lost:g}: the power of their ratio is below the smallest double; "
+            f"{'set the penalty to 0, or ' if what == 'switch penalty' else ''}"
+            f"choose a cutoff of at most {most:.2g}"
         )

@@ -23,7 +23,7 @@ HUGE = 1e100
 def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> States:
     """The problem of some blocks at the cutoff price `scale`, a power of 2, in units of that.
 
-    Rows and tracks keep their numbers. All objects must have the same price.
+    Rows and tracks keep their numbers. All objects must have the same price (`Problem.pair_price`).
     """
     problem = states.problem
     entry = _entries(states, blocks)

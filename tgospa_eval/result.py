@@ -1,6 +1,5 @@
 """What solvers propose and what is proven of it: solutions, bounds, breakdowns, curves."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -123,8 +122,8 @@ class Breakdown:
         Cost at each step; a switch between two steps is booked at the later one.
     missed_count, false_count, switch_count : (T,) float arrays
         Unassigned existing objects, and half the total variation of the assignment.
-    terms : int
-        Most terms that were added to a cost of a step: rounding grows with it.
+    total : float
+        The whole cost: of its terms, not of those of each step.
     """
 
     localisation: Floats
@@ -134,13 +133,7 @@ class Breakdown:
     missed_count: Floats
     false_count: Floats
     switch_count: Floats
-    terms: int = 0
-
-    @property
-    def total(self) -> float:
-        """The whole cost."""
-        parts = (self.localisation, self.missed, self.false, self.switch)
-        return math.fsum(np.concatenate(parts).tolist())
+    total: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

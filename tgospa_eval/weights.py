@@ -51,8 +51,13 @@ def make_feasible(states: States, weights: Ints) -> Ints:
 def _fit(slots: Slots, weights: Ints) -> Ints:
     """Scale the states of every slot whose sum exceeds ONE by that sum, in place; the new sums."""
     sums = slots.sums(weights)
-    if sums.max(initial=0) <= ONE:
-        return sums
+    while sums.max(initial=0) > ONE:
+        _scale(slots, weights, sums)
+        sums = slots.sums(weights)
+    return sums
+
+
+def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
     full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
     np.cumsum(sums > ONE, out=full[1:])
     sums = np.append(sums, 0)
@@ -66,7 +71,6 @@ def _fit(slots: Slots, weights: Ints) -> Ints:
         # Rounded down by more than the product can be rounded up.
         factor = ONE / fullest * (1 - 2.0**-48)
         own[over] = np.floor(own[over] * factor)
-    return slots.sums(weights)
 
 
 def row_parts(states: States) -> Iterator[tuple[States, slice]]:

@@ -27,6 +27,9 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
 
+NARROWEST = 1e-12
+"""Relative gap below which the outward rounding of the bounds may keep them apart."""
+
 if TYPE_CHECKING:
     from tgospa_eval.plots.report import Pictures
 
@@ -93,9 +96,12 @@ def evaluate_files(
         tell(f"accuracy not reached at {missed} steps of the curve, asked was {result.gap:g}")
     elif not result.finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
+        narrowest = ""
+        if result.gap < NARROWEST:
+            narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
         tell(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
-            f"{result.relative_gap:.2g}{asked}"
+            f"{result.relative_gap:.2g}{asked}{narrowest}"
         )
     return result, result.finished
 

@@ -149,9 +149,14 @@ class Distance(ABC):
         return 0.0
 
     def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
-        """About what the last places of the states can change of a distance of prepared sides."""
-        largest = [float(np.abs(side.state).max(initial=0.0)) for side in (truth, estimate)]
-        return 2.0**-50 * max(largest)
+        """What the last places of the states change of any distance of prepared sides, about.
+
+        Of the smallest state: a value that this explains is explained by no digit of the data.
+        """
+        sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in (truth, estimate)]
+        return (
+            2.0**-50 * float(np.concatenate(sizes).min(initial=np.inf)) if truth.step.size else 0.0
+        )
 
     @property
     def tree_power(self) -> float:

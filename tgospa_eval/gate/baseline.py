@@ -72,7 +72,7 @@ def _measure(result: Summary, klass: str | None = None) -> dict[Key, Value]:
     brackets = {
         "total": (result.total_bounds[0], result.total, result.scale),
         "tgospa": (result.lower_bound, result.tgospa, 1.0),
-        "normalised.tgospa": (min(share * result.lower_bound, normalised), normalised, 1.0),
+        "normalised.tgospa": (share * result.lower_bound * (1 - 2.0**-50), normalised, 1.0),
     }
     found = {
         path: Value(lower=low, upper=high, proven=True, unit=unit)

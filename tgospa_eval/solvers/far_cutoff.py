@@ -222,7 +222,7 @@ class _Ladder:
 
     def _solve_directly(self, chosen: Mask) -> None:
         """Solve at the cutoff as it is."""
-        found = self.base(self.states, chosen, ~chosen & False, self.deadline)
+        found = self.base(self.states, chosen, np.zeros_like(chosen), self.deadline)
         self.iterations += found.iterations
         prices = np.where(self._slots_of(chosen), found.prices, 0.0)
         lower = lower_bounds(self.states, prices)
