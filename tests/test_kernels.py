@@ -132,7 +132,7 @@ def test_relative_gains_are_those_of_the_certificate(name: str, uniform: bool) -
     if uniform:  # else the cheapest pair need not be the one that gains most
         assert field.offset == pytest.approx(offset, abs=1e-15)
         assert field.gain == pytest.approx(value, abs=1e-12)
-    off = np.add.reduceat(np.append(offset, 0.0), steps.first[:-1])
+    off = np.add.reduceat(np.append(field.offset, 0.0), steps.first[:-1])
     off[np.diff(steps.first) == 0] = 0.0
     field.look(np.zeros(len(states.columns.step)))
     assert field.best + off == pytest.approx(best_values(states, states.gain), abs=1e-10)

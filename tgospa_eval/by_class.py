@@ -121,7 +121,9 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
                 **{
                     field.name: np.sum([getattr(split, field.name) for split in splits], axis=0)
                     for field in fields(Breakdown)
-                }
+                    if field.name != "total"
+                },
+                total=math.fsum(split.total for split in splits),
             ),
         ),
         traced=_sum_of_curves([part.traced for part in parts]),
