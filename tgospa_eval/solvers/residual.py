@@ -78,15 +78,14 @@ class Vertex:
         Of the slots of its columns, as they were.
     dual : long float array
         Of the constraints, at most 0: HiGHS minimises.
-    columns, rows : bool arrays
-        What is basic.
+    basis : HighsBasis
+        What is basic; taken apart when it is needed, which is slow.
     """
 
     programme: Programme
     prices: Floats
     dual: Long
-    columns: Marks
-    rows: Marks
+    basis: highspy.HighsBasis
 
 
 def residual(
@@ -120,9 +119,8 @@ def residual(
     vertex = None
     dual = np.asarray(answer.row_dual)
     if finished:
-        basic = _basic(highs)
         long = np.minimum(dual, 0.0).astype(np.longdouble)
-        vertex = Vertex(programme=p, prices=before, dual=long, columns=basic[0], rows=basic[1])
+        vertex = Vertex(programme=p, prices=before, dual=long, basis=highs.getBasis())
     return Proposal(
         weights=_snapped(p, np.asarray(answer.col_value)),
         slot=p.columns.slot,
@@ -147,9 +145,8 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
         return found
     p = vertex.programme
     dual = vertex.dual + p.offset
-    columns = len(p.upper)
     free = np.append(np.isinf(p.upper), np.ones(len(p.full), bool))
-    basic = np.append(vertex.columns, vertex.rows)
+    basic = np.concatenate(_basic(vertex.basis))
     deadline = None if seconds is None else time.monotonic() + seconds
     highs = _highs(_model(p, slacks=True))
     highs.setBasis(_basis(basic, np.zeros(len(p.full), bool)))
@@ -170,7 +167,7 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
         answer = highs.getSolution()
         dual += np.asarray(answer.row_dual).astype(np.longdouble) / scale
         np.minimum(dual, p.offset, out=dual)
-        basic, _ = _basic(highs)
+        basic, _ = _basic(highs.getBasis())
     weights = found.weights
     if solved:
         _set_room(highs, p, 0.0)
@@ -183,7 +180,7 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
         weights=weights,
         prices=_spread(p, dual.astype(np.float64), vertex.prices),
         iterations=iterations,
-        vertex=replace(vertex, dual=dual - p.offset, columns=basic[:columns], rows=basic[columns:]),
+        vertex=None,
     )
 
 
@@ -335,9 +332,9 @@ def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
     return finished, sum(max(int(count), 0) for count in counts)
 
 
-def _basic(highs: highspy.Highs) -> tuple[Marks, Marks]:
+def _basic(basis: highspy.HighsBasis) -> tuple[Marks, Marks]:
     """Which columns and which constraints are basic."""
-    basis, basic = highs.getBasis(), highspy.HighsBasisStatus.kBasic
+    basic = highspy.HighsBasisStatus.kBasic
     return (
         np.array([status == basic for status in basis.col_status], bool),
         np.array([status == basic for status in basis.row_status], bool),
