@@ -37,16 +37,16 @@ factorisation by Clarabel, for each state and that power of the states that begi
 can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor
 of three."""
 SETTINGS = {
-    "tol_gap_abs": 1e-10,
-    "tol_gap_rel": 1e-10,
-    "tol_feas": 1e-10,
+    "tol_gap_abs": 1e-11,
+    "tol_gap_rel": 1e-11,
+    "tol_feas": 1e-11,
     "max_threads": 1,
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exact:
-    """The linear programme by CVXPY and Clarabel, to a tolerance of 1e-10.
+    """The linear programme by CVXPY and Clarabel, to a tolerance of 1e-11.
 
     Parameters
     ----------
