@@ -161,3 +161,11 @@ def test_a_value_made_of_powers_that_underflow_is_refused() -> None:
     truth, estimate = np.array([[[0.0], [1.0]]]), np.array([[[1e-3], [1.001]]])
     with pytest.raises(ConfigError, match="choose a smaller cutoff or a lower order"):
         evaluate(truth, estimate, 1e29, 10, 1.0)
+
+
+def test_powers_that_underflow_beside_a_value_of_0_are_no_matter() -> None:
+    # the sets are equal; the other pairs are 1e-40 apart, and (1e-40)^10 is no double
+    positions = np.array([[[0.0], [1e-40], [3.0]]])
+    result = evaluate(positions, positions, 10.0, 10, 1.0)
+    assert result.total == result.lower_bound == result.upper_bound == 0.0
+    assert result.certified

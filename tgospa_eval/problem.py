@@ -273,7 +273,7 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
     ConfigError
         It is.
     """
-    if problem.cost_slack > 1e-9 * cost:
+    if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
             f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and the "
             "distances that make the result: powers of their ratio are below the smallest double; "
