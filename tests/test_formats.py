@@ -12,6 +12,7 @@ import pytest
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading, ReadOptions, bulk, read
+from tgospa_eval.formats.columns import find_roles
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -152,6 +153,37 @@ def test_refused(write: Write, content: str | bytes, format_: str | None, parts:
 
 
 # --- Parquet --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("field", ['"{}"', "{}"], ids=["quoted", "plain"])
+def test_a_header_too_long_for_a_field(write: Write, field: str) -> None:
+    path = write("t.csv", f"id,t,x,{field.format('y' * 200_000)}\n1,0,0,0\n")
+    with pytest.raises(InputError, match=r"t\.csv, line 1: field larger .* must be the header"):
+        read(path)
+
+
+class Counting(str):
+    """A header that counts how often it is compared."""
+
+    count = 0
+    __hash__ = str.__hash__
+
+    def __eq__(self, other: object) -> bool:
+        Counting.count += 1
+        return str(self) == str(other)
+
+    def strip(self, *_: Any) -> "Counting":
+        return self
+
+    def casefold(self) -> "Counting":
+        return self
+
+
+def test_many_columns_are_looked_at_once_each() -> None:
+    header = [Counting(name) for name in ("id", "t", "x", "y", *(f"c{k}" for k in range(2000)))]
+    roles = find_roles(header, ReadOptions(), "t.csv")
+    assert (roles.id, roles.time, len(roles.unused)) == (0, 1, 2000)
+    assert Counting.count < 10 * len(header)  # not of each with each
 
 
 def test_parquet_is_read_like_csv(write: Write, tmp_path: Path, quickstart: Any) -> None:

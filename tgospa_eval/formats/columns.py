@@ -161,19 +161,23 @@ def find_roles(
         )
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
+    alike: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        alike.setdefault(name.casefold(), []).append(k)
 
     def spellings(name: str) -> tuple[str, ...]:
         return (mapped[name],) if name in mapped else ALIASES.get(name, (name,))
 
     def find(name: str) -> int | None:
         for spelling in spellings(name):
-            if spelling in names:
-                return names.index(spelling)
-            folded = [k for k, other in enumerate(names) if other.casefold() == spelling.casefold()]
+            folded = alike.get(spelling.casefold(), [])
+            exact = [k for k in folded if names[k] == spelling]
+            if exact:
+                return exact[0]
             if len(folded) > 1:
-                alike = " and ".join(f'"{names[k]}"' for k in folded)
+                both = " and ".join(f'"{names[k]}"' for k in folded)
                 raise InputError(
-                    f"{where}: {alike} may both be {name}; say which, --columns "
+                    f"{where}: {both} may both be {name}; say which, --columns "
                     f"{name}={names[folded[0]]}"
                 )
             if folded:
@@ -283,7 +287,7 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
     named without ``=`` they are.
     """
     mapped: dict[str, str] = {}
-    wanted: list[str] = []
+    wanted: dict[str, None] = {}  # in order, and quick to look in
     for item in columns or ():
         name, equals, header = (part.strip() for part in item.partition("="))
         if not name or (equals and not header):
@@ -293,7 +297,7 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
         if equals:
             mapped[name] = header
         if name not in ALIASES and not (equals and _is_beside(name)):
-            wanted.append(name)
+            wanted[name] = None
     return mapped, tuple(wanted)
 
 
@@ -346,10 +350,12 @@ def _default_states(find: Callable[[str], int | None], box: dict[str, Mix]) -> t
 
 
 def _check_names(names: list[str], where: str) -> None:
+    seen: set[str] = set()
     for k, name in enumerate(names, start=1):
         if not name:
             raise InputError(
                 f"{where}: column {k} has no name in the header; name it, also if unused"
             )
-        if names.index(name) != k - 1:
+        if name in seen:
             raise InputError(f'{where}: the header names "{name}" twice; rename one')
+        seen.add(name)

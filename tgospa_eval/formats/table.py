@@ -45,8 +45,12 @@ def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     whole = not (large and data.isascii() and b"\n" in data[:HEAD])
     header, first, _ = _header(decode(data if whole else data[:HEAD], path), path)
     delimiter = _delimiter(header, options.decimal)
-    names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
-    roles = find_roles(names, options, f"{path}, line {first - 1}")
+    where = f"{path}, line {first - 1}"
+    try:
+        names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
+    except csv.Error as error:  # a field too long
+        raise InputError(f"{where}: {error}; it must be the header, id,t,x,y") from None
+    roles = find_roles(names, options, where)
     if large:
         layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
         found = bulk.read_bulk(data, layout, roles, options.decimal)
