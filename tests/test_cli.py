@@ -489,23 +489,111 @@ def test_result_folder(run: Run, quickstart: Pair, tmp_path: Path) -> None:
     assert (tmp_path / "new" / "out" / "result.json").read_bytes() == out.encode()
 
 
-def test_result_folder_that_is_not_empty(invoke: Run, quickstart: Pair, tmp_path: Path) -> None:
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_result_folder_of_others(invoke: Run, quickstart: Pair, tmp_path: Path) -> None:
     folder = tmp_path / "out"
     folder.mkdir()
-    assert invoke(*quickstart, "-o", "out").status == 0  # empty is fine
-    (folder / "per_step.csv").write_text("mine", encoding="utf-8")
-    (folder / "notes.txt").write_text("mine", encoding="utf-8")
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    for name in ("per_step.csv", "plane.png", "notes.txt"):
+        (folder / name).write_text("mine", encoding="utf-8")
+    before = contents(folder)
     status, out, err = invoke(*quickstart, "-c", "5", "-o", "out")
     assert (status, out) == (2, "")
     assert "out: is not empty" in err
     assert "--force" in err
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    assert contents(folder) == before
     assert os.listdir(tmp_path) == ["out"]
     assert invoke(*quickstart, "-c", "5", "-o", "out", "--force").status == 0
-    assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
+    assert sorted(os.listdir(folder)) == sorted([*FILES, "notes.txt", "plane.png"])
     assert (folder / "per_step.csv").read_bytes() != b"mine"
-    assert (folder / "notes.txt").read_bytes() == b"mine"
+    assert (folder / "plane.png").read_bytes() == b"mine"
+
+
+def test_a_result_is_written_anew(invoke: Run, quickstart: Pair, tmp_path: Path) -> None:
+    """Without --force, without files of the run before, and with all that others have put there."""
+    folder = tmp_path / "out"
+    folder.mkdir()
+    first = invoke(*quickstart, "-o", "out", "--curve").err
+    assert f"wrote 9 files to {os.path.join('out', '')}; open {OPEN}" in first
+    assert "curve.csv" in os.listdir(folder)
+    (folder / "lanes.png").write_text("old", encoding="utf-8")
+    (folder / "notes.txt").write_text("mine", encoding="utf-8")
+    status, _, err = invoke(*quickstart, "-c", "5", "-o", "out")
+    assert status == 0
+    assert "wrote 8 files to" in err
+    assert f", removed 2 of the run before; open {OPEN}" in err
+    assert sorted(os.listdir(folder)) == sorted([*FILES, "notes.txt"])
+    assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
+    assert "wrote" not in invoke(*quickstart, "-c", "5", "-o", "out", "-q").err
+
+
+OPEN = os.path.join("out", "report.html")
+
+
+def test_a_result_that_was_cut_off_is_written_anew(
+    invoke: Run, quickstart: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The old document is gone before any file changes: it never stands beside new tables."""
+    folder = tmp_path / "out"
+    assert invoke(*quickstart, "-o", "out").status == 0
+    replace = os.replace
+
+    def cut_off(source: Path, target: Path) -> None:
+        if Path(target).name == "switches.csv":
+            raise OSError(5, "the power is gone")
+        replace(source, target)
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "replace", cut_off)
+        status, out, err = invoke(*quickstart, "-c", "5", "-o", "out")
+    assert (status, out) == (2, "")
+    assert "out: cannot be written: the power is gone" in err
+    assert "result.json" not in os.listdir(folder)
+    assert invoke(*quickstart, "-c", "5", "-o", "out").status == 0
+    assert sorted(os.listdir(folder)) == FILES
+
+
+def test_two_runs_write_one_folder(
+    invoke: Run, quickstart: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another run makes the folder just before this one does: the last one has all of it."""
+    folder, other = tmp_path / "out", tmp_path / "other"
+    assert invoke(*quickstart, "--curve", "-o", "other").status == 0
+    rename = os.rename
+
+    def too_late(source: Path, target: Path) -> None:
+        rename(other, folder)
+        rename(source, target)
+
+    with monkeypatch.context() as raced:
+        raced.setattr(os, "rename", too_late)
+        assert invoke(*quickstart, "-c", "5", "-o", "out").status == 0
+    assert sorted(os.listdir(tmp_path)) == ["out"]
+    assert sorted(os.listdir(folder)) == FILES
+    assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("x.html", f"-o x, and open {os.path.join('x', 'report.html')}"),
+        ("x.json", "--format json > x.json"),
+        ("x.CSV", "--format csv > x.CSV"),
+        ("x.md", "--format markdown > x.md"),
+        ("x.tex", "--format latex > x.tex"),
+        ("x.pdf", "-o x --pictures pdf"),
+    ],
+)
+def test_result_folder_that_is_called_like_a_file(
+    invoke: Run, quickstart: Pair, tmp_path: Path, name: str, remedy: str
+) -> None:
+    status, out, err = invoke(*quickstart, "-o", name)
+    assert (status, out) == (2, "")
+    assert err == f"--output {name}: must be a folder, not a file; type {remedy}\n"
+    (tmp_path / name).mkdir()
+    assert invoke(*quickstart, "-o", name).status == 0
 
 
 @pytest.mark.parametrize("folder", ["file", "file/out"])

@@ -319,9 +319,12 @@ def test_the_folder(invoke: Invoke, quickstart: Pair, tmp_path: Path) -> None:
     document = json.loads((tmp_path / "out" / "sweep.json").read_text())
     assert [point["value"] for point in document["points"]] == [1, 2, 3]
     assert (tmp_path / "out" / "sweep.csv").read_text().startswith("order,tgospa")
-    again = invoke(*given, "out")
-    assert again.status == 2
-    assert "is not empty" in again.err
+    (tmp_path / "out" / "sweep.svg").write_text("old")
+    assert invoke(*given, "out").status == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["sweep.csv", "sweep.json"]
+    result = invoke(*quickstart, "-o", "out")  # of another kind
+    assert result.status == 2
+    assert "is not empty" in result.err
 
 
 @pytest.mark.parametrize(("formats", "files"), [("none", []), ("svg,pdf", ["pdf", "svg"])])

@@ -71,7 +71,7 @@ OWN = (
         "of a study report.md too, and every run as soon as it is done.",
     ),
     option("--by", type=click.Choice(("class",)), hidden=True),
-    option("--force", is_flag=True, help="Write into a folder that is not empty."),
+    option("--force", is_flag=True, help="Write into a folder with other files in it."),
     CONFIG_FILE,
     QUIET,
 )  # fmt: skip

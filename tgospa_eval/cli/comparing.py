@@ -13,7 +13,7 @@ from tgospa_eval.cli.scene import settings as scene_settings
 from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.simulate import command as simulate
 from tgospa_eval.cli.work import default_notice, emit, pair_remarks, say, say_if_slow, told
-from tgospa_eval.comparison.log import NAME, Log, machine
+from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
 from tgospa_eval.comparison.runs import check_solvers, takes_long
@@ -35,7 +35,7 @@ from tgospa_eval.reports.comparison import (
     render,
     study_report,
 )
-from tgospa_eval.reports.files import probe_folder, write_texts
+from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder, write_texts
 from tgospa_eval.reports.sheets import as_csv
 from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
@@ -176,8 +176,7 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
     """
     folder = options["output"]
     if folder is not None:
-        goes_on = bool(folder) and (Path(folder) / NAME).is_file()
-        probe_folder(folder, force=options["force"] or goes_on)
+        probe_folder(folder, STUDY, force=options["force"])
     names = options["solvers"]
     settings = make_settings(options | UNUSED, {name: name in given for name in GIVEN})
     chosen = ["--scenario", options["scenario"], "--area", str(options["area"])]
@@ -210,7 +209,7 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
             count = len(log.known)
             say(f"{log.path}: {count} {'scene is' if count == 1 else 'scenes are'} there, going on")
         answer = run(work, stopwatch, show=not options["quiet"])
-        show(answer, options | {"force": True}, {}, study_pictures)
+        show(answer, options, {}, study_pictures)
     for targets, steps, number, *pair in answer["contradictions"]:
         say(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
@@ -322,7 +321,7 @@ def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, 
 def _settings(options: dict[str, Any], given: set[str]) -> Settings:
     """The records that the options ask for; the folder is looked at before any work is done."""
     if options["output"] is not None:
-        probe_folder(options["output"], force=options["force"])
+        probe_folder(options["output"], COMPARISON, force=options["force"])
     return make_settings(options | UNUSED, {name: name in given for name in GIVEN})
 
 
@@ -477,7 +476,11 @@ def _write(
         **tables,
         **pictures,
     }
-    if answer["kind"] == "study":
+    study = answer["kind"] == "study"
+    if study:
         names = [name.removesuffix(".png") for name in pictures]
         files["report.md"] = study_report(answer, names)
-    write_texts(files, options["output"], force=options["force"])
+    kind = STUDY if study else COMPARISON
+    written = write_texts(files, options["output"], kind, force=options["force"])
+    if not options["quiet"]:
+        say(str(written))

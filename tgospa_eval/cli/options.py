@@ -265,7 +265,7 @@ OUTPUT = (
         help="Write result.json, CSV tables, report.html and pictures to this folder.",
     ),
     *PICTURES,
-    option("--force", is_flag=True, help="Write into a folder that is not empty."),
+    option("--force", is_flag=True, help="Write into a folder with other files in it."),
     CONFIG_FILE,
     QUIET,
     option("-v", "--verbose", is_flag=True, help="Stages and timings on stderr."),

@@ -10,7 +10,7 @@ import numpy as np
 from tgospa_eval.cli.work import emit
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.write import WRITERS
-from tgospa_eval.reports.files import check_folder, write_texts
+from tgospa_eval.reports.folders import probe_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.trajectories import Trajectories
 
@@ -29,7 +29,7 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
     ConfigError
         An option has no meaning, or the folder cannot be written.
     """
-    check_folder(folder, force=options["force"], option=OPTION)
+    probe_folder(folder, force=options["force"], option=OPTION)
     scene, tracker = settings(options)
     truth, estimate = simulate(scene, tracker, np.random.default_rng(options["seed"]))
     names = ("truth.csv", "estimate.csv") if options["format"] == "csv" else ("gt.txt", "res.txt")

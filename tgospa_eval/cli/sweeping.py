@@ -13,7 +13,8 @@ from tgospa_eval.cli.work import emit, read_sides, say, told, wanted_pictures
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.sweep import sweep_pictures
 from tgospa_eval.points import Sweep
-from tgospa_eval.reports.files import csv_text, probe_folder, write_texts
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.folders import SWEEP, probe_folder, write_texts
 from tgospa_eval.reports.sweep import render
 from tgospa_eval.sensitivity import in_order, sweep_trajectories
 from tgospa_eval.timing import Stopwatch
@@ -65,7 +66,7 @@ def sweep_files(
     solver = make_solver(options)
     wanted = None
     if options["output"] is not None:
-        probe_folder(options["output"], force=options["force"])
+        probe_folder(options["output"], SWEEP, force=options["force"])
         wanted = wanted_pictures(options)
     stopwatch, tell = Stopwatch(), None if options["quiet"] else say
     if tell is not None:
@@ -180,5 +181,7 @@ def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> N
             files |= plots.pictures(sweep_pictures, document, wanted.formats)
         elif wanted is not None and not options["quiet"]:
             say(plots.MISSING)
-        write_texts(files, options["output"], force=options["force"])
+        written = write_texts(files, options["output"], SWEEP, force=options["force"])
+        if not options["quiet"]:
+            say(str(written))
     emit(render(document, options["format_"], found.columns()))

@@ -22,7 +22,8 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.pipeline import check_curve, evaluate_trajectories
 from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.files import check_folder, write_folder
+from tgospa_eval.reports.files import write_folder
+from tgospa_eval.reports.folders import RESULT, probe_folder
 from tgospa_eval.solvers import Solver
 from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
@@ -71,7 +72,7 @@ def evaluate_files(
         check_curve(solver)
     wanted = None
     if options["output"] is not None:
-        check_folder(options["output"], force=options["force"])
+        probe_folder(options["output"], RESULT, force=options["force"])
         wanted = wanted_pictures(options)
     stopwatch = Stopwatch()
     if not quiet:
@@ -334,7 +335,7 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
         pictures = result_pictures(result, wanted)
     elif wanted is not None:
         absent = [("the pictures", "plot")]
-    missing = write_folder(
+    written, missing = write_folder(
         result, options["output"], force=options["force"], names=names, more=pictures
     )
     absent = [("report.html", extra) for extra in missing] + absent
@@ -346,6 +347,8 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
             f"{'it needs' if single else 'they need'} "
             f"pip install 'tgospa-eval[{','.join(extras)}]'"
         )
+    if not options["quiet"]:
+        say(str(written))
 
 
 def _on_terminal() -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.folders import RESULT, Written, check_folder, write_texts
 from tgospa_eval.summary import Summary, Table
 
 
@@ -30,46 +31,6 @@ def csv_text(table: Table) -> str:
     return text.getvalue()
 
 
-def check_folder(folder: str, *, force: bool, option: str = "--output") -> None:
-    """See that a folder can be written, before any work is done; `option` is for messages.
-
-    Raises
-    ------
-    ConfigError
-        It is a file, or not empty and `force` is not set.
-    """
-    if not folder:
-        raise ConfigError(f"{option} is empty; name a folder")
-    path = Path(folder)
-    try:
-        if path.exists() and not path.is_dir():
-            raise ConfigError(f"{option} {folder}: is a file; name a folder")
-        if path.is_dir() and not force and any(path.iterdir()):
-            raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
-    except OSError as error:
-        raise ConfigError(f"{option} {folder}: {error.strerror}") from None
-
-
-def probe_folder(folder: str, *, force: bool, option: str = "--output") -> None:
-    """`check_folder`, and see that files can be made where `write_texts` will make them.
-
-    Raises
-    ------
-    ConfigError
-        As for `check_folder`, or nothing can be written there.
-    """
-    import tempfile
-
-    check_folder(folder, force=force, option=option)
-    path = Path(folder).absolute()
-    there = next(above for above in path.parents if above.exists())
-    try:
-        for place in (there, path) if path.exists() else (there,):
-            os.rmdir(tempfile.mkdtemp(prefix=f".{path.name}-", dir=place))
-    except OSError as error:
-        raise ConfigError(f"{option} {folder}: cannot be written: {error.strerror}") from None
-
-
 def write_folder(
     result: Summary,
     folder: str,
@@ -77,7 +38,7 @@ def write_folder(
     force: bool,
     names: tuple[str, str] = ("truth", "estimate"),
     more: Mapping[str, bytes] | None = None,
-) -> tuple[str, ...]:
+) -> tuple[Written, tuple[str, ...]]:
     """Write the result folder.
 
     Parameters
@@ -87,7 +48,7 @@ def write_folder(
     folder : str
         Where.
     force : bool
-        Whether it may hold files already.
+        Whether it may hold files of others.
     names : pair of str
         What truth and estimate are called in the report.
     more : mapping of str to bytes, optional
@@ -95,6 +56,8 @@ def write_folder(
 
     Returns
     -------
+    Written
+        What was written.
     tuple of str
         Extras that are not installed, without which a part is not written.
 
@@ -103,7 +66,7 @@ def write_folder(
     ConfigError
         The folder cannot be written.
     """
-    check_folder(folder, force=force)
+    check_folder(folder, RESULT, force=force)
     texts: dict[str, str | bytes] = {
         "result.json": result.to_json(),
         "per_step.csv": per_step_csv(result),
@@ -124,40 +87,7 @@ def write_folder(
         from tgospa_eval.reports.html import page
 
         texts["report.html"] = page(result, names)
-    write_texts(texts | dict(more or {}), folder, force=force)
-    return missing
-
-
-def write_texts(
-    texts: Mapping[str, str | bytes], folder: str, *, force: bool, option: str = "--output"
-) -> None:
-    """Write the files of a folder: every file beside first, then renamed.
-
-    Raises
-    ------
-    ConfigError
-        The folder cannot be written.
-    """
-    import shutil  # here, with tempfile: they bring compression and random numbers
-    import tempfile
-
-    check_folder(folder, force=force, option=option)
-    path = Path(folder).absolute()
-    beside: str | None = None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = tempfile.mkdtemp(prefix=f".{path.name}-", dir=path.parent)
-        for name, text in texts.items():
-            content = text if isinstance(text, bytes) else text.encode("utf-8")
-            (Path(beside) / name).write_bytes(content)
-        path.mkdir(exist_ok=True)
-        for name in texts:
-            os.replace(Path(beside) / name, path / name)
-    except OSError as error:
-        raise ConfigError(f"{option} {folder}: cannot be written: {error.strerror}") from None
-    finally:
-        if beside is not None:
-            shutil.rmtree(beside, ignore_errors=True)
+    return write_texts(texts | dict(more or {}), folder, RESULT, force=force), missing
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:
