@@ -18,7 +18,8 @@ from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
 from tgospa_eval.preparation import Prepared
-from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.solvers import Solver
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
@@ -409,7 +410,8 @@ def test_sheets_escape_everything() -> None:
         assert not {"\x1b", "\u202e"} & set(text)
         assert "evil\n" not in text
     assert r"\{\textasciitilde{}\textasciicircum{}\textbackslash{}\}" in as_latex(page)
-    assert as_csv({"a": ["@x", -1.0, None, "-1"]}) == "a\n'@x\n-1.0\n\"\"\n'-1\n"
+    table = {"=a": ["@x", -1.0, None, "-1", "'=x", "it's"]}
+    assert csv_text(table) == "'=a\n'@x\n-1.0\n\"\"\n-1\n''=x\nit's\n"
 
 
 def test_tables_have_80_columns_and_every_cell(write: Write, invoke: Invoke) -> None:

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.outcome import Change, Outcome, Report
 from tgospa_eval.gate.rules import STATUS, Value, Verdict, judge, parse_rule
-from tgospa_eval.reports.gate import json_text, markdown, plain, table
+from tgospa_eval.reports.gate import json_text, markdown, table
 from tgospa_eval.reports.github import SUMMARY, annotations, append_summary, summary
 from tgospa_eval.reports.junit import junit
+from tgospa_eval.text import visible
 
 HOSTILE = [
     "<script>alert(1)</script>",
@@ -233,8 +234,8 @@ def test_step_summary_stays_under_a_megabyte(tmp_path: Path) -> None:
         append_summary(many, str(tmp_path / "none" / "summary.md"))
 
 
-def test_plain_keeps_what_is_harmless() -> None:
-    assert plain("a::b c:d #1 é 漢") == "a::b c:d #1 é 漢"
-    assert plain("::error::x") == "\\x3a:error::x"
-    assert plain("x ::warning::") == "x \\x3a:warning::"
-    assert plain("x##[error]") == "x\\x23#[error]"
+def test_visible_keeps_what_is_harmless() -> None:
+    assert visible("a::b c:d #1 é 漢") == "a::b c:d #1 é 漢"
+    assert visible("::error::x") == "\\x3a:error::x"
+    assert visible("x ::warning::") == "x \\x3a:warning::"
+    assert visible("x##[error]") == "x\\x23#[error]"

@@ -497,9 +497,9 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
             id="line after blank lines",
         ),
         pytest.param(
-            "id,t,X\na,1," + "9" * 50 + "x\n",
+            "id,t,X\na,1," + "9" * 70 + "x\n",
             ', line 2, column "X": ',
-            ('"' + "9" * 39 + "…", "; "),
+            ('"' + "9" * 57 + '..."', "; "),
             id="long text",
         ),
         pytest.param(

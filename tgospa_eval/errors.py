@@ -6,15 +6,29 @@ TgospaError
     SolverError    a solver failed and left no usable answer (exit 4)
 """
 
+from tgospa_eval.text import visible
+
 MOST = 2**31 - 2
 """Of anything that is numbered with 32 bits, ends of ranges included."""
 
 
 class TgospaError(Exception):
-    """Base of everything that this package raises on purpose."""
+    """Base of everything that this package raises on purpose.
+
+    Parameters
+    ----------
+    *lines : str
+        The message, made visible: what it quotes begins no line and is no command of a terminal.
+    """
 
     exit_status = 4
     """Never 1: of the gate that is a regression."""
+
+    def __init__(self, *lines: object) -> None:
+        super().__init__(*(visible(str(line)) for line in lines))
+
+    def __str__(self) -> str:
+        return "\n".join(self.args)
 
 
 class ConfigError(TgospaError, ValueError):

@@ -23,7 +23,6 @@ from tgospa_eval.comparison.study import document as summary
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, read
 from tgospa_eval.formats.assemble import natural
-from tgospa_eval.formats.times import quoted
 from tgospa_eval.pipeline import solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.preparation import Prepared, prepare
@@ -35,11 +34,12 @@ from tgospa_eval.reports.comparison import (
     render,
     study_report,
 )
+from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder, write_texts
-from tgospa_eval.reports.sheets import as_csv
 from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
+from tgospa_eval.text import quoted
 from tgospa_eval.timing import Stopwatch
 
 GIVEN = ("cutoff", "switch_penalty")
@@ -145,12 +145,12 @@ def compare_estimates(
         ]
         answer = ranking(entrants, [of_truth for of_truth, _ in runs], result.settings)
         best = answer["estimates"][0]["name"]
-        tables = {"per_step.csv": as_csv(steps_table(entrants, best))}
+        tables = {"per_step.csv": csv_text(steps_table(entrants, best))}
         return answer, tables, steps_costs(entrants)
 
     answer, tables, costs = run(work, stopwatch, show=not options["quiet"])
     if answer["pairs"]:
-        tables["pairs.csv"] = as_csv(pairs_table(answer))
+        tables["pairs.csv"] = csv_text(pairs_table(answer))
     ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
     show(answer, options, tables, lambda _: estimate_pictures(ranked))
     unfinished = [

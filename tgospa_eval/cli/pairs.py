@@ -20,8 +20,9 @@ from tgospa_eval.gate.rules import STATUS, Finding, Rule, Verdict, worst
 from tgospa_eval.gate.suite import ALONE, Pair, Suite
 from tgospa_eval.gate.suite import load as load_suite
 from tgospa_eval.reports.files import write_file
-from tgospa_eval.reports.gate import GATE_REPORTS, plain
+from tgospa_eval.reports.gate import GATE_REPORTS
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import visible
 
 
 def run_gate(
@@ -50,7 +51,7 @@ def run_gate(
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
             said = (f"{outcome.name}: " if options["suite"] else "") + " ".join(outcome.notes)
-            _say(plain(said))
+            _say(visible(said))
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
     status = worst((report.status, _publish(report, options)))
     try:
@@ -169,7 +170,7 @@ def _evaluate(
 
 
 def _sayer(prefix: str) -> Callable[[str], None]:
-    return lambda text: _say(plain(prefix + text))
+    return lambda text: _say(visible(prefix + text))
 
 
 def _outcome(given: Given, pair: Pair, entry: Entry, rules: list[Rule], path: str) -> Outcome:

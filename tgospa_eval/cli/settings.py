@@ -12,9 +12,9 @@ from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns import PREFIXES
-from tgospa_eval.formats.times import quoted
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.text import quoted
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

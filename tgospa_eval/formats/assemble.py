@@ -12,7 +12,8 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
-from tgospa_eval.formats.times import Times, more, quoted
+from tgospa_eval.formats.times import Times, more
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
 if TYPE_CHECKING:

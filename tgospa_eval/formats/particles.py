@@ -8,7 +8,8 @@ import numpy as np
 from tgospa_eval.clouds import UNEVEN, Clouds, are_normalised
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
-from tgospa_eval.formats.times import BLANK, more, quoted
+from tgospa_eval.formats.times import BLANK, more
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
     if len(distinct) == len(used) and not always:
         return None
     if rows.weight_fault is not None:
-        raise InputError(rows.weight_fault.replace(BLANK, RULE))
+        raise InputError(*rows.weight_fault.replace(BLANK, RULE).split("\n"))
     roles = rows.roles
     given = rows.numbers[:, roles.numbers.index(roles.weight or 0)]
     weights = np.zeros(len(given))

@@ -13,7 +13,8 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.fields import Coded, floats
-from tgospa_eval.formats.times import TimeError, Times, more, parse_times, quoted, remedy_for
+from tgospa_eval.formats.times import TimeError, Times, more, parse_times, remedy_for
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints
 
 CHUNK = 1 << 17
@@ -199,7 +200,7 @@ def convert(
     except TimeError as error:
         problems.append(f"{places.field(error.row, roles.time)}: {error}")
     if problems:
-        raise InputError("\n".join(problems))
+        raise InputError(*problems)
     rows = Rows(
         name=path,
         roles=roles,

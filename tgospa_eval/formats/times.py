@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.text import quoted
+
 ISO = re.compile(r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)")
 EXACT = 2.0**53
 """Below this doubles tell integers apart."""
@@ -155,9 +157,3 @@ def remedy_for(text: str) -> str:
     if "." in text:
         return "use one decimal mark (--decimal) and no thousands separator"
     return BLANK
-
-
-def quoted(text: str) -> str:
-    """The text in quotes, on one line, cut to 40 characters."""
-    shown = text if len(text) <= 40 else text[:39] + "…"
-    return '"' + "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown) + '"'

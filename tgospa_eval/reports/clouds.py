@@ -4,6 +4,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from tgospa_eval.text import visible
+
 Table = dict[str, list[Any]]
 Document = dict[str, Any]
 
@@ -95,4 +97,4 @@ def _count(number: int, what: str) -> str:
 def _cell(value: object) -> str:
     if value is None:
         return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else visible(str(value))

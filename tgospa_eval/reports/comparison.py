@@ -5,7 +5,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from tgospa_eval.reports.sheets import Page, Sheet, as_csv, as_latex, as_markdown, as_text
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.summary import Table
 
 Document = dict[str, Any]
@@ -28,7 +29,7 @@ def render(document: Document, format: str) -> str:
         return json_text(document)
     page, paper, table = PAGES[document["kind"]]
     if format == "csv":
-        return as_csv(table(document))
+        return csv_text(table(document))
     if format == "latex":
         return as_latex(paper(document))
     return (as_text if format == "table" else as_markdown)(page(document))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import clipped, visible
 
 WIDTH = 80
 SHOWN = 5
@@ -32,7 +33,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "curve": _curve,
         "footer": _footer,
     }
-    return {name: list(make(result)) for name, make in makers.items()}
+    return {name: list(map(visible, make(result))) for name, make in makers.items()}
 
 
 def headline(result: Summary) -> str:
@@ -88,7 +89,7 @@ def _power(value: float, order: float) -> str:
 
 
 def _wrap(text: str, indent: str = " " * 10) -> list[str]:
-    return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
+    return textwrap.wrap(visible(text), WIDTH, subsequent_indent=indent)
 
 
 def _parts(result: Summary) -> Iterator[str]:
@@ -189,9 +190,8 @@ def _footer(result: Summary) -> Iterator[str]:
 
 
 def clip(line: str, width: int = WIDTH) -> str:
-    """The line, cut to a width, with control characters escaped."""
-    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
-    return line if len(line) <= width else line[: width - 3] + "..."
+    """The line, visible and cut to a width."""
+    return clipped(line, width)
 
 
 def _name(value: Any) -> str:

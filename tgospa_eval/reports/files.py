@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.reports.folders import RESULT, Written, check_folder, write_texts
 from tgospa_eval.summary import Summary, Table
 
@@ -23,11 +24,11 @@ def per_step_csv(result: Summary) -> str:
 
 
 def csv_text(table: Table) -> str:
-    """A table as CSV; None is an empty field, numbers are full doubles."""
+    """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table)
-    writer.writerows(zip(*table.values(), strict=True))
+    writer.writerow(map(csv_cell, table))
+    writer.writerows(zip(*(map(csv_cell, column) for column in table.values()), strict=True))
     return text.getvalue()
 
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -10,21 +9,14 @@ from typing import Any
 from tgospa_eval.gate.outcome import Outcome, Report
 from tgospa_eval.gate.rules import Finding, Verdict
 from tgospa_eval.gate.suite import ALONE
+from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import WIDTH
+from tgospa_eval.reports.escape import markdown_code
+from tgospa_eval.text import visible
 
 SCHEMA = "tgospa-eval/gate/1"
 PAIR, RULE, NUMBER = 16, 20, 11
 """Widths of columns."""
-
-_COMMAND = r"(?<!\S):(?=:)|#(?=#\[)"
-
-
-def plain(text: str) -> str:
-    """One line without control characters, and without what GitHub's runner takes for a command."""
-    line = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-    if "::" not in line and "##[" not in line:
-        return line
-    return re.sub(_COMMAND, lambda found: f"\\x{ord(found[0]):02x}", line)
 
 
 def title(outcome: Outcome) -> str:
@@ -51,11 +43,11 @@ def table(report: Report) -> str:
         for note in outcome.notes
         if outcome.verdict is not Verdict.ERROR  # that is on stderr
         for line in textwrap.wrap(
-            plain(f"{title(outcome)}: {note}"), WIDTH, subsequent_indent="  ",
+            visible(f"{title(outcome)}: {note}"), WIDTH, subsequent_indent="  ",
             break_on_hyphens=False, break_long_words=False,
         )
     ]  # fmt: skip
-    advice = ["To make the whole baseline anew, if that is right:", f"  {plain(report.advice)}"]
+    advice = ["To make the whole baseline anew, if that is right:", f"  {visible(report.advice)}"]
     blocks = [
         [headline(report)], rows if len(rows) > 1 else [], notes, advice if report.advice else [],
     ]  # fmt: skip
@@ -79,7 +71,7 @@ def _row(pair: str, rule: str, *columns: str) -> str:
 
 def _fit(text: str, width: int) -> str:
     """The end of a text, which tells names apart, in its column."""
-    text = plain(text)
+    text = visible(text)
     return f"{text if len(text) < width else '...' + text[4 - width :]:<{width}}"
 
 
@@ -190,17 +182,17 @@ def markdown_lines(report: Report) -> Iterator[str]:
     yield ""
     for outcome in report.outcomes:
         for note in outcome.notes:
-            yield f"- {code(title(outcome))}: {_prose(note)}"
+            yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
     if report.advice:
-        yield f"\nTo make the whole baseline anew, if that is right: {code(report.advice)}"
+        yield f"\nTo make the whole baseline anew, if that is right: {markdown_code(report.advice)}"
 
 
 def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
-    name = code(title(outcome))
+    name = markdown_code(title(outcome))
     if updated:
         for one in outcome.changes:
             old, new = ("" if v is None else f"{v:.7g}" for v in (one.old, one.new))
-            yield f"| {name} | {code(one.path)} | {old} | {new} |"
+            yield f"| {name} | {markdown_code(one.path)} | {old} | {new} |"
         return
     if not outcome.findings:
         yield f"| {name} | | | | | **{outcome.verdict}** |"
@@ -210,28 +202,13 @@ def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
         verdict = said(finding)
         shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
         yield (
-            f"| {name} | {code(finding.rule.text)} | {base} | {_cell(finding.limit)} | "
+            f"| {name} | {markdown_code(finding.rule.text)} | {base} | {_cell(finding.limit)} | "
             f"{_cell(deciding(finding))} | {shown}{mark} |"
         )
 
 
 def _cell(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.7g}"
-
-
-def code(text: str) -> str:
-    """A name as code, in which nothing is markup, a mention or a new cell."""
-    text = plain(text)
-    if not text.strip() or any(mark in text for mark in "`|\\"):
-        return f"<code>{_prose(text)}</code>"
-    return f"`{text}`"
-
-
-def _prose(text: str) -> str:
-    """A sentence in which nothing is markup: all but words, blanks and plain marks as entities."""
-    return "".join(
-        c if c.isalnum() or c in " .,;:+%-=()/'\"" else f"&#{ord(c)};" for c in plain(text)
-    )
 
 
 GATE_REPORTS = {"table": table, "json": json_text, "markdown": markdown}

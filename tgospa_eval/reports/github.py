@@ -8,7 +8,9 @@ from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.outcome import Outcome, Report
-from tgospa_eval.reports.gate import markdown_lines, plain, title
+from tgospa_eval.reports.escape import workflow_data, workflow_property
+from tgospa_eval.reports.gate import markdown_lines, title
+from tgospa_eval.text import clipped, visible
 
 MOST = 10
 """Annotations of one kind that GitHub shows of a step."""
@@ -46,19 +48,11 @@ def _warning(outcome: Outcome) -> tuple[str, str]:
 
 
 def _command(kind: str, heading: str, text: str) -> str:
-    lines = [plain(line) for line in text.split("\n")]
-    message = "\n".join(lines)
+    message = "\n".join(map(visible, text.split("\n")))
     if len(message) > LONGEST:
         message = message[: LONGEST - 3] + "..."
-    return f"::{kind} title={_property(plain(heading)[:LONGEST])}::{_data(message)}"
-
-
-def _data(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")
+    heading = workflow_property(clipped(heading, LONGEST))
+    return f"::{kind} title={heading}::{workflow_data(message)}"
 
 
 def append_summary(report: Report, path: str | None) -> None:

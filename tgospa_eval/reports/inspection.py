@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from tgospa_eval.reports.console import WIDTH, clip
+from tgospa_eval.text import visible
 
 Document = dict[str, Any]
 
@@ -157,4 +158,4 @@ def _tail(path: str) -> str:
 
 
 def _wrap(text: str) -> list[str]:
-    return textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    return textwrap.wrap(visible(text), WIDTH, subsequent_indent="  ", break_on_hyphens=False)

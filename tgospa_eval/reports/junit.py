@@ -4,20 +4,14 @@ A rule that is broken is a failure, what could not be judged an error; a warning
 Written by hand: to import a library for XML takes as long as a small evaluation.
 """
 
-import re
 from collections.abc import Iterator
 
 from tgospa_eval.gate.outcome import Outcome, Report, texts
 from tgospa_eval.gate.rules import Verdict
+from tgospa_eval.reports.escape import xml
 from tgospa_eval.reports.gate import said, title
 
 SUITE = "tgospa-eval gate"
-
-_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""What XML 1.0 cannot express, escaped or not; to compile what it can is far slower."""
-
-_MARKUP = re.compile('[&<>"\t\n\r]')
-_MARKUP_OF_TEXT = re.compile("[&<>\r]")
 
 
 def junit(report: Report) -> str:
@@ -56,7 +50,7 @@ def _cases(outcome: Outcome) -> Iterator[str]:
             about = f"there is no {finding.rule.path}"
         result = ""
         if finding.rule.warns and verdict != Verdict.PASS:
-            result = f"<system-out>{_text(f'{verdict}: {about}')}</system-out>"
+            result = f"<system-out>{xml(f'{verdict}: {about}')}</system-out>"
         elif verdict == Verdict.FAIL:
             result = _result("failure", verdict, text, about)
         elif verdict != Verdict.PASS:
@@ -72,21 +66,11 @@ def _case(outcome: Outcome, name: str, seconds: float, result: str) -> str:
 
 def _result(kind: str, verdict: str, text: str, message: str = "") -> str:
     about = {"type": verdict, "message": message or text.partition("\n")[0]}
-    return f"<{kind}{_attributes(about)}>{_text(text)}</{kind}>"
+    return f"<{kind}{_attributes(about)}>{xml(text)}</{kind}>"
 
 
 def _attributes(values: dict[str, str]) -> str:
-    return "".join(f' {name}="{_escaped(_MARKUP, value)}"' for name, value in values.items())
-
-
-def _text(text: str) -> str:
-    return _escaped(_MARKUP_OF_TEXT, text)
-
-
-def _escaped(markup: re.Pattern[str], text: str) -> str:
-    """The text as XML, with what that cannot express written as Python would."""
-    text = _FORBIDDEN.sub(lambda found: repr(found[0])[1:-1], text)
-    return markup.sub(lambda found: f"&#{ord(found[0])};", text)
+    return "".join(f' {name}="{xml(value)}"' for name, value in values.items())
 
 
 def _seconds(value: float) -> str:

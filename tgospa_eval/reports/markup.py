@@ -1,5 +1,6 @@
 """Small tables for papers and pull requests: Markdown and LaTeX."""
 
+from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import PARTS, headline
 from tgospa_eval.summary import Summary
 
@@ -26,8 +27,7 @@ def _parameters(result: Summary) -> str:
 
 def markdown(result: Summary) -> str:
     """A Markdown table with the headline above it."""
-    # ">" and "<" of an unusual unit must not become markup
-    title = headline(result).replace("<", "&lt;").replace("|", "\\|")
+    title = escape.markdown(headline(result))
     lines = [f"**{title}** ({_parameters(result)})", "", "| cost | | share % | count |"]
     lines.append("|---|---:|---:|---:|")
     lines += [f"| {' | '.join(row)} |" for row in _rows(result)]
@@ -37,7 +37,7 @@ def markdown(result: Summary) -> str:
 def latex(result: Summary) -> str:
     """A booktabs table with a comment that says how the number was proven."""
     lines = [
-        f"% {headline(result)} ({_parameters(result)})",
+        escape.latex_comment(f"{headline(result)} ({_parameters(result)})"),
         r"\begin{tabular}{lrrr}",
         r"\toprule",
         r"cost & & share (\%) & count \\",

@@ -1,4 +1,4 @@
-"""Tables with words around them, as plain text, Markdown, LaTeX or CSV. Knows no metric."""
+"""Tables with words around them, as plain text, Markdown or LaTeX. Knows no metric."""
 
 import textwrap
 from collections.abc import Sequence
@@ -6,25 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from tgospa_eval.reports.console import WIDTH, clip
-from tgospa_eval.reports.files import csv_text
-from tgospa_eval.summary import Table
+from tgospa_eval.reports.escape import latex, latex_comment, markdown
+from tgospa_eval.text import visible
 
 INDENT = "  "
 LEAST, MOST = 12, 44
 """Columns that the first cell keeps in a terminal, however wide the others are, and that it takes
 to be told from others."""
-
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""A text that begins with one of these is a formula for a spreadsheet."""
-
-LATEX = {
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    **{mark: f"\\{mark}" for mark in "&%$#_{}"},
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,28 +66,28 @@ def as_text(page: Page) -> str:
 
 def as_markdown(page: Page) -> str:
     """For a pull request or a lab book."""
-    blocks = [f"**{markdown_text(page.title)}**", *map(markdown_text, page.lines)]
+    blocks = [f"**{markdown(page.title)}**", *map(markdown, page.lines)]
     for sheet in page.sheets:
-        lines = [_pipes(map(markdown_text, sheet.head))]
+        lines = [_pipes(map(markdown, sheet.head))]
         lines.append(_pipes(["---", *["---:"] * (len(sheet.head) - 1)]))
         for k, row in enumerate(sheet.rows):
-            cells = map(markdown_text, row)
+            cells = map(markdown, row)
             bold = [(k, at) in sheet.bold and bool(cell) for at, cell in enumerate(row)]
             lines.append(_pipes(f"**{c}**" if b else c for c, b in zip(cells, bold, strict=True)))
         blocks.append("\n".join(lines))
     if page.remarks:
-        blocks.append("\n".join(f"- {markdown_text(line)}" for line in page.remarks))
+        blocks.append("\n".join(f"- {markdown(line)}" for line in page.remarks))
     return "\n\n".join(blocks) + "\n"
 
 
 def as_latex(page: Page) -> str:
     """Tables of the package booktabs; the words are comments."""
-    blocks = ["\n".join(f"% {_plain(line)}" for line in (page.title, *page.lines, *page.remarks))]
+    blocks = ["\n".join(latex_comment(line) for line in (page.title, *page.lines, *page.remarks))]
     for sheet in page.sheets:
         lines = [rf"\begin{{tabular}}{{l{'r' * (len(sheet.head) - 1)}}}", r"\toprule"]
-        lines += [_ampersands(map(latex_text, sheet.head)), r"\midrule"]
+        lines += [_ampersands(map(latex, sheet.head)), r"\midrule"]
         for k, row in enumerate(sheet.rows):
-            cells = map(latex_text, row)
+            cells = map(latex, row)
             bold = [(k, at) in sheet.bold for at in range(len(row))]
             lines.append(
                 _ampersands(
@@ -110,33 +98,8 @@ def as_latex(page: Page) -> str:
     return "\n".join(blocks) + "\n"
 
 
-def as_csv(table: Table) -> str:
-    """CSV in which no text is a formula for a spreadsheet: such ones get an apostrophe in front."""
-    return csv_text({name: [_harmless(value) for value in table[name]] for name in table})
-
-
-def _harmless(value: Any) -> Any:
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
-
-
-def markdown_text(text: str) -> str:
-    """The text so that nothing in it is markup."""
-    text = _plain(text).replace("&", "&amp;").replace("<", "&lt;")
-    return "".join(f"\\{c}" if c in "\\`*_|[]#~" else c for c in text)
-
-
-def latex_text(text: str) -> str:
-    """The text so that nothing in it is a command."""
-    return "".join(LATEX.get(c, c) for c in _plain(text))
-
-
-def _plain(text: str) -> str:
-    """On one line, without control characters and without marks that turn the direction."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-
-
 def _wrap(text: str, indent: str = INDENT) -> list[str]:
-    return textwrap.wrap(_plain(text), WIDTH, subsequent_indent=indent) or [""]
+    return textwrap.wrap(visible(text), WIDTH, subsequent_indent=indent) or [""]
 
 
 def _pipes(cells: Any) -> str:
@@ -155,7 +118,7 @@ def _text_table(sheet: Sheet) -> list[str]:
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first column again.
     """
-    rows = [[_plain(cell) for cell in row] for row in (sheet.head, *sheet.rows)]
+    rows = [[visible(cell) for cell in row] for row in (sheet.head, *sheet.rows)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(sheet.head))]
     first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
     lines: list[str] = []
