@@ -14,13 +14,14 @@ from typing import Any
 import pytest
 
 from tgospa_eval import __version__
-from tgospa_eval.cli import options
+from tgospa_eval.cli import VERBS, options
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
 Pair = tuple[str, str]
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
+REFERENCE = Path(__file__).parent.parent / "docs" / "reference"
 COMMON = "53 of 56 steps are in both files"
 
 
@@ -242,12 +243,62 @@ def test_notices_name_the_file(invoke: Run, write: Write) -> None:
 
 def test_version_and_help(run: Run) -> None:
     assert run("--version")[:2] == (0, f"tgospa-eval {__version__}\n")
-    for arguments in (["--help"], ["-h"], ["evaluate", "--help"], ["t.csv", "e.csv", "-h"]):
+    for arguments in (["--help"], ["-h"], ["t.csv", "e.csv", "-h"]):
         status, out, err = run(*arguments)
         assert (status, err) == (0, "")
         assert "Usage: tgospa-eval" in out
-        assert max(map(len, out.splitlines())) <= 80
     assert "--switch-penalty" in out
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_a_verb(invoke: Run, verb: str) -> None:
+    status, out, err = invoke(verb, "--help")
+    assert (status, err) == (0, "")
+    assert max(map(len, out.splitlines())) <= 80
+    examples = re.findall(r"^    tgospa-eval .+", out, re.MULTILINE)
+    assert examples
+    documented = "".join(page.read_text(encoding="utf-8") for page in REFERENCE.glob("*.md"))
+    known = set(re.findall(r"^  (?:-\w, )?(--[\w-]+)", out, re.MULTILINE))
+    assert len(known) > 10
+    assert not {name for name in known if f"`{name}" not in documented}
+    assert set(re.findall(r" (--[\w-]+)", "".join(examples))) <= known  # none is made up
+    for arguments in (["help", verb], [verb, "help"]):
+        assert invoke(*arguments).out == out
+
+
+def test_help_is_in_sections(invoke: Run) -> None:
+    out = invoke("evaluate", "--help").out
+    heads = re.findall(r"^(\w+)(?:, with --distance [\w-]+)?:$", out, re.MULTILINE)
+    assert heads == [
+        "Metric", "Files", "Filters", "Output", "Solver", "Gaussians", "Particles", "General",
+    ]  # fmt: skip
+    assert invoke("help").out == invoke("--help").out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["evalute", "t.csv", "e.csv"], "evalute: neither a verb nor a file; did you mean"),
+        (["-c", "5", "rank", "t.csv"], "rank: neither a verb nor a file; did you mean compare?"),
+        (["help", "simulat"], "did you mean simulate?"),
+        (["t.csv", "e.csv", "--cutof", "5"], "no such option: --cutof; did you mean --cutoff?"),
+        (["gate", "--basel=b.json"], "no such option: --basel; did you mean --baseline?"),
+        (["simulate", "x", "--target", "3"], "did you mean --targets?"),
+        (["t.csv"], "ESTIMATE is missing; type tgospa-eval evaluate t.csv ESTIMATE; for one file"),
+        (["reduce", "a.csv"], "OUT is missing; type tgospa-eval reduce a.csv OUT"),
+        (["t.csv", "a.csv", "b.csv"], "to rank estimates: tgospa-eval compare t.csv a.csv b.csv"),
+        (["compare", "t.csv"], "tgospa-eval compare TRUTH A B to rank estimates"),
+    ],
+)
+def test_what_to_type_instead(invoke: Run, arguments: list[str], message: str) -> None:
+    answer = invoke(*arguments)
+    assert (answer.status, answer.out) == (2, "")
+    assert message in answer.err
+
+
+def test_a_file_may_be_called_like_another_verb(invoke: Run, write: Write) -> None:
+    assert invoke(write("rank", "id,t,x\na,1,2\n"), "rank", "-q").status == 0
+    assert "truth: no such file" in invoke("truth", "rank").err
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["evaluate", "--help"], ["--version"]])

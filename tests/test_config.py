@@ -91,6 +91,18 @@ def test_keys_are_the_options(
     assert parameters(invoke(*scene))[name] == value
 
 
+def test_gamma_is_the_switch_penalty(
+    invoke: Invoke, scene: list[str], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings("tgospa-eval.toml", "gamma = 3")
+    assert parameters(invoke(*scene))["switch_penalty"] == 3
+    monkeypatch.setenv("TGOSPA_EVAL_GAMMA", "4")
+    assert parameters(invoke(*scene))["switch_penalty"] == 4
+    assert parameters(invoke(*scene, "--gamma", "5"))["switch_penalty"] == 5
+    settings("tgospa-eval.toml", "gamma = 3\nswitch-penalty = 3")
+    assert '"switch-penalty" is given twice' in invoke(*scene).err
+
+
 def test_keys_that_are_no_parameters(
     invoke: Invoke, scene: list[str], settings: Settings, tmp_path: Path
 ) -> None:
@@ -169,7 +181,7 @@ def test_a_pyproject_of_others_is_not_ours(
 @pytest.mark.parametrize(
     ("name", "text", "parts"),
     [
-        ("tgospa-eval.toml", "cutof = 3", ['unknown key "cutof"', "cutoff"]),
+        ("tgospa-eval.toml", "cutof = 3", ['unknown key "cutof"; did you mean cutoff?']),
         ("tgospa-eval.toml", "cutoff = 3\nconfig = 'a'", ['unknown key "config"']),
         ("pyproject.toml", "[tool.tgospa-eval]\ntruth = 'a'", ['unknown key "truth"']),
         ("tgospa-eval.toml", "cutoff = 3\norder = ,", ["TOML", "line 2"]),

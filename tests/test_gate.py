@@ -750,7 +750,7 @@ def test_a_full_disk_hides_no_regression(
 def test_wrong_usage_is_published(invoke: Invoke) -> None:
     answer = invoke("gate", "t.csv", "--junit", "j.xml", "--github")
     assert answer.status == 2
-    assert "needed are TRUTH and ESTIMATE" in answer.err
+    assert "ESTIMATE is missing; type tgospa-eval gate t.csv ESTIMATE" in answer.err
     assert "::error" in answer.err
     assert "<error" in Path("j.xml").read_text(encoding="utf-8")
 

@@ -210,6 +210,9 @@ def test_wrong_values_in_python(options: dict, part: str) -> None:
         ("cutoff=0.1:0.5:5", "cutoff", [0.1, 0.2, 0.3, 0.4, 0.5]),
         ("switch-penalty=1:100:3:log", "switch_penalty", [1, 10, 100]),
         ("order=2,1", "order", [2, 1]),
+        ("c=2:4:3", "cutoff", [2, 3, 4]),
+        ("p=2,1", "order", [2, 1]),
+        ("gamma=1,5", "switch_penalty", [1, 5]),
     ],
 )
 def test_values_of_a_sweep(text: str, name: str, values: list[float]) -> None:

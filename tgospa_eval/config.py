@@ -1,7 +1,7 @@
 """Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,8 @@ from tgospa_eval.errors import ConfigError
 FILE = "tgospa-eval.toml"
 TABLE = "tgospa-eval"
 MOST = sys.float_info.max
+ALIASES = {"gamma": "switch-penalty"}
+"""Other names of keys."""
 
 
 def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[str, Any]]:
@@ -57,8 +59,9 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
     settings: dict[str, Any] = {}
     for key, value in table.items():
         name = key.replace("_", "-")
+        name = ALIASES.get(name, name)
         if name not in known:
-            raise ConfigError(f'{path}: unknown key "{key}"; known are {", ".join(sorted(known))}')
+            raise ConfigError(f'{path}: unknown key "{key}"; {_meant(name, known)}')
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, int | float) and abs(number) > MOST:
                 raise ConfigError(
@@ -72,12 +75,20 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
             )
             raise ConfigError(f'{path}: "{key}" is {kind}; a number or a text is needed')
         if name in settings:
-            raise ConfigError(f'{path}: "{name}" is given twice, with - and with _')
+            raise ConfigError(f'{path}: "{name}" is given twice, under two names')
         if isinstance(value, bool) != known[name]:
             needed = "true or false" if known[name] else "a value, not true or false"
             raise ConfigError(f'{path}: "{key}" is {value!r}; needed is {needed}')
         settings[name] = value
     return settings
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """The key that was meant, or all that there are."""
+    from difflib import get_close_matches  # here: most files are right
+
+    near = get_close_matches(name, known, 1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"
 
 
 def _search() -> tuple[str | None, Any]:

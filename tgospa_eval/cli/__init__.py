@@ -14,13 +14,13 @@ from tgospa_eval import __version__
 from tgospa_eval.errors import TgospaError
 
 VERBS = {
-    "evaluate": ("tgospa_eval.cli.evaluate", "One evaluation: value, bracket, decomposition."),
-    "gate": ("tgospa_eval.cli.gate", "A regression gate for CI: judge by a baseline."),
-    "inspect": ("tgospa_eval.cli.inspect", "What was read, and what looks wrong with it."),
-    "compare": ("tgospa_eval.cli.compare", "Solvers, or estimates, side by side."),
-    "associate": ("tgospa_eval.cli.associate", "Which states of two sensors belong together."),
-    "reduce": ("tgospa_eval.cli.reduce", "Particle clouds with fewer particles."),
-    "simulate": ("tgospa_eval.cli.simulate", "A made-up scene: truth plus a tracker's errors."),
+    "evaluate": ("tgospa_eval.cli.evaluate", "Evaluate an estimate; the verb if none is given."),
+    "inspect": ("tgospa_eval.cli.inspect", "Show what is in the files, and what looks wrong."),
+    "gate": ("tgospa_eval.cli.gate", "Fail a CI job if the estimate got worse."),
+    "compare": ("tgospa_eval.cli.compare", "Rank several estimates, or compare solvers."),
+    "simulate": ("tgospa_eval.cli.simulate", "Make a ground truth and an estimate to try it on."),
+    "associate": ("tgospa_eval.cli.associate", "Associate the states of two sensors."),
+    "reduce": ("tgospa_eval.cli.reduce", "Reduce particle clouds to fewer particles."),
 }
 """Module and summary of each verb; the module's command is called `command`."""
 
@@ -52,12 +52,22 @@ class Verbs(click.Group):
             formatter.write_dl([(name, summary) for name, (_, summary) in VERBS.items()])
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Put the verb first."""
+        """Put the verb first; `help` is --help.
+
+        Raises
+        ------
+        click.UsageError
+            The first argument is neither a verb nor a file, but like a verb.
+        """
+        if args[:1] == ["help"]:
+            args = [*args[1:], "--help"]
         if args and args[0] not in ("--help", "-h", "--version"):
             at = self._first_argument(ctx, args)
             if at is not None and args[at] in VERBS:
                 args = [args[at], *args[:at], *args[at + 1 :]]
             else:
+                if at is not None:
+                    _check_word(ctx, args[at])
                 args = ["evaluate", *args]
         return super().parse_args(ctx, args)
 
@@ -90,23 +100,41 @@ class Verbs(click.Group):
         return None
 
 
+def _check_word(ctx: click.Context, word: str) -> None:
+    """Whether a word may be the name of a file.
+
+    Raises
+    ------
+    click.UsageError
+        It is more like a verb.
+    """
+    from tgospa_eval.cli.help import meant_verb  # here: not needed where a verb is given
+
+    verb = meant_verb(word)
+    if verb is not None:
+        raise click.UsageError(f"{word}: neither a verb nor a file; did you mean {verb}?", ctx)
+
+
 @click.group(
     cls=Verbs,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80},
     subcommand_metavar="[VERB] TRUTH ESTIMATE [OPTIONS]",
+    options_metavar="",
     no_args_is_help=True,
 )
 @click.version_option(__version__, prog_name="tgospa-eval", message="%(prog)s %(version)s")
-def cli() -> None:  # \b keeps click from filling the lines below
+def cli() -> None:  # \b keeps click from filling the lines below it
     """Evaluate a multi-target tracker with the TGOSPA metric, exactly and with proof.
 
-    \b
-    tgospa-eval truth.csv estimate.csv          evaluate (the default verb)
-    tgospa-eval evaluate --help                 all options
-    tgospa-eval simulate DIR                    files to try it on
+    TRUTH and ESTIMATE are tables with the columns id,t,x[,y[,z]] and one row per
+    object and time step (CSV or Parquet), or MOTChallenge or KITTI text.
 
-    The files are tables id,t,x[,y[,z]] with one row per object and step (CSV,
-    Parquet), or MOTChallenge or KITTI text.
+    \b
+    Examples:
+      tgospa-eval simulate demo            make two files to try it on
+      tgospa-eval demo/truth.csv demo/estimate.csv
+                                           evaluate them
+      tgospa-eval help evaluate            all options, with examples
     """
 
 

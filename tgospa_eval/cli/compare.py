@@ -1,11 +1,14 @@
 """``tgospa-eval compare TRUTH ESTIMATE...``: solvers, or estimates, side by side."""
 
+from functools import partial
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.options import CONFIG_FILE, EVALUATION, FORMATS, KEYS, QUIET, option
+from tgospa_eval.cli.help import Option, Verb
+from tgospa_eval.cli.option import KEYS, option
+from tgospa_eval.cli.options import CONFIG_FILE, EVALUATION, FORMATS, QUIET
 from tgospa_eval.cli.simulate import SCENARIOS
 
 ACCURACY_MISSED = 4
@@ -21,57 +24,67 @@ OF_FILES = {
 """Parameters that mean nothing in the other case."""
 
 SHARED = [add for add in EVALUATION if KEYS[add][0] not in ELSEWHERE]
+_comparison = partial(click.option, cls=Option, section="Comparison")
+_study = partial(click.option, cls=Option, section="Scaling study", show_default=True)
+# Those of this verb alone are not read from settings files, which are those of all verbs.
 OWN = (
-    # Those of this verb alone are not read from settings files, which are those of all verbs.
-    click.option(
+    _comparison(
         "--solvers", metavar="NAMES",
-        help="Of certified, exact, sinkhorn.  [default: all, exact only where it is quick; "
-        "of several estimates certified]",
+        show_default="all, exact only where it is quick; for a ranking certified",
+        help="Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking the one "
+        "to use.",
     ),
     option(
-        "--epsilon", metavar="NUMBERS", default="0.1,0.05,0.03,0.01",
-        help="Temperatures of sinkhorn, fractions of c^p; one run each.",
+        "--epsilon", section="Comparison", metavar="NUMBERS", default="0.1,0.05,0.03,0.01",
+        help="Temperatures of sinkhorn, as fractions of c^p, with commas: one run for each. For a "
+        "ranking a single one, 0.03 by default.",
     ),
-    click.option(
-        "--against", type=click.Choice(("per-step-gospa",)),
-        help="Beside TGOSPA: per-step GOSPA, summed, and with switches charged afterwards.",
+    _comparison(
+        "--against", type=click.Choice(("per-step-gospa",)), metavar="per-step-gospa",
+        help="Show per-step GOSPA beside TGOSPA: its sum, and with switches charged afterwards.",
     ),
-    click.option("--simulate", is_flag=True, help="Scaling study on made-up scenes; no files."),
-    click.option(
-        "--targets", metavar="NUMBERS", default="10,20,50", show_default=True,
-        help="Of a study: numbers of targets.",
+    _study(
+        "--simulate", is_flag=True,
+        help="Compare solvers on simulated scenes of growing size; no files are read.",
     ),
-    click.option(
-        "--steps", metavar="NUMBERS", default="50,100", show_default=True,
-        help="Of a study: numbers of steps, each with each of --targets.",
+    _study(
+        "--targets", metavar="NUMBERS", default="10,20,50",
+        help="Numbers of targets, with commas.",
     ),
-    click.option(
-        "--runs", type=click.IntRange(min=1), default=10, show_default=True,
-        help="Of a study: scenes of each size.",
+    _study(
+        "--steps", metavar="NUMBERS", default="50,100",
+        help="Numbers of time steps, with commas; each with each number of targets.",
     ),
-    click.option(
-        "--scenario", default="dense", show_default=True, type=click.Choice(SCENARIOS),
-        help="Of a study: what the targets do.",
+    _study(
+        "--runs", type=click.IntRange(min=1), metavar="N", default=10,
+        help="Number of scenes of each size.",
     ),
-    click.option(
-        "--area", type=float, default=100.0, show_default=True,
-        help="Of a study: side of the square in which it happens; the noise is area / 200.",
+    _study(
+        "--scenario", default="dense", type=click.Choice(SCENARIOS), metavar="NAME",
+        help="What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
     ),
-    click.option(
-        "--seed", type=click.IntRange(min=0), default=0, show_default=True,
-        help="Of a study: the same seed makes the same scenes.",
+    _study(
+        "--area", type=float, metavar="LENGTH", default=100.0,
+        help="Side of the square in which it happens; the noise is area / 200.",
+    ),
+    _study(
+        "--seed", type=click.IntRange(min=0), metavar="N", default=0,
+        help="Seed: the same one makes the same scenes.",
     ),
     option(
-        "--format", "format_", type=click.Choice(FORMATS), default="table",
-        help="What to print.",
+        "--format", "format_", section="Output", type=click.Choice(FORMATS), metavar="FORMAT",
+        default="table", help="What to print: table, json, csv, markdown or latex.",
     ),
     option(
-        "-o", "--output", metavar="DIR", type=click.Path(),
-        help="Write compare.json, CSV tables and, with the extra plot, pictures to this folder; "
-        "of a study report.md too, and every run as soon as it is done.",
+        "-o", "--output", section="Output", metavar="DIR", type=click.Path(),
+        help="Write compare.json, CSV tables and pictures to this folder. A scaling study also "
+        "writes report.md, and each run as soon as it is done.",
     ),
-    option("--by", type=click.Choice(("class",)), hidden=True),
-    option("--force", is_flag=True, help="Write into a folder with other files in it."),
+    option("--by", section="Filters", type=click.Choice(("class",)), hidden=True),
+    option(
+        "--force", section="Output", is_flag=True,
+        help="Write into a folder with other files in it.",
+    ),
     CONFIG_FILE,
     QUIET,
 )  # fmt: skip
@@ -83,22 +96,27 @@ def _options(command: Any) -> Any:
     return command
 
 
-@click.command("compare", context_settings={"max_content_width": 80})
+@click.command("compare", cls=Verb)
 @click.argument("files", metavar="TRUTH ESTIMATE...", type=click.Path(), nargs=-1)
 @_options
 @click.pass_context
 def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> None:
-    """Solve one problem with several solvers, or rank several estimates of a truth.
+    """Rank several estimates of a truth, or compare solvers on one estimate.
+
+    Two files, TRUTH ESTIMATE, are a comparison of solvers: bounds, errors, time and
+    memory. Three or more, TRUTH A B, are a ranking: which estimate is proven to be
+    better, and by what. With a * in quotes files stand for several runs.
 
     \b
-    compare TRUTH ESTIMATE        solvers and settings: bounds, errors, time, memory
-    compare TRUTH A B C           ranking with proven order, paired differences
-    compare 'mc/*/gt.csv' 'mc/*/a.csv' 'mc/*/b.csv'
-                                  the same over the runs that * stands for
-    compare --simulate            scaling study on made-up scenes
+    Examples:
+      tgospa-eval compare truth.csv a.csv b.csv c.csv             a ranking
+      tgospa-eval compare 'run*/truth.csv' 'run*/a.csv' 'run*/b.csv'
+      tgospa-eval compare truth.csv a.csv                         solvers
+      tgospa-eval compare truth.csv a.csv --against per-step-gospa
+      tgospa-eval compare --simulate -o study                     scaling study
 
-    Exit status: 0 done, 2 wrong option, 3 bad input file, 4 brackets contradict
-    each other, or accuracy not reached.
+    Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached, or
+    proven bounds contradict each other.
     """
     source = {name: ctx.get_parameter_source(name) for name in ctx.params}
     given = {name for name, where in source.items() if where is not ParameterSource.DEFAULT}
@@ -118,7 +136,10 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
     if options["simulate"] and files:
         raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
     if not options["simulate"] and len(files) < 2:
-        raise click.UsageError("two files or more are needed, TRUTH ESTIMATE..., or --simulate")
+        raise click.UsageError(
+            "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
+            "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
+        )
     from tgospa_eval.cli import comparing
     from tgospa_eval.cli.work import say  # here: what is wrong is said at once
 

@@ -5,35 +5,57 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.cli.help import Option, Verb
 from tgospa_eval.cli.options import OF_PICTURES, evaluation_options
 
 ACCURACY_MISSED = 4
 
 
-@click.command("evaluate", context_settings={"max_content_width": 80})
+class Files(Verb):
+    """Says which other verb takes one file, or more than two."""
+
+    def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
+        text = super()._too_few(ctx, missing)
+        truth = ctx.params.get("truth")
+        return f"{text}; for one file alone: tgospa-eval inspect {truth}" if truth else text
+
+    def _too_many(self, ctx: click.Context, rest: list[str]) -> str:
+        files = " ".join((ctx.params["truth"], ctx.params["estimate"], *rest))
+        return f"{super()._too_many(ctx, rest)}; to rank estimates: tgospa-eval compare {files}"
+
+
+@click.command("evaluate", cls=Files)
 @click.argument("truth", type=click.Path())
 @click.argument("estimate", type=click.Path())
+@evaluation_options
 @click.option(  # not from settings files: it would make a sweep of every evaluation
-    "--sweep", metavar="NAME=VALUES", multiple=True,
-    help="Over a range of cutoff, switch-penalty or order: cutoff=2:50:12 (12 values, evenly "
-    "spaced), cutoff=2:50:12:log, or cutoff=2,5,10.",
+    "--sweep", cls=Option, section="Output", metavar="NAME=VALUES", multiple=True,
+    help="Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values from "
+    "1 to 20, gamma=1:20:12:log.",
 )  # fmt: skip
 @click.option(
-    "--curve", is_flag=True,
-    help="Evaluate the steps up to each step as well: the normalised curve of the literature.",
+    "--curve", cls=Option, section="Output", is_flag=True,
+    help="Evaluate the steps up to each step as well: the normalised metric over time.",
 )  # fmt: skip
-@evaluation_options
 @click.pass_context
 def command(
     ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: Any
 ) -> None:
     """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
 
-    Both are tables id,t,x[,y[,z]] (CSV, Parquet), one row per object and step, or
-    MOTChallenge or KITTI text; a row that is not there means that the object does
-    not exist at that step.
+    Both are tables with the columns id,t,x[,y[,z]] and one row per object and time
+    step (CSV or Parquet), or MOTChallenge or KITTI text. Where an object has no row,
+    it does not exist at that step.
 
-    Exit status: 0 done, 2 wrong option, 3 bad input file, 4 accuracy not reached.
+    \b
+    Examples:
+      tgospa-eval truth.csv estimate.csv -c 10 -g 5 --unit m
+      tgospa-eval truth.csv estimate.csv -o results
+      tgospa-eval truth.csv estimate.csv --columns id=track,t=time_s,x=px,y=py
+      tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
+      tgospa-eval gt.txt results.txt --distance iou
+
+    Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
     for name in OF_PICTURES if options["output"] is None else ():
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:

@@ -4,6 +4,7 @@ from typing import Any
 
 import click
 
+from tgospa_eval.cli.help import Option, Verb
 from tgospa_eval.cli.options import gate_options
 
 FORMATS = ("table", "json", "markdown")
@@ -11,7 +12,7 @@ TYPED = "tgospa_eval.typed"
 """Under this name the context keeps the arguments as they were typed."""
 
 
-class Gate(click.Command):
+class Gate(Verb):
     """Keeps its arguments, for commands that messages propose."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -20,22 +21,36 @@ class Gate(click.Command):
         return super().parse_args(ctx, args)
 
 
-@click.command("gate", cls=Gate, context_settings={"max_content_width": 80})
+@click.command("gate", cls=Gate)
 @click.argument("truth", type=click.Path(), required=False)
 @click.argument("estimate", type=click.Path(), required=False)
 @gate_options
-@click.option("--update-baseline", is_flag=True, help="Make the baseline, or replace it; exit 0.")
 @click.option(
-    "--format", "format_", type=click.Choice(FORMATS), default="table",
-    show_default=True, help="What to print.",
+    "--update-baseline",
+    cls=Option,
+    section="Gate",
+    is_flag=True,
+    help="Make the baseline, or replace it, and exit with 0.",
+)
+@click.option(
+    "--format", "format_", cls=Option, section="Output", type=click.Choice(FORMATS),
+    default="table", show_default=True, help="What to print.",
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, /, truth: str | None, estimate: str | None, **options: Any) -> None:
-    """Judge ESTIMATE by a baseline, whether it is worse than it was.
+    """Fail if ESTIMATE is worse than a baseline allows: a regression gate for CI.
 
-    It fails only if the proven lower bound is worse than the rule allows, and passes
-    only if the proven upper bound is not. Options that are not given come from the
-    baseline.
+    The gate fails only if the proven lower bound breaks a rule, and passes only if the
+    proven upper bound keeps it. Options that are not given come from the baseline.
+
+    \b
+    Examples:
+      tgospa-eval gate truth.csv estimate.csv --baseline base.json \\
+          -c 10 -g 5 --update-baseline                  make the baseline
+      tgospa-eval gate truth.csv estimate.csv --baseline base.json
+      tgospa-eval gate truth.csv estimate.csv --baseline base.json \\
+          --fail-on total:+2% --max counts.switch=10
+      tgospa-eval gate --suite suite.toml --junit gate.xml
 
     Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
     not comparable, 3 bad input file, 4 undecided.

@@ -5,23 +5,30 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from tgospa_eval.cli.help import Option, Verb
 from tgospa_eval.cli.options import reading_options
 
 
-@click.command("inspect", context_settings={"max_content_width": 80})
+@click.command("inspect", cls=Verb)
 @click.argument("truth", type=click.Path())
 @click.argument("estimate", type=click.Path(), required=False)
 @reading_options
 @click.option(
-    "--format", "format_", type=click.Choice(("table", "json")), default="table",
-    show_default=True, help="What to print.",
+    "--format", "format_", cls=Option, section="Output", type=click.Choice(("table", "json")),
+    default="table", show_default=True, help="What to print.",
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: Any) -> None:
-    """Say what is in TRUTH, and how well ESTIMATE fits it in time and space.
+    """Show what is in TRUTH, and how well ESTIMATE fits it in time and space.
 
-    Reads as evaluate does, and solves nothing. Repeated (id, t) are counted instead
-    of refused unless --on-duplicate is given; the first of them is taken.
+    The files are read as evaluate reads them, and nothing is solved. Where an id has
+    several rows at one time these are counted, and the first is taken, unless
+    --on-duplicate is given.
+
+    \b
+    Examples:
+      tgospa-eval inspect truth.csv
+      tgospa-eval inspect truth.csv estimate.csv -c 10
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """

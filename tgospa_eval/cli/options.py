@@ -1,12 +1,13 @@
-"""The options of everything that evaluates, and where their values come from."""
+"""The options of everything that evaluates."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import click
 
-from tgospa_eval import config
-from tgospa_eval.cli import CONFIG
+from tgospa_eval.cli.help import Option
+from tgospa_eval.cli.option import KEYS, load_config, option
 
 CUTOFF = 10.0
 SWITCH_PENALTY = 2.0
@@ -23,284 +24,300 @@ GRIDS = ("union", "truth", "estimate", "common")
 FORMATS = ("table", "json", "csv", "markdown", "latex")
 FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti", "npz")
 
-
-KEYS: dict[Callable[[Any], Any], tuple[str, bool]] = {}
-"""Of each option its key in a configuration file, and whether it is a flag."""
-
-
-def option(*names: str, **settings: Any) -> Callable[[Any], Any]:
-    """Make a click option that also reads the environment variable TGOSPA_EVAL_<OPTION>."""
-    long = next(name for name in names if name.startswith("--")).split("/")[0]
-    variable = "TGOSPA_EVAL_" + long.lstrip("-").replace("-", "_").upper()
-    made = click.option(*names, envvar=variable, **{"show_default": True, **settings})
-    KEYS[made] = long.lstrip("-"), settings.get("is_flag", False)
-    return made
-
-
-def _load_config(ctx: click.Context, parameter: click.Parameter, path: str | None) -> str | None:
-    """Settings of the options that the verb has; a file may hold those of other verbs as well."""
-    taken = {
-        item.opts[-1].lstrip("-"): item
-        for item in ctx.command.params
-        if isinstance(item, click.Option) and item is not parameter and item.envvar
-    }
-    used, settings = config.load(path, dict(KEYS.values()))
-    ctx.meta[CONFIG] = used
-    named = {
-        taken[key].name: (value,) if taken[key].multiple else value
-        for key, value in settings.items()
-        if key in taken
-    }
-    ctx.default_map = {**(ctx.default_map or {}), **named}
-    return used
-
-
 _COUNT = click.IntRange(min=1)
+_metric = partial(option, section="Metric")
+_files = partial(option, section="Files")
+_filters = partial(option, section="Filters")
+_solver = partial(option, section="Solver")
+_gaussians = partial(option, section="Gaussians")
+_particles = partial(option, section="Particles")
+_output = partial(option, section="Output")
+_gate = partial(option, section="Gate")
+_general = partial(option, section="General")
+
 REDUCTION = (
-    option(
+    _particles(
         "--reduce-method", type=click.Choice(REDUCTIONS), metavar="METHOD", show_default="sliced",
-        help="sliced, recursive: least squares on projections; atl: transport and location in "
-        "turn; kmeans; systematic, stratified, multinomial: resampling; top: highest weights.",
+        help="How clouds are reduced. sliced, recursive: least squares on projections; atl: "
+        "transport and new locations in turn; kmeans: clustering; systematic, stratified, "
+        "multinomial: resampling; top: the highest weights.",
     ),
-    option(
-        "--directions", type=_COUNT, metavar="V", show_default="32, from 3-D on 24 each",
-        help="Of sliced and recursive: projections.",
+    _particles(
+        "--directions", type=_COUNT, metavar="N", show_default="32; 24 each from 3-D on",
+        help="Number of projections of sliced and recursive.",
     ),
-    option(
-        "--iterations", type=_COUNT, metavar="K", show_default="25",
-        help="Of the first four methods, at most.",
+    _particles(
+        "--iterations", type=_COUNT, metavar="N", show_default="25",
+        help="Most iterations of sliced, recursive, atl and kmeans.",
     ),
-    option(
-        "--restarts", type=_COUNT, metavar="K", show_default="1",
-        help="Starts of these, of which the nearest result is kept.",
+    _particles(
+        "--restarts", type=_COUNT, metavar="N", show_default="1",
+        help="Number of starts of these four; the nearest result is kept.",
     ),
-    option(
-        "--polish", type=click.IntRange(min=0), metavar="K", show_default="0",
-        help="Steps of atl after sliced and recursive.",
+    _particles(
+        "--polish", type=click.IntRange(min=0), metavar="N", show_default="0",
+        help="Number of atl iterations after sliced and recursive.",
     ),
-    option(
-        "--seed", type=click.IntRange(min=0), show_default="0",
-        help="Of what is random; equal clouds are reduced alike.",
+    _particles(
+        "--seed", type=click.IntRange(min=0), metavar="N", show_default="0",
+        help="Seed of the random choices; equal clouds are reduced alike.",
     ),
 )  # fmt: skip
 """How clouds are reduced; without defaults, to see what was given."""
 
 PARTICLES = (
-    option(
-        "--cloud-order", type=click.IntRange(1, 2), show_default="2",
-        help="Order of cloud-wasserstein, whatever the order p.",
+    _particles(
+        "--cloud-order", type=click.IntRange(1, 2), metavar="1|2", show_default="2",
+        help="Order of the Wasserstein distance, whatever the order p of the metric is.",
     ),
-    option(
-        "--inner", type=click.Choice(("euclidean", "mahalanobis")), show_default="euclidean",
-        help="Of cloud-wasserstein: distance of particles.",
+    _particles(
+        "--inner", type=click.Choice(("euclidean", "mahalanobis")), metavar="NAME",
+        show_default="euclidean",
+        help="Distance between two particles: euclidean or mahalanobis.",
     ),
-    option(
+    _particles(
         "--inner-cov", metavar="global|FILE", show_default="global",
-        help="Of --inner mahalanobis: its covariance, global: mean of all clouds; or a CSV matrix; "
-        "associate also pair, its default: mean of the two.",
+        help="Covariance of --inner mahalanobis. global: the mean over all clouds; or a CSV file "
+        "with a matrix. With associate also pair, its default: the mean of the two clouds.",
     ),
-    option(
-        "--reduce", type=_COUNT, metavar="N",
-        help="Of cloud-wasserstein: clouds are reduced to N particles first.",
+    _particles(
+        "--reduce", type=_COUNT, metavar="N", help="Reduce clouds to N particles first.",
     ),
     *REDUCTION,
-    option(
+    _particles(
         "--no-gating", is_flag=True,
-        help="Of cloud-wasserstein: solve all pairs, to check the bounds.",
+        help="Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to "
+        "check the bounds.",
     ),
 )  # fmt: skip
 """Of clouds as states."""
 
-EVALUATION = (
-    option(
-        "-c", "--cutoff", type=float, default=CUTOFF, show_default="10.0, of iou 0.5",
-        help="Cutoff c > 0: an error counts at most c; in state units.",
+METRIC = (
+    _metric(
+        "-c", "--cutoff", type=float, metavar="C", default=CUTOFF,
+        show_default="10.0; 0.5 with iou",
+        help="Cutoff c > 0, in state units. A true and an estimated state farther apart than c are "
+        "not matched: they are one missed and one false target, which together cost as much as an "
+        "error of c.",
     ),
-    option(
-        "-p", "--order", type=float, default=2,
-        help="Order p >= 1 of the sum (never the norm of the distance).",
+    _metric(
+        "-p", "--order", type=float, metavar="P", default=2,
+        help="Order p >= 1: errors are raised to this power before they are summed. It does not "
+        "change the distance between two states.",
     ),
-    option(
-        "-g", "--switch-penalty", type=float, default=SWITCH_PENALTY,
-        show_default="2.0, of iou 0.5",
-        help="gamma >= 0, price of a track switch in state units; 0 sums per-step GOSPA.",
+    _metric(
+        "-g", "--switch-penalty", "--gamma", type=float, metavar="GAMMA", default=SWITCH_PENALTY,
+        show_default="2.0; 0.5 with iou",
+        help="Switch penalty gamma >= 0, in state units: what a track switch costs. 0 gives "
+        "per-step GOSPA, summed.",
     ),
-    option(
+    _metric(
         "--distance", type=click.Choice(DISTANCES), default="euclidean", metavar="NAME",
-        help="Base distance between two states: euclidean, manhattan, chebyshev, mahalanobis, "
-        "haversine (metres from lat,lon), iou (boxes left,top,width,height), "
-        "gaussian-wasserstein (means and covariances), cloud-wasserstein (particles with a "
+        help="Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, "
+        "haversine (metres, from lat,lon), iou (1 - IoU of boxes left,top,width,height), "
+        "gaussian-wasserstein (means and covariances) or cloud-wasserstein (particles, with a "
         "column weight).",
     ),
-    *PARTICLES,
-    option(
+    _metric(
         "--covariance", metavar="FILE", type=click.Path(),
-        help="Of mahalanobis: CSV file with a matrix d x d, without header.",
+        help="Covariance matrix for mahalanobis: a CSV file without header, with a row and a "
+        "column for each state column.",
     ),
-    option(
+    _metric(
         "--periodic", metavar="NAME[=PERIOD]", multiple=True,
-        help="State columns on a circle: theta, theta=360.  [default period: 2 pi]",
+        help="State columns that wrap around, such as angles: theta (period 2 pi), theta=360. "
+        "Several with commas.",
     ),
-    option(
+    _metric(
         "--scale", metavar="NAME=FACTOR", multiple=True,
-        help="State units per unit of a column: theta=2.0.",
+        help="State units for one unit of a column: with theta=2 an error of 1 in theta counts "
+        "as 2. Several with commas.",
     ),
-    option(
+)  # fmt: skip
+
+FILES = (
+    _files(
         "--columns", metavar="NAMES",
-        help="State columns in order, x,y; id=HEADER and x=HEADER map headers.  "
-        "[default: x[,y[,z]], else lat,lon, else centres of boxes]",
+        show_default="x[,y[,z]], else lat,lon, else the centres of boxes",
+        help="State columns, in order: x,y. NAME=HEADER says what a column is called in the files: "
+        "id=trk,t=time_s,x=px,y=py.",
     ),
-    option(
-        "--fix-cov", is_flag=True,
-        help="Of gaussian-wasserstein: replace what is no covariance by the nearest matrix that "
-        "is.",
+    _files(
+        "--truth-format", type=click.Choice(FILE_FORMATS), metavar="FORMAT",
+        show_default="found from name and content",
+        help="Format of TRUTH: csv, parquet, motchallenge, kitti or npz.",
     ),
-    option(
-        "--missing-cov", type=click.Choice(("error", "zero")), default="error",
-        help="Of gaussian-wasserstein: a row with blank covariance is wrong, or a point.",
+    _files(
+        "--estimate-format", type=click.Choice(FILE_FORMATS), metavar="FORMAT",
+        show_default="found from name and content",
+        help="Format of ESTIMATE, one of the same.",
     ),
-    option(
-        "--mixed", type=click.Choice(("error", "moments")), default="error",
-        help="Of gaussian-wasserstein: clouds are wrong, or taken by mean and covariance.",
+    _files(
+        "--time-tolerance", type=float, metavar="DT", default=0.0,
+        help="Times of the two files that differ by at most DT are one step, nearest to nearest; "
+        "in seconds for ISO times.",
     ),
-    option(
-        "--solver", type=click.Choice(SOLVERS), default="certified",
-        help="certified: exact with proof; exact: CVXPY + Clarabel, the slow referee; "
-        "sinkhorn: approximation with a proven bracket.",
+    _files(
+        "--grid", type=click.Choice(GRIDS), metavar="NAME", default="union",
+        help="Steps that count: those of either file (union), of the truth, of the estimate, or "
+        "those of both (common). Rows at other steps are left out.",
     ),
-    option(
-        "--gap", type=float, default=1e-9,
-        help="Relative gap of the total that counts as exact (certified), or at which to stop "
-        "early (sinkhorn).",
+    _files(
+        "--on-duplicate", type=click.Choice(("error", "first", "last")), metavar="NAME",
+        default="error",
+        help="What to do with two rows of one id at one time: error, or keep the first or last.",
     ),
-    option(
-        "--epsilon", type=float, default=0.03,
-        help="Temperature of sinkhorn, as a fraction of c^p.",
-    ),
-    option(
-        "--time-limit", type=float, metavar="SECONDS",
-        help="Stop solving after so long; the bracket reached is printed, exit 4.",
-    ),
-    option(
-        "--jobs", type=click.IntRange(min=1), metavar="N",
-        help="Threads; the result does not depend on it.  [default: all cores]",
-    ),
-    option(
-        "--time-tolerance", type=float, default=0.0,
-        help="Stamps of the two files at most so far apart are one step (nearest, one to one); "
-        "seconds for ISO times.",
-    ),
-    option(
-        "--grid", type=click.Choice(GRIDS), default="union",
-        help="Steps that count: those of either file, of one, of both; rows at others are left "
-        "out.",
-    ),
-    option(
-        "--on-duplicate", type=click.Choice(("error", "first", "last")), default="error",
-        help="What to do with a repeated (id, t).",
-    ),
-    option(
+    _files(
         "--decimal", type=click.Choice((".", ",")), default=".",
         help="Decimal mark in the files.",
     ),
-    option(
-        "--truth-format", type=click.Choice(FILE_FORMATS),
-        help="Format of TRUTH.  [default: guessed by name and content]",
-    ),
-    option(
-        "--estimate-format", type=click.Choice(FILE_FORMATS),
-        help="Format of ESTIMATE, likewise.",
-    ),
-    option(
-        "--time", metavar="A:B",
-        help="Steps from A to B, both included, numbers or ISO times; either may be blank.",
-    ),
-    option("--class", "class_", metavar="A[,B]", help="Rows of these classes."),
-    option(
-        "--region", metavar="RANGES",
-        help="Rows inside, x=-50:50,y=0:100; either end may be blank.",
-    ),
-    option(
-        "--by", type=click.Choice(("class",)),
-        help="One result per class and their sum; pairs never cross classes.",
-    ),
-    option("--unit", help="Unit of the states, for printing: m."),
 )  # fmt: skip
+
+FILTERS = (
+    _filters(
+        "--time", metavar="A:B",
+        help="Only the steps from A to B, both included; numbers or ISO times, as in the files. "
+        "A or B may be left out.",
+    ),
+    _filters(
+        "--class", "class_", metavar="A[,B]", help="Only rows with these values in column class.",
+    ),
+    _filters(
+        "--region", metavar="RANGES",
+        help="Only rows inside ranges of columns, ends included: x=-50:50,y=0:100. Either end may "
+        "be left out.",
+    ),
+    _filters(
+        "--by", type=click.Choice(("class",)), metavar="class",
+        help="One result for each class, and their sum. States of different classes are never "
+        "matched.",
+    ),
+)  # fmt: skip
+
+SOLVER = (
+    _solver(
+        "--solver", type=click.Choice(SOLVERS), metavar="NAME", default="certified",
+        help="certified: exact, with proven bounds; exact: another, slower method to check it "
+        "with (CVXPY and Clarabel); sinkhorn: an approximation with proven bounds.",
+    ),
+    _solver(
+        "--gap", type=float, metavar="G", default=1e-9,
+        help="Relative difference of the proven bounds on the total that counts as exact "
+        "(certified), or at which to stop early (sinkhorn).",
+    ),
+    _solver(
+        "--epsilon", type=float, metavar="E", default=0.03,
+        help="Temperature of sinkhorn, as a fraction of c^p. A lower one is slower and nearer to "
+        "the exact value.",
+    ),
+    _solver(
+        "--time-limit", type=float, metavar="SECONDS",
+        help="Stop solving after so long: the bounds proven by then are printed, and the exit "
+        "status is 4.",
+    ),
+    _solver(
+        "--jobs", type=_COUNT, metavar="N", show_default="all cores",
+        help="Number of threads; the result does not depend on it.",
+    ),
+)  # fmt: skip
+
+GAUSSIANS = (
+    _gaussians(
+        "--fix-cov", is_flag=True,
+        help="Replace a matrix that is no covariance by the nearest one that is. Without it such "
+        "a matrix is an error.",
+    ),
+    _gaussians(
+        "--missing-cov", type=click.Choice(("error", "zero")), metavar="NAME", default="error",
+        help="A row without covariance is an error, or a point (zero).",
+    ),
+    _gaussians(
+        "--mixed", type=click.Choice(("error", "moments")), metavar="NAME", default="error",
+        help="A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
+    ),
+)  # fmt: skip
+
+UNIT = _output("--unit", help="Unit of the states, printed beside values: m. No number changes.")
+
+EVALUATION = (*METRIC, *FILES, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
 
 CONFIG_FILE = click.option(
-    "--config", is_eager=True, callback=_load_config, metavar="FILE",
-    type=click.Path(), envvar="TGOSPA_EVAL_CONFIG",
-    help="Settings, keys as these options.  "
-    "[default: tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml]",
+    "--config", cls=Option, section="General", is_eager=True, callback=load_config,
+    metavar="FILE", type=click.Path(), envvar="TGOSPA_EVAL_CONFIG",
+    show_default="tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml, in this folder",
+    help="Read settings from a TOML file; the keys are the names of these options.",
 )  # fmt: skip
-QUIET = option("-q", "--quiet", is_flag=True, help="No notices.")
+QUIET = _general("-q", "--quiet", is_flag=True, help="Print no notices.")
 
 PICTURES = (
-    option(
+    _output(
         "--pictures", metavar="FORMATS", default="png",
-        help="Of -o: png, svg, pdf, with commas, or none.",
+        help="Formats of the pictures of -o: png, svg, pdf, several with commas; or none.",
     ),
-    option(
-        "--style", type=click.Choice(("screen", "paper")), default="screen",
-        help="Of the pictures: with titles; or small, for a column of a journal.",
+    _output(
+        "--style", type=click.Choice(("screen", "paper")), metavar="NAME", default="screen",
+        help="Style of the pictures: screen, or paper for one column of a journal, without titles.",
     ),
-    option(
+    _output(
         "--components", metavar="PARTS", show_default="all four",
-        help="Of the pictures of costs: localisation, missed, false, switch, with commas.",
+        help="Parts of the cost in the pictures: localisation, missed, false, switch; several "
+        "with commas.",
     ),
-    option(
+    _output(
         "--plane", metavar="X,Y", show_default="the first two columns",
-        help="Of the picture in the plane: two state columns, or t.",
+        help="Axes of the picture of trajectories: two state columns, or one and t.",
     ),
 )  # fmt: skip
 """Of the pictures in a folder."""
 
 OUTPUT = (
-    option(
-        "--format", "format_", type=click.Choice(FORMATS), default="table",
-        help="What to print: csv is per step.",
+    _output(
+        "--format", "format_", type=click.Choice(FORMATS), metavar="FORMAT", default="table",
+        help="What to print: table, json, csv (the costs of each step), markdown or latex.",
     ),
-    option(
+    _output(
         "-o", "--output", metavar="DIR", type=click.Path(),
         help="Write result.json, CSV tables, report.html and pictures to this folder.",
     ),
     *PICTURES,
-    option("--force", is_flag=True, help="Write into a folder with other files in it."),
+    _output("--force", is_flag=True, help="Write into a folder with other files in it."),
     CONFIG_FILE,
     QUIET,
-    option("-v", "--verbose", is_flag=True, help="Stages and timings on stderr."),
+    _general("-v", "--verbose", is_flag=True, help="Print stages and their times on stderr."),
 )  # fmt: skip
 
 VERBOSE = OUTPUT[-1]
 OF_PICTURES = tuple(KEYS[add][0] for add in PICTURES)
 
 GATE = (
-    option(
+    _gate(
         "--baseline", metavar="FILE", type=click.Path(),
-        help="Values to judge against; a suite may name it itself.",
+        help="Baseline to judge by, a JSON file that --update-baseline makes. A suite may name "
+        "its own.",
     ),
-    option(
+    _gate(
         "--suite", metavar="FILE", type=click.Path(),
-        help="TOML file with several pairs, instead of TRUTH ESTIMATE.",
+        help="TOML file that lists several pairs of files, instead of TRUTH ESTIMATE.",
     ),
-    option(
-        "--fail-on", metavar="RULE", multiple=True,
-        help="PATH:+N or PATH:+N%, how much worse PATH may be than in the baseline; repeatable.  "
-        "[default: total:+0.001%]",
+    _gate(
+        "--fail-on", metavar="RULE", multiple=True, show_default="total:+0.001%",
+        help="Fail if a value is worse than in the baseline by more than this: total:+1%, "
+        "counts.switch:+2. Values have the names of the JSON. Repeatable.",
     ),
-    option(
-        "--warn-on", metavar="RULE", multiple=True, help="The same, for a warning only.",
+    _gate(
+        "--warn-on", metavar="RULE", multiple=True, help="The same, but only warn. Repeatable.",
     ),
-    option(
+    _gate(
         "--max", "maximum", metavar="NAME=VALUE", multiple=True,
-        help="The most that a value may be, whatever the baseline says; repeatable.",
+        help="Fail if a value is above this, whatever the baseline says: tgospa=45. Repeatable.",
     ),
-    option(
+    _gate(
         "--junit", metavar="FILE", type=click.Path(), help="Write a JUnit XML report.",
     ),
-    option(
+    _gate(
         "--github", is_flag=True,
-        help="Annotations on stderr, and Markdown to the file that GITHUB_STEP_SUMMARY names.",
+        help="Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY "
+        "names.",
     ),
 )  # fmt: skip
 

@@ -138,7 +138,11 @@ def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
         given.options["suite"] = None
         return Suite(pairs=(Pair(name=ALONE, truth=truth, estimate=estimate),), baseline=None)
     if truth is not None or not path:
-        raise ConfigError("needed are TRUTH and ESTIMATE, or --suite FILE")
+        name = "TRUTH" if truth is None else "ESTIMATE"
+        raise ConfigError(
+            f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
+            "--baseline FILE, or tgospa-eval gate --suite FILE"
+        )
     return load_suite(path, KNOWN)
 
 

@@ -5,7 +5,9 @@ from typing import Any
 
 import click
 
-from tgospa_eval.cli.options import FILE_FORMATS, REDUCTION, chosen_options, option
+from tgospa_eval.cli.help import Option, Verb
+from tgospa_eval.cli.option import option
+from tgospa_eval.cli.options import FILE_FORMATS, REDUCTION, chosen_options
 
 
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -14,32 +16,42 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("columns", "decimal", "time", "class", "region", "jobs"),
         (
             *REDUCTION,
-            option("--in-format", "truth_format", type=click.Choice(FILE_FORMATS),
-                   help="Format of IN.  [default: guessed by name and content]"),
-            click.option("--force", is_flag=True, help="Write OUT where it exists."),
-            click.option("--format", "format_", type=click.Choice(("table", "json", "csv")),
+            option("--in-format", "truth_format", section="Files", metavar="FORMAT",
+                   type=click.Choice(FILE_FORMATS), show_default="found from name and content",
+                   help="Format of IN: csv, parquet or npz."),
+            click.option("--force", cls=Option, section="Output", is_flag=True,
+                         help="Write over OUT if it exists."),
+            click.option("--format", "format_", cls=Option, section="Output",
+                         type=click.Choice(("table", "json", "csv")),
                          default="table", show_default=True, help="What to print."),
         ),
     )  # fmt: skip
 
 
-@click.command("reduce", context_settings={"max_content_width": 80})
+@click.command("reduce", cls=Verb)
 @click.argument("source", metavar="IN", type=click.Path())
 @click.argument("target", metavar="OUT", type=click.Path())
 @click.option(
     "-n",
     "--size",
+    cls=Option,
+    section="Particles",
     type=click.IntRange(min=1),
     metavar="N",
     required=True,
-    help="Particles of each cloud; a cloud that has no more is not changed.",
+    help="Number of particles of each cloud. A cloud with no more than N stays as it is.",
 )
 @_options
 def command(source: str, target: str, **options: Any) -> None:
-    """Write the particle clouds of IN with N particles each to OUT.
+    """Reduce the particle clouds of IN to N particles each, and write them to OUT.
 
-    IN has a row for each particle, id,t,weight,x[,y[,z]] (CSV, Parquet, npz); what
-    OUT is says the end of its name. What the reduction changed is printed.
+    IN has the columns id,t,weight,x[,y[,z]] and a row for each particle (CSV, Parquet
+    or npz). The ending of OUT gives its format. What the reduction changed is printed.
+
+    \b
+    Examples:
+      tgospa-eval reduce particles.csv small.csv -n 20
+      tgospa-eval reduce particles.npz small.npz -n 50 --reduce-method kmeans
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """

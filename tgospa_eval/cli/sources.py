@@ -8,7 +8,9 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval import config
-from tgospa_eval.cli.options import EVALUATION, KEYS
+from tgospa_eval.cli.help import Option
+from tgospa_eval.cli.option import KEYS
+from tgospa_eval.cli.options import EVALUATION
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.baseline import SOLVING, Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
@@ -49,9 +51,9 @@ class Given:
     def parameters(self) -> dict[str, click.Parameter]:
         """Options of the evaluation by their names in a configuration file."""
         return {
-            item.opts[-1].lstrip("-"): item
+            item.key: item
             for item in self.context.command.params
-            if isinstance(item, click.Option) and item.opts[-1].lstrip("-") in KNOWN
+            if isinstance(item, Option) and item.key in KNOWN
         }
 
     def typed(self, settings: dict[str, Any], where: str) -> dict[str, Any]:

@@ -22,7 +22,10 @@ from tgospa_eval.timing import Stopwatch
 if TYPE_CHECKING:
     from tgospa_eval.plots.report import Pictures
 
-NAMES = {"cutoff": "cutoff", "order": "order", "switch-penalty": "switch_penalty"}
+NAMES = {
+    "c": "cutoff", "cutoff": "cutoff", "p": "order", "order": "order",
+    "g": "switch_penalty", "gamma": "switch_penalty", "switch-penalty": "switch_penalty",
+}  # fmt: skip
 MOST = 1000
 """Values of one sweep."""
 
@@ -106,7 +109,7 @@ def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
     text = texts[0]
     name, equals, values = (part.strip() for part in text.partition("="))
     if not equals or name not in NAMES:
-        raise ConfigError(f'--sweep "{text}": must be {FORM}, with NAME one of {", ".join(NAMES)}')
+        raise ConfigError(f'--sweep "{text}": must be {FORM}, with NAME c, p or gamma')
     if ":" in values:
         return NAMES[name], _range(text, values.split(":"))
     return NAMES[name], [_number(text, part) for part in values.split(",")]

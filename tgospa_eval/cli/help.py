@@ -1,0 +1,152 @@
+"""Help in sections, and what to type instead of what nobody understands."""
+
+import os
+import re
+from collections.abc import Iterable
+from typing import Any
+
+import click
+
+SECTIONS = (
+    "Gate", "Comparison", "Scaling study", "Scene", "Tracker",
+    "Metric", "Files", "Filters", "Output", "Solver", "Gaussians", "Particles", "General",
+)  # fmt: skip
+"""Headings of the help, in its order."""
+
+NEEDED = {
+    "Gaussians": "gaussian-wasserstein",
+    "Particles": "cloud-wasserstein",
+}
+"""The distance that a section is for."""
+
+WORDS = {
+    "evaluate": "eval score metric measure compute calculate run plot draw report sweep curve",
+    "gate": "check test baseline regression assert ci",
+    "inspect": "info show view look head describe summary summarise validate lint stats",
+    "compare": "rank ranking diff versus vs bench benchmark study",
+    "associate": "match assign pair fuse",
+    "reduce": "downsample resample compress shrink",
+    "simulate": "sim generate gen make create demo synth example",
+}
+"""What people type for a verb."""
+
+LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
+
+
+class Option(click.Option):
+    """An option that belongs to a section of the help.
+
+    Parameters
+    ----------
+    section : str
+        One of `SECTIONS`.
+    """
+
+    def __init__(self, *args: Any, section: str, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.section = section
+
+    @property
+    def key(self) -> str:
+        """Its name in a configuration file: the first long one."""
+        return next(name for name in self.opts if name.startswith("--")).lstrip("-")
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Names and text; a default in words needs no parentheses of its own."""
+        record = super().get_help_record(ctx)
+        if record is None or not isinstance(self.show_default, str):
+            return record
+        names, text = record
+        return names, text.replace(f"({self.show_default})", self.show_default)
+
+    def get_help_extra(self, ctx: click.Context) -> Any:
+        """Without ranges, which the texts say in words."""
+        extra = super().get_help_extra(ctx)
+        extra.pop("range", None)
+        return extra
+
+
+class Verb(click.Command):
+    """A command with its options in sections, and messages that say what to type."""
+
+    allow_extra_args = True  # to say more of them than click does
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options below the headings of their sections."""
+        found: dict[str, list[tuple[str, str]]] = {name: [] for name in SECTIONS}
+        for item in self.get_params(ctx):
+            record = item.get_help_record(ctx) if isinstance(item, click.Option) else None
+            if record is not None:
+                found[getattr(item, "section", SECTIONS[-1])].append(record)
+        measures = any(item.name == "distance" for item in self.params)
+        for name, records in found.items():
+            if records:
+                about = f", with --distance {NEEDED[name]}" if measures and name in NEEDED else ""
+                with formatter.section(name + about):
+                    formatter.write_dl(records, col_max=28)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse; `help` alone is --help.
+
+        Raises
+        ------
+        click.UsageError
+            An option is not known, or a file is missing.
+        """
+        try:
+            rest = super().parse_args(ctx, ["--help"] if args == ["help"] else args)
+        except click.NoSuchOption as error:
+            raise click.UsageError(self._no_option(error.option_name), ctx) from None
+        except click.MissingParameter as error:
+            if not isinstance(error.param, click.Argument):
+                raise
+            raise click.UsageError(self._too_few(ctx, error.param), ctx) from None
+        if rest and not ctx.resilient_parsing:
+            raise click.UsageError(self._too_many(ctx, rest), ctx)
+        return rest
+
+    def _no_option(self, text: str) -> str:
+        known = [
+            name
+            for item in self.params
+            if isinstance(item, click.Option) and not item.hidden
+            for name in item.opts
+            if name.startswith("--")
+        ]
+        other = nearest(text, known)
+        return f"no such option: {text}" + (f"; did you mean {other}?" if other else "")
+
+    def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
+        line = [ctx.params.get(item.name or "") or item.make_metavar(ctx) for item in self._files()]
+        return f"{missing.make_metavar(ctx)} is missing; type {ctx.command_path} {' '.join(line)}"
+
+    def _too_many(self, ctx: click.Context, rest: list[str]) -> str:
+        names = " ".join(item.make_metavar(ctx) for item in self._files())
+        return f"too many arguments: {' '.join(rest)}; type {ctx.command_path} {names}"
+
+    def _files(self) -> list[click.Argument]:
+        return [item for item in self.params if isinstance(item, click.Argument)]
+
+
+def nearest(text: str, names: Iterable[str]) -> str | None:
+    """The name that was meant: the only one that begins so, else the most similar one."""
+    from difflib import get_close_matches  # here: most command lines are right
+
+    known = list(names)
+    begin = [name for name in known if len(text) > len("--c") and name.startswith(text)]
+    if len(begin) == 1:
+        return begin[0]
+    return next(iter(get_close_matches(text, known, 1)), None)
+
+
+def meant_verb(word: str) -> str | None:
+    """The verb that a word stands for which is neither a verb nor a file."""
+    if not LIKE_A_VERB.fullmatch(word) or os.path.lexists(word):
+        return None
+    word = word.lower()
+    for verb, others in WORDS.items():
+        if word in others.split():
+            return verb
+    from difflib import get_close_matches  # here: most command lines are right
+
+    return next(iter(get_close_matches(word, WORDS, 1, 0.8)), None)
