@@ -394,6 +394,58 @@ def test_closed_reader_is_no_failure(
     assert "Broken" not in err
 
 
+LOST = pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--help",),
+        ("--version",),
+        ("gate", "--help"),
+        ("{}", "{}", "-q"),
+        ("simulate", "d"),
+        ("inspect", "{}"),
+        ("associate", "{}", "{}", "-c", "5"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+
+
+@POSIX
+@LOST
+@pytest.mark.parametrize(
+    ("stdout", "message"),
+    [("&-", b"stdout is closed"), ("/dev/full", b"stdout cannot be written: No space left")],
+    ids=["closed", "full"],
+)
+def test_a_lost_output_is_a_failure(
+    environment: dict[str, str],
+    quickstart: Pair,
+    tmp_path: Path,
+    arguments: tuple[str, ...],
+    stdout: str,
+    message: bytes,
+) -> None:
+    if stdout.startswith("/") and not Path(stdout).exists():
+        pytest.skip("has no full device")
+    typed = [text.format(quickstart[0]) for text in arguments]
+    done = subprocess.run(
+        ["sh", "-c", f'"$@" >{stdout}', "sh", sys.executable, "-m", "tgospa_eval", *typed],
+        cwd=tmp_path, env=environment, capture_output=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert message in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+@POSIX
+def test_a_closed_stderr_changes_nothing(environment: dict[str, str], quickstart: Pair) -> None:
+    done = subprocess.run(
+        ["sh", "-c", '"$@" 2>&-', "sh", sys.executable, "-m", "tgospa_eval", *quickstart],
+        env=environment, stdout=subprocess.PIPE, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert b"TGOSPA" in done.stdout
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
 def test_ids_that_stdout_cannot_encode(run: Run, write: Write, encoding: str) -> None:
     truth = write("t.csv", "id,t,x\nFüße-車,1,2\n")

@@ -2,15 +2,16 @@
 
 import atexit
 import gc
+import io
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from importlib import import_module
 
 import click
 
 from tgospa_eval import __version__
+from tgospa_eval.cli.streams import check_stdout, check_written, say, say_lines
 from tgospa_eval.errors import TgospaError
 
 VERBS = {
@@ -147,8 +148,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = _run(arguments)
     except Exception as error:
         status = INTERNAL
-        with suppress(OSError, ValueError):  # stderr itself may be what fails
-            _say_internal(error)
+        _say_internal(error)
     sys.exit(status)
 
 
@@ -156,35 +156,47 @@ def _run(arguments: Sequence[str] | None) -> int:
     """Run the command line; the exit status."""
     status: int | None
     try:
-        status = cli.main(
-            args=None if arguments is None else list(arguments),
-            prog_name="tgospa-eval",
-            standalone_mode=False,
-        )
+        status = _invoke(None if arguments is None else list(arguments))
     except SystemExit:  # click's own, with 1, where a pipe has no reader
-        status = INTERNAL
+        status = 0
     except TgospaError as error:
-        click.echo(str(error), err=True)
+        say_lines(str(error))
         status = error.exit_status
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         if context is not None and context.meta.get(CONFIG):
-            click.echo(f"settings from {context.meta[CONFIG]}", err=True)
-        error.show()
+            say(f"settings from {context.meta[CONFIG]}")
+        text = io.StringIO()
+        error.show(file=text)
+        say_lines(text.getvalue().rstrip("\n"))
         status = max(error.exit_code, 2)  # 1 is a regression, and nothing else
     except (KeyboardInterrupt, click.Abort):
-        click.echo("interrupted", err=True)
-        sys.stderr.flush()
+        say("interrupted")
         os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
     except MemoryError:
-        click.echo("out of memory; a smaller cutoff leaves fewer pairs", err=True)
+        say("out of memory; a smaller cutoff leaves fewer pairs")
         status = INTERNAL
     return status or 0
+
+
+def _invoke(arguments: list[str] | None) -> int | None:
+    """Run the command line, seeing to it that what it prints arrives."""
+    if sys.stderr is None:  # or the next file that is opened is taken for it
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    check_stdout()
+    try:
+        status: int | None = cli.main(
+            args=arguments, prog_name="tgospa-eval", standalone_mode=False
+        )
+    except OSError as error:  # of the help, which click prints
+        check_written(error)
+        raise
+    return status
 
 
 def _say_internal(error: Exception) -> None:
     """The traceback of a fault of ours, and a sentence."""
     import traceback  # here: there should be none
 
-    click.echo("".join(traceback.format_exception(error)), err=True, nl=False)
-    click.echo(f"internal error: {type(error).__name__}: {error}; please report it", err=True)
+    say_lines("".join(traceback.format_exception(error)).rstrip("\n"))
+    say(f"internal error: {type(error).__name__}: {error}; please report it")

@@ -141,7 +141,7 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
         )
     from tgospa_eval.cli import comparing
-    from tgospa_eval.cli.work import say  # here: what is wrong is said at once
+    from tgospa_eval.cli.streams import say  # here: what is wrong is said at once
 
     if by and not options["simulate"] and not options["quiet"]:
         say("by = class of the settings is left aside: compare takes all rows together")

@@ -12,7 +12,8 @@ from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.scene import settings as scene_settings
 from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.simulate import command as simulate
-from tgospa_eval.cli.work import default_notice, emit, pair_remarks, say, say_if_slow, told
+from tgospa_eval.cli.streams import emit, say
+from tgospa_eval.cli.work import default_notice, pair_remarks, say_if_slow, told
 from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
@@ -452,7 +453,7 @@ def show(
         Makes figures by name of the document; it is called where matplotlib is there.
     """
     try:
-        emit(render(answer, options["format_"]))
+        emit(render(answer, options["format_"]), options["format_"])
     finally:  # the one is not lost where the other fails
         if options["output"] is not None:
             _write(answer, options, tables, draw)

@@ -32,7 +32,8 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.cli.work import emit, inspect_files
+    from tgospa_eval.cli.streams import emit
+    from tgospa_eval.cli.work import inspect_files
     from tgospa_eval.reports.inspection import json_text, table
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
@@ -40,4 +41,5 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
     given = {"cutoff": ctx.get_parameter_source("cutoff") is not ParameterSource.DEFAULT}
     paths = (truth,) if estimate is None else (truth, estimate)
     document = inspect_files(paths, options, given)
-    emit((json_text if options["format_"] == "json" else table)(document))
+    name = options["format_"]
+    emit((json_text if name == "json" else table)(document), name)

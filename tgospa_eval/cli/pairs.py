@@ -3,7 +3,6 @@
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from typing import Any
 
 import click
@@ -12,7 +11,8 @@ from click.core import ParameterSource
 from tgospa_eval import __version__
 from tgospa_eval.cli.gate import TYPED
 from tgospa_eval.cli.sources import KNOWN, Given
-from tgospa_eval.cli.work import emit, evaluate_files
+from tgospa_eval.cli.streams import emit, say, say_as_is
+from tgospa_eval.cli.work import evaluate_files
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
 from tgospa_eval.gate.outcome import Change, Outcome, Report, change, compare
@@ -22,7 +22,6 @@ from tgospa_eval.gate.suite import load as load_suite
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.reports.gate import GATE_REPORTS
 from tgospa_eval.summary import Summary
-from tgospa_eval.text import visible
 
 
 def run_gate(
@@ -37,7 +36,7 @@ def run_gate(
     """
     given = Given(context=context, options=options)
     if options["config"] and not options["quiet"]:
-        _say(f"settings from {options['config']}")
+        say(f"settings from {options['config']}")
     _check_junit(options, truth, estimate)
     try:
         report = _judge(given, truth, estimate)
@@ -51,21 +50,15 @@ def run_gate(
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
             said = (f"{outcome.name}: " if options["suite"] else "") + " ".join(outcome.notes)
-            _say(visible(said))
+            say(said)
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
     status = worst((report.status, _publish(report, options)))
     try:
-        emit(GATE_REPORTS[options["format_"]](report))
+        emit(GATE_REPORTS[options["format_"]](report), options["format_"])
     except ConfigError as error:
-        _say(str(error))
+        say(str(error))
         status = worst((status, error.exit_status))
     return status
-
-
-def _say(text: str) -> None:
-    """Print a line to stderr; a stderr that is gone changes no verdict."""
-    with suppress(OSError, ValueError):
-        click.echo(text, err=True)
 
 
 def _check_junit(options: dict[str, Any], *sides: str | None) -> None:
@@ -174,7 +167,7 @@ def _evaluate(
 
 
 def _sayer(prefix: str) -> Callable[[str], None]:
-    return lambda text: _say(visible(prefix + text))
+    return lambda text: say(prefix + text)
 
 
 def _outcome(given: Given, pair: Pair, entry: Entry, rules: list[Rule], path: str) -> Outcome:
@@ -258,16 +251,16 @@ def _publish(report: Report, options: dict[str, Any]) -> int:
         try:
             write_file(options["junit"], junit(report), "--junit")
         except ConfigError as error:
-            _say(str(error))
+            say(str(error))
             status = error.exit_status
     if options["github"]:
         from tgospa_eval.reports.github import annotations, append_summary
 
         for line in annotations(report):
-            _say(line)
+            say_as_is(line)
         try:
             append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY"))
         except ConfigError as error:
-            _say(str(error))
+            say(str(error))
             status = error.exit_status
     return status

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from tgospa_eval.text import visible
 from tgospa_eval.timing import Stopwatch
 
 T = TypeVar("T")
@@ -44,7 +45,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
         worker.join(0.1)
         seconds = time.monotonic() - begin
         if show and seconds > PATIENCE and worker.is_alive():
-            stage = STAGES.get(stopwatch.stage, stopwatch.stage)
+            stage = visible(STAGES.get(stopwatch.stage, stopwatch.stage))
             sys.stderr.write(f"\r{f'{stage} ... {seconds:.0f} s':<50}")
             sys.stderr.flush()
             shown = True

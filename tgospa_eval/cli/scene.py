@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.cli.work import emit
+from tgospa_eval.cli.streams import emit
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.write import WRITERS
 from tgospa_eval.reports.folders import probe_folder, write_texts

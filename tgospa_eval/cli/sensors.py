@@ -5,14 +5,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import click
-
 from tgospa_eval import __version__
 from tgospa_eval.association import associate
 from tgospa_eval.cli.particles import reduction
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import Settings, make_settings
-from tgospa_eval.cli.work import emit
+from tgospa_eval.cli.streams import emit, say
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
@@ -116,7 +114,7 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
         "json": lambda: json_text(document),
         "csv": lambda: csv_text(tables["associations"]),
     }
-    emit(texts[options["format_"]]())
+    emit(texts[options["format_"]](), options["format_"])
 
 
 def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
@@ -171,7 +169,7 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
         "json": lambda: json_text(document),
         "csv": lambda: csv_text(table),
     }
-    emit(texts[options["format_"]]())
+    emit(texts[options["format_"]](), options["format_"])
 
 
 def _check_apart(path: str, others: list[str], option: str) -> None:
@@ -202,14 +200,14 @@ def _read(
     if not options["quiet"]:
         for path, side, option in zip(paths, sides, formats, strict=True):
             for notice in side.notices:
-                click.echo(f"{path}: {notice.replace('--estimate-format', option)}", err=True)
+                say(f"{path}: {notice.replace('--estimate-format', option)}")
     return sides
 
 
 def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:
     stopwatch = Stopwatch()
     if not options["quiet"]:
-        stopwatch.tell = lambda text: click.echo(text, err=True)
+        stopwatch.tell = say
     effort = Effort(jobs=options["jobs"], stopwatch=stopwatch)
     return run(lambda: work(effort), stopwatch, show=not options["quiet"])
 

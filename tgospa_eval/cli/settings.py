@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-import click
-
 from tgospa_eval.alignment import Alignment, Stamps, align
 from tgospa_eval.cli.distance import DistanceOptions
+from tgospa_eval.cli.streams import say
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError
@@ -128,7 +127,7 @@ def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
         Something is wrong with them.
     """
     if options["config"] and not options["quiet"]:
-        click.echo(f"settings from {options['config']}", err=True)
+        say(f"settings from {options['config']}")
     measure = DistanceOptions(options)
     metric = {"cutoff": options["cutoff"], "switch_penalty": options.get("switch_penalty", 0.0)}
     defaults = dict(zip(metric, measure.named.defaults, strict=True))

@@ -9,7 +9,8 @@ from tgospa_eval import plots
 from tgospa_eval.cli.options import OF_PICTURES
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import make_settings, make_solver
-from tgospa_eval.cli.work import emit, read_sides, say, told, wanted_pictures
+from tgospa_eval.cli.streams import emit, say
+from tgospa_eval.cli.work import read_sides, told, wanted_pictures
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.sweep import sweep_pictures
 from tgospa_eval.points import Sweep
@@ -187,4 +188,4 @@ def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> N
         written = write_texts(files, options["output"], SWEEP, force=options["force"])
         if not options["quiet"]:
             say(str(written))
-    emit(render(document, options["format_"], found.columns()))
+    emit(render(document, options["format_"], found.columns()), options["format_"])

@@ -1,19 +1,18 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
 import math
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import click
 import numpy as np
 
 from tgospa_eval.alignment import Alignment
 from tgospa_eval.cli.distance import notices
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import Settings, make_settings, make_solver
+from tgospa_eval.cli.streams import emit, on_terminal, say
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import median_nearest
@@ -33,11 +32,6 @@ NARROWEST = 1e-12
 
 if TYPE_CHECKING:
     from tgospa_eval.plots.report import Pictures
-
-
-def say(text: str) -> None:
-    """Print a notice."""
-    click.echo(text, err=True)
 
 
 def evaluate_files(
@@ -283,12 +277,12 @@ def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> No
     if options["output"] is not None:
         _write(result, options, names)
     name = options["format_"]
-    if name == "table" and _on_terminal():
+    if name == "table" and on_terminal():
         from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
 
-        emit(report(result, sys.stdout.encoding or "ascii"))
+        emit(report(result, sys.stdout.encoding or "ascii"), "colours")
     else:
-        emit(REPORTS[name](result))
+        emit(REPORTS[name](result), name)
 
 
 def wanted_pictures(options: dict[str, Any]) -> "Pictures | None":
@@ -349,29 +343,3 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
         )
     if not options["quiet"]:
         say(str(written))
-
-
-def _on_terminal() -> bool:
-    """Whether someone looks at stdout; `FORCE_COLOR` says so too, as in the logs of CI."""
-    if sys.stdout is None or os.environ.get("TERM") == "dumb":
-        return False
-    return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
-
-
-def emit(text: str) -> None:
-    """Write data to stdout, in its own encoding, escaping what that cannot express.
-
-    Not by click.echo, which writes UTF-8 where the user asked for ASCII and exits with 1 when the
-    reader of a pipe goes away; as head does, so that is no failure of ours.
-    """
-    if sys.stdout is None:  # closed by the caller
-        return
-    encoding = sys.stdout.encoding or "ascii"
-    try:
-        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
-        sys.stdout.flush()
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise ConfigError(f"stdout cannot be written: {error.strerror}") from None

@@ -1,0 +1,126 @@
+"""stdout and stderr: what is written there is text, and what happens if it cannot be written.
+
+The last line of defence: control characters are escaped here whatever was forgotten elsewhere, and
+no line is a command of a CI system but those that the gate means.
+"""
+
+import errno
+import os
+import stat
+import sys
+from contextlib import suppress
+
+import click
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import visible, visible_lines
+
+CI = ("CI", "GITHUB_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
+"""Set where stdout is a log that is searched for commands."""
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
+"""What the system says where nothing can be written to a file that is open."""
+
+
+def say(text: str) -> None:
+    """Print a notice, a line on stderr."""
+    say_as_is(visible(text))
+
+
+def say_lines(text: str) -> None:
+    """Print lines to stderr, as they are ours."""
+    say_as_is(visible_lines(text))
+
+
+def say_as_is(text: str) -> None:
+    """Print to stderr what nothing has to be escaped in; that stderr is gone changes nothing."""
+    with suppress(OSError, ValueError):
+        click.echo(text, err=True)
+
+
+def emit(text: str, format: str = "table") -> None:
+    """Write a report to stdout.
+
+    Not by click.echo, which writes UTF-8 where the user asked for ASCII and exits with 1 when the
+    reader of a pipe goes away; as head does, so that is no failure of ours.
+
+    Parameters
+    ----------
+    text : str
+        The report.
+    format : str
+        Its name. Of csv a file or a program gets the texts as they are, and who looks at stdout
+        sees them as ls would show them. What has colours, `colours`, is written as it is.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written.
+    """
+    if format == "json":
+        # The two that `json` leaves: delete, and commands of CI systems within a line.
+        text = text.replace("\x7f", "\\u007f").replace("##", "#\\u0023")
+    elif format != "colours" and (format != "csv" or _is_watched()):
+        text = visible_lines(text)
+    check_stdout()
+    encoding = sys.stdout.encoding or "ascii"
+    try:
+        sys.stdout.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _discard()
+    except OSError as error:
+        raise _lost(error) from None
+
+
+def check_stdout() -> None:
+    """See that there is a stdout; the caller may have closed it.
+
+    Raises
+    ------
+    ConfigError
+        There is none.
+    """
+    if sys.stdout is None:
+        raise ConfigError("stdout is closed; redirect it to a file, or to /dev/null")
+
+
+def check_written(error: OSError) -> None:
+    """Whether an error is that of a text which others wrote to stdout.
+
+    Raises
+    ------
+    ConfigError
+        It is.
+    """
+    if error.filename is None and error.errno in FULL:
+        raise _lost(error) from None
+
+
+def on_terminal() -> bool:
+    """Whether someone looks at stdout; `FORCE_COLOR` says so too, as in the logs of CI."""
+    if sys.stdout is None or os.environ.get("TERM") == "dumb":
+        return False
+    return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))
+
+
+def _is_watched() -> bool:
+    """Whether stdout is a terminal, or may be the log of a CI system."""
+    if sys.stdout is None or sys.stdout.isatty():
+        return True
+    if not any(map(os.environ.get, CI)):
+        return False
+    try:
+        return not stat.S_ISREG(os.fstat(sys.stdout.fileno()).st_mode)
+    except (OSError, ValueError):
+        return True
+
+
+def _lost(error: OSError) -> ConfigError:
+    _discard()
+    return ConfigError(f"stdout cannot be written: {error.strerror}")
+
+
+def _discard() -> None:
+    """Let what waits for stdout go nowhere, or Python would try again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
