@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -253,6 +254,41 @@ def test_values_that_are_no_field_of_a_table(tmp_path: Path, header: str) -> Non
         kind = type(values[0]).__name__
         with pytest.raises(InputError, match=rf'table, row 0, column "{header}": .*type {kind}'):
             from_frame(frame, ReadOptions(by_class=True))
+
+
+@pytest.mark.parametrize("header", ["id", "t", "class"])
+def test_times_beyond_what_can_be_written_out(tmp_path: Path, header: str) -> None:
+    pa, pd = pytest.importorskip("pyarrow"), pytest.importorskip("pandas")
+    from tgospa_eval.formats.frames import from_frame
+
+    year_10000 = 253_402_300_800
+    microseconds = year_10000 * 10**6
+    for column in (
+        pa.array([0, microseconds], pa.timestamp("us", "Europe/Berlin")),
+        pa.array([0, microseconds - 1], pa.timestamp("us", "Europe/Berlin")),  # the same there
+        pa.array([0, year_10000], pa.timestamp("s", "UTC")),
+        pa.array([0, -year_10000], pa.timestamp("s", "UTC")).dictionary_encode(),
+        pa.array([0, 2**63 - 1], pa.timestamp("ns", "+05:00")),
+        pa.array([0, year_10000 // 86_400], pa.date32()),
+        pa.array([0, -year_10000 * 1000], pa.date64()).dictionary_encode(),
+    ):
+        path = parquet(tmp_path / "a.parquet", **{header: column})
+        with pytest.raises(InputError) as caught:
+            read(path, ReadOptions(by_class=True))
+        assert str(caught.value).startswith(f'{path}, row 1, column "{header}": a ')
+        assert "out of range" in str(caught.value)
+    moments = pd.Series([0, year_10000], dtype="datetime64[s]").dt.tz_localize("UTC")
+    moments = moments.dt.tz_convert("Europe/Berlin")
+    frame = pd.DataFrame({"id": ["a", "b"], "t": [0, 1], "x": [1.0, 2.0], "class": ["a", "b"]})
+    with pytest.raises(InputError, match=f'table, row 1, column "{header}": a timestamp out of'):
+        from_frame(frame.assign(**{header: moments}), ReadOptions(by_class=True))
+
+
+def test_decimals_of_any_size_are_ids(tmp_path: Path) -> None:
+    pa = pytest.importorskip("pyarrow")
+    values = [Decimal(10) ** 60, Decimal("2.50")]
+    path = parquet(tmp_path / "a.parquet", id=pa.array(values, pa.decimal256(76, 2)))
+    assert set(read(path).trajectories.ids) == {"1" + "0" * 60, "2.50"}
 
 
 @pytest.mark.parametrize("header", ["t", "x"])

@@ -4,9 +4,11 @@ import datetime
 from collections.abc import Callable
 from decimal import Decimal
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from pandas.errors import OutOfBoundsDatetime
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading, ReadOptions
@@ -17,18 +19,18 @@ from tgospa_eval.formats.text import blanks, coded_times, numbers
 from tgospa_eval.formats.times import TimeError, Times, more
 from tgospa_eval.trajectories import Floats
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 NAMES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
 """Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""
 
 MOMENTS = (str, Real, Decimal, datetime.date)
 """Values that are times, or no times by their text."""
 
+UNWRITTEN = (NotImplementedError, OverflowError, OutOfBoundsDatetime)
+"""What pandas raises where it cannot write out a timestamp."""
+
 
 def from_frame(
-    frame: "pd.DataFrame", options: ReadOptions | None = None, name: str = "table"
+    frame: pd.DataFrame, options: ReadOptions | None = None, name: str = "table"
 ) -> Reading:
     """Read a DataFrame with the columns ``id, t, x[, y[, z]]``; NaN means absent.
 
@@ -42,7 +44,7 @@ def from_frame(
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 
-def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str, decimal: str) -> Rows:
+def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Rows:
     """The rows of a DataFrame; `name` begins the messages, `decimal` is the mark in texts.
 
     Raises
@@ -56,7 +58,10 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str, decimal: str) -> 
 
     def named(column: int, wanted: str) -> Numbered:
         header = f'column "{frame.columns[column]}"'
-        return _numbered(frame.iloc[:, column], header, where, wanted)
+        try:
+            return _numbered(frame.iloc[:, column], header, where, wanted)
+        except UNWRITTEN:
+            raise _unwritten(frame.iloc[:, column], header, where) from None
 
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
@@ -73,6 +78,8 @@ def frame_rows(frame: "pd.DataFrame", roles: Roles, name: str, decimal: str) -> 
         times = _times(frame.iloc[:, roles.time], header, name, decimal)
     except TimeError as error:
         raise InputError(f"{where(error.row)}, {header}: {error}") from None
+    except UNWRITTEN:
+        raise _unwritten(frame.iloc[:, roles.time], header, where) from None
     ids = named(roles.id, "an id")
     blank = blanks(ids)
     if len(blank):
@@ -133,12 +140,23 @@ def _other(value: object, wanted: str) -> str:
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
+def _unwritten(column: "pd.Series[Any]", header: str, where: Callable[[int], str]) -> InputError:
+    """What to say of a column with a timestamp that pandas cannot write out."""
+    for row in range(len(column)):
+        try:
+            str(column.iloc[row])
+        except UNWRITTEN:
+            break
+    return InputError(
+        f"{where(row)}, {header}: a timestamp out of range (the years 1 to 9999, "
+        "in nanoseconds 1677 to 2262); write texts or numbers"
+    )
+
+
 def _numbered(
     column: "pd.Series[Any]", header: str, where: Callable[[int], str], wanted: str
 ) -> Numbered:
     """Distinct texts and the number of each row's; blank where one is missing."""
-    import pandas as pd
-
     # Factorizing objects wants what can be hashed, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
         values = column.tolist()
@@ -159,9 +177,11 @@ def _numbered(
 
 def _name(value: Any) -> str:
     """Text of an id or a class; 7 where a column of integers was made one of floats."""
-    if isinstance(value, (float, np.floating, Decimal)) and value % 1 == 0:
-        return str(int(value))
-    return str(value).strip()
+    if isinstance(value, Decimal):  # of up to 76 digits: the remainder would not fit the context
+        whole = value.is_finite() and value == value.to_integral_value()
+    else:
+        whole = isinstance(value, (float, np.floating)) and value.is_integer()
+    return str(int(value)) if whole else str(value).strip()
 
 
 def _times(column: "pd.Series[Any]", header: str, name: str, decimal: str) -> Times:
@@ -183,8 +203,6 @@ def _times(column: "pd.Series[Any]", header: str, name: str, decimal: str) -> Ti
             raise TimeError(int(odd[0]), "not a finite time; write a number")
         return Times(value=np.asarray(value + 0.0), clock="number", text=None)
     if kind == "M":
-        import pandas as pd
-
         code, moments = pd.factorize(column)
         return coded_times(Coded([stamp.isoformat() for stamp in moments], code), decimal)
     if kind != "O":

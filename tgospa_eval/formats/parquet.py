@@ -1,6 +1,7 @@
 """Parquet tables with the columns of the CSV files; needs the extra ``parquet``."""
 
 from dataclasses import replace
+from datetime import date
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError, InputError
@@ -48,8 +49,11 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     try:
         table = file.read(columns=subset).select(subset)
         table.validate(full=True)  # pandas looks at texts later, or never
+        _check_dates(table, path)
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
+    except InputError:
+        raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
     del table
@@ -79,6 +83,32 @@ def _check_types(schema: Any, roles: Roles, path: str) -> None:
             )
             raise InputError(
                 f'{path}, column "{schema.names[column]}": {kind}, not {what}; write {remedy}'
+            )
+
+
+def _check_dates(table: Any, path: str) -> None:
+    """Whether Python has the dates; pandas makes them its own.
+
+    Raises
+    ------
+    InputError
+        One is before the year 1 or after 9999.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+        if not pa.types.is_date(kind):
+            continue
+        dates = column.cast(kind)
+        early = pc.less(dates, pa.scalar(date.min, kind))
+        late = pc.greater(dates, pa.scalar(date.max, kind))
+        row = pc.index(pc.or_(early, late), value=True).as_py()
+        if row >= 0:
+            raise InputError(
+                f'{path}, row {row}, column "{name}": a date out of range (the years 1 to 9999); '
+                "write texts or numbers"
             )
 
 
