@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tgospa_eval.comparison import runs, solvers
-from tgospa_eval.comparison.brackets import Bracket, excess, less, narrowest, overlap, places
+from tgospa_eval.comparison.brackets import Bracket, equal, excess, less, narrowest, overlap, places
 from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
@@ -48,12 +49,17 @@ def test_brackets() -> None:
     assert narrowest([a, bracket(0, 1.5)]) == bracket(1, 1.5)
     assert excess(3, 2) == 0.5
     assert (excess(0, 0), excess(1, 0)) == (0, float("inf"))
+    assert equal(bracket(0, 0), bracket(0, 0))
+    assert equal(bracket(1, 1 + 2e-10), bracket(1 - 2e-10, 1))
+    assert not equal(bracket(1, 1.1), bracket(1, 1.1))  # overlap proves nothing
 
 
 def test_places_are_those_that_are_proven() -> None:
     # a < b surely; c may be anywhere between both, or beyond b
     assert places([bracket(1, 2), bracket(3, 4), bracket(1.5, 9)]) == [(1, 2), (2, 3), (1, 3)]
-    assert places([bracket(1, 1), bracket(1, 1)]) == [(1, 2), (1, 2)]
+    assert places([bracket(1, 1), bracket(2, 2), bracket(1, 1)]) == [(1, 1), (3, 3), (1, 1)]
+    assert places([bracket(1, 2), bracket(1, 2)]) == [(1, 2), (1, 2)]
+    assert places([bracket(1, 2), bracket(1, 2)], lambda *_: True) == [(1, 1), (1, 1)]
 
 
 # --- solvers --------------------------------------------------------------------------------------
@@ -123,7 +129,7 @@ def test_one_that_fails_leaves_the_others(write: Write, invoke: Invoke, here) ->
     assert (exact["total"], exact["error"], exact["seconds"]) == (None, None, None)
     assert exact["status"].startswith(told)
     assert "Both brackets overlap" in invoke(*call).out
-    assert invoke(*call, "--solvers", "exact").out.startswith("No solver has an answer")
+    assert invoke(*call, "--solvers", "exact").out.splitlines()[2] == "No solver has an answer"
     assert "exact" in invoke(*call, "--format", "csv").out
 
 
@@ -218,13 +224,13 @@ def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
                     "-o", str(folder))  # fmt: skip
     document = json.loads(answer.out)
     assert [(e["name"], e["place"]) for e in document["estimates"]] == [
-        ("good", [1, 2]), ("twin", [1, 2]), ("bad", [3, 3]), ("lost", [4, 4]),
+        ("good", [1, 1]), ("twin", [1, 1]), ("bad", [3, 3]), ("lost", [4, 4]),
     ]  # fmt: skip
     assert document["steps"] == [3]
     assert [e["total"] for e in document["estimates"]] == pytest.approx([1, 1, 12, 25])
     assert document["estimates"][3]["normalised"]["missed"] == pytest.approx((25 / 3) ** 0.5)
     first = {(p["first"], p["second"]): p for p in document["pairs"]}
-    assert first["good", "twin"]["verdict"] == "not separated"
+    assert first["good", "twin"]["verdict"] == "equal"
     assert first["good", "bad"]["verdict"] == "less"
     assert first["good", "bad"]["per_step"]["total"] == pytest.approx([11 / 3, 11 / 3])
     assert first["good", "bad"]["steps"] == {"better": 0, "worse": 3}
@@ -233,7 +239,32 @@ def test_ranking(write: Write, invoke: Invoke, tmp_path: Path) -> None:
     difference = [float(r["difference"]) for r in rows if r["estimate"] == "bad"]
     assert difference == pytest.approx([4, 3, 4])
     shown = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q").out
-    assert "No estimate is proven best by TGOSPA per step: it may be any of good, twin" in shown
+    assert shown.startswith(
+        "Ranking of 4 estimates; to compare solvers on one: tgospa-eval compare "
+    )
+    assert "Proven order by TGOSPA per step, best first: good = twin, bad, lost" in shown
+    assert re.search(r"^  twin +1= ", shown, re.MULTILINE)
+    assert re.search(r"^  vs good .*\n  twin +\+0 +equal ", shown, re.MULTILINE)
+    latex = invoke("compare", truth, *paths, "-c", "5", "-g", "1", "-q", "--format", "latex").out
+    assert re.findall(r"textbf{([a-z]+)}", latex) == ["good", "twin"]
+
+
+def test_equal_data_are_equal_whatever_the_brackets_are(
+    invoke: Invoke, crowd, tmp_path: Path
+) -> None:
+    truth, estimate = crowd
+    copy, renamed = tmp_path / "copy.csv", tmp_path / "renamed.csv"
+    text = Path(estimate).read_text(encoding="utf-8")
+    copy.write_text(text, encoding="utf-8")
+    renamed.write_text(text.replace("\n", "\nx").removesuffix("x"), encoding="utf-8")
+    call = ("compare", truth, estimate, str(copy), str(renamed), "-c", "15", "-q")
+    assert "Proven to be equal by TGOSPA per step: " in invoke(*call).out
+    hot = ("--solvers", "sinkhorn", "--epsilon", "0.5", "--format", "json")
+    verdicts = {
+        ("renamed" in pair["first"] + pair["second"], pair["verdict"])
+        for pair in json.loads(invoke(*call, *hot).out)["pairs"]
+    }
+    assert verdicts == {(False, "equal"), (True, "not separated")}
 
 
 def test_wide_brackets_prove_no_order(invoke: Invoke, crowd, tmp_path: Path) -> None:

@@ -1,8 +1,11 @@
 """What follows from proven brackets: whether they agree, what is nearest, which is less."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+EQUAL = 1e-9
+"""Values that differ by at most this share of themselves are equal."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,12 @@ def less(first: Bracket, second: Bracket) -> bool:
     return first.upper < second.lower
 
 
+def equal(first: Bracket, second: Bracket) -> bool:
+    """Whether both values are proven to be the same, but for `EQUAL` of them."""
+    most = max(first.upper - second.lower, second.upper - first.lower)
+    return most <= EQUAL * max(first.upper, second.upper)
+
+
 def narrowest(brackets: Sequence[Bracket]) -> Bracket:
     """What all brackets of one value say together: the largest lower and the least upper bound."""
     return Bracket(
@@ -49,16 +58,27 @@ def shortfall(value: float, ceiling: float) -> float:
     return (ceiling - value) / ceiling if value < ceiling else 0.0
 
 
-def places(brackets: Sequence[Bracket]) -> list[tuple[int, int]]:
+def places(
+    brackets: Sequence[Bracket], alike: Callable[[int, int], bool] | None = None
+) -> list[tuple[int, int]]:
     """Best and worst place, counted from 1, that each can have in the order of the values.
 
-    One is ahead only of those that are proven to be above it.
+    One is ahead only of those that are proven to be above it; equal ones share their places.
+
+    Parameters
+    ----------
+    brackets : sequence of Bracket
+        Of the values.
+    alike : callable, optional
+        Whether two of them, by their numbers, are equal; by default if their brackets say so.
     """
-    size = len(brackets)
+    size = range(len(brackets))
+    alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))
     return [
         (
-            1 + sum(less(other, own) for other in brackets),
-            size - sum(less(own, other) for other in brackets),
+            1 + sum(less(brackets[other], brackets[k]) for other in size),
+            sum(other == k or not (less(brackets[k], brackets[other]) or alike(k, other))
+                for other in size),
         )
-        for own in brackets
-    ]
+        for k in size
+    ]  # fmt: skip

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tgospa_eval import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import Against, against, against_document, differences
-from tgospa_eval.comparison.brackets import Bracket, less, places
+from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
 from tgospa_eval.evaluation import Result
 from tgospa_eval.problem import Floats
@@ -26,9 +26,6 @@ from tgospa_eval.summary import Table
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
-
-EQUAL = 1e-9
-"""Costs of a step that differ by less, relative, are the same."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +131,7 @@ def document(
                 for e in entrants]  # fmt: skip
     normal = [_mean(brackets) for brackets in per_step]
     ranked = sorted(range(len(entrants)), key=lambda k: (normal[k].upper, normal[k].lower))
-    place = dict(enumerate(places(normal)))
+    place = places(normal, lambda *pair: _verdict(entrants, normal, pair) == "equal")
     estimates = []
     for k in ranked:
         item = _entry(entrants[k], steps, order) | {"place": list(place[k])}
@@ -216,6 +213,19 @@ def _averages(found: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def _verdict(
+    entrants: Sequence[Entrant], normal: Sequence[Bracket], pair: tuple[int, int] = (0, 1)
+) -> str:
+    """What is proven of two of them: equal data have equal values, whatever the brackets are."""
+    first, second = (normal[k] for k in pair)
+    runs = zip(*(entrants[k].outcomes for k in pair), strict=True)
+    if all(a.input["estimate"]["sha256"] == b.input["estimate"]["sha256"] for a, b in runs):
+        return "equal"
+    if less(first, second):
+        return "less"
+    return "equal" if equal(first, second) else "not separated"
+
+
 def _pair(
     entrants: tuple[Entrant, Entrant],
     normal: tuple[Bracket, Bracket],
@@ -233,7 +243,7 @@ def _pair(
     return {
         "first": first.name,
         "second": second.name,
-        "verdict": "less" if less(*normal) else "not separated",
+        "verdict": _verdict(entrants, normal),
         "opposed": totals[1].upper < totals[0].upper * (1 - EQUAL),
         "per_step": {
             "total": [normal[1].lower - normal[0].upper, normal[1].upper - normal[0].lower],

@@ -3,6 +3,7 @@
 import itertools
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from tgospa_eval.reports.files import csv_text
@@ -14,6 +15,9 @@ Document = dict[str, Any]
 PARTS = ("localisation", "missed", "false", "switch")
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""
+
+RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
+STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 
@@ -42,6 +46,7 @@ def solvers_page(document: Document) -> Page:
     """One problem through several solvers."""
     runs = document["runs"]
     return Page(
+        kind=f"Comparison of solvers; {RANK}",
         title=_agreement(document),
         lines=[_size(document["sizes"]), _parameters(document["parameters"])],
         sheets=[
@@ -147,6 +152,16 @@ SPLIT = (
     "was found; the brackets hold for TGOSPA and the total"
 )
 
+ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
+"""Verdicts as the tables have them."""
+
+PROOFS = {
+    "less": "proven: the upper bound of the one is below the lower bound of the other",
+    "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
+    "not separated": "open: the bounds of both overlap",
+}
+"""What the verdicts mean."""
+
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
     "their ids; other tie rules may count other switches"
@@ -157,6 +172,7 @@ def estimates_page(document: Document) -> Page:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     estimates, parameters = document["estimates"], document["parameters"]
     return Page(
+        kind=_what(document),
         title=_order(document),
         lines=[_runs(document), _parameters(parameters)],
         sheets=[
@@ -183,7 +199,7 @@ def estimates_page(document: Document) -> Page:
 def estimates_paper(document: Document) -> Page:
     """What goes into a paper: roots per step, RMS over runs."""
     page = estimates_page(document)
-    return Page(title=page.title, lines=page.lines, sheets=[_paper_sheet(document)])
+    return replace(page, sheets=[_paper_sheet(document)], remarks=())
 
 
 def estimates_table(document: Document) -> Table:
@@ -232,22 +248,47 @@ def _order(document: Document) -> str:
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
     names = [item["name"] for item in estimates]
-    steps = itertools.pairwise(names)
     verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
-    if all(verdicts[step] == "less" for step in steps):
-        return "Proven order by TGOSPA per step, best first: " + ", ".join(names)
-    if _leads(document):
+    groups = [names[:1]]
+    for pair in itertools.pairwise(names):
+        if verdicts[pair] == "equal":
+            groups[-1].append(pair[1])
+        else:
+            groups.append([pair[1]])
+    proven = {
+        **dict.fromkeys(itertools.combinations(names, 2), "less"),
+        **{pair: "equal" for group in groups for pair in itertools.combinations(group, 2)},
+    }
+    if verdicts == proven and len(groups) == 1:
+        return f"Proven to be equal by TGOSPA per step: {' = '.join(names)}"
+    if verdicts == proven:
+        order = ", ".join(map(" = ".join, groups))
+        return f"Proven order by TGOSPA per step, best first: {order}"
+    best = _best(document)
+    if best:
         return (
-            f"Proven best by TGOSPA per step: {names[0]}; the order of the others is not proven "
-            "throughout"
+            f"Proven best by TGOSPA per step: {' = '.join(names[k] for k in best)}; the order of "
+            "the others is not proven throughout"
         )
     tied = [name for name, item in zip(names, estimates, strict=True) if item["place"][0] == 1]
     return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
 
 
-def _leads(document: Document) -> bool:
-    """Whether the first estimate is proven to be better than all others."""
-    return len(document["estimates"]) > 1 and document["estimates"][0]["place"] == [1, 1]
+def _best(document: Document) -> list[int]:
+    """Which estimates are proven to be better than all others, or equal to such."""
+    places = [item["place"] for item in document["estimates"]]
+    best = [k for k, place in enumerate(places) if place == [1, 1]]
+    return best if len(best) < len(places) else []
+
+
+def _what(document: Document) -> str:
+    """What this is, and what to type for what it is not."""
+    count = len(document["estimates"])
+    if count > 1:
+        return f"Ranking of {count} estimates; {STUDY}"
+    if document["estimates"][0]["per_step_gospa"] is not None:
+        return f"TGOSPA beside per-step GOSPA for one estimate; {RANK}"
+    return f"Mean over the runs of one estimate; {RANK}"
 
 
 def _runs(document: Document) -> str:
@@ -283,13 +324,13 @@ def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
         rows=[
             (
                 item["name"],
-                *([_place(item["place"])] if places else []),
+                *([_place(item, document["pairs"])] if places else []),
                 _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
                 *(f"{item['normalised'][name]:.4g}" for name in PARTS),
             )
             for item in document["estimates"]
         ],
-        bold=frozenset((0, k) for k in range(2 + places) if _leads(document)),
+        bold=frozenset((row, k) for row in _best(document) for k in range(2 + places)),
     )
 
 
@@ -302,18 +343,19 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
     several = document["runs"] > 1
     head = ["cost/step", "order", "local.", "missed", "false", "switch", "steps -/+"]
     yield Sheet(
-        head=(f"less {first}", *head, *(["runs -/+"] if several else [])),
+        head=(f"vs {first}", *head, *(["runs -/+"] if several else [])),
         rows=[
             (
                 pair["second"],
-                _between(pair["per_step"]["total"][0], pair["per_step"]["total"][1], "+"),
-                "proven" if pair["verdict"] == "less" else "open",
+                "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
+                ORDERS[pair["verdict"]],
                 *(f"{pair['per_step'][name]:+.3g}" for name in PARTS),
                 f"{pair['steps']['better']}/{pair['steps']['worse']}",
                 *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
                   if several else []),
             )
             for pair in pairs
+            for low, high in [pair["per_step"]["total"]]
         ],
     )  # fmt: skip
 
@@ -367,9 +409,12 @@ def _estimate_remarks(document: Document) -> Iterator[str]:
                 run = f" run {number}" if document["runs"] > 1 else ""
                 yield f"{item['name']}{run}: {made['status']}"
     if len(estimates) > 1:
-        yield (
-            "proven: the upper bound of the one is below the lower bound of the other; "
-            "steps -/+: at how many the estimate costs less or more than the first"
+        found = {pair["verdict"] for pair in document["pairs"]}
+        yield "; ".join(
+            [
+                *(text for verdict, text in PROOFS.items() if verdict in found),
+                "steps -/+: at how many the estimate costs less or more than the first",
+            ]
         )
     yield SPLIT
     yield from opposed(document)
@@ -386,8 +431,16 @@ def _between(low: float, high: float, sign: str = "") -> str:
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
-def _place(place: list[int]) -> str:
-    return f"{place[0]}" if place[0] == place[1] else f"{place[0]}-{place[1]}"
+def _place(item: Document, pairs: list[Document]) -> str:
+    """The range of places that are possible, or the only one, with = if it is shared."""
+    best, worst = item["place"]
+    if best < worst:
+        return f"{best}-{worst}"
+    shared = any(
+        pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
+        for pair in pairs
+    )
+    return f"{best}=" if shared else f"{best}"
 
 
 # --- study ----------------------------------------------------------------------------------------
@@ -396,6 +449,7 @@ def _place(place: list[int]) -> str:
 def study_page(document: Document) -> Page:
     """Solvers on made-up scenes of many sizes."""
     return Page(
+        kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
         lines=list(_study_lines(document)),
         sheets=[_study_sheet(document), _study_rms(document)],

@@ -36,7 +36,7 @@ class Sheet:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """What a report says: one sentence, lines about the problem, tables, remarks.
+    """What a report says: what it is, one sentence, lines about the problem, tables, remarks.
 
     Parameters
     ----------
@@ -48,17 +48,21 @@ class Page:
         Tables.
     remarks : sequence of str
         Sentences below.
+    kind : str
+        What this is, and how to get what it is not.
     """
 
     title: str
     lines: Sequence[str]
     sheets: Sequence[Sheet]
     remarks: Sequence[str] = ()
+    kind: str = ""
 
 
 def as_text(page: Page) -> str:
     """For a terminal, 80 columns."""
-    blocks = [[*_wrap(page.title, ""), *(part for line in page.lines for part in _wrap(line))]]
+    blocks = [_wrap(page.kind, "")] if page.kind else []
+    blocks.append([*_wrap(page.title, ""), *(part for line in page.lines for part in _wrap(line))])
     blocks += [_text_table(sheet) for sheet in page.sheets]
     blocks.append([part for line in page.remarks for part in _wrap(line)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
@@ -66,7 +70,8 @@ def as_text(page: Page) -> str:
 
 def as_markdown(page: Page) -> str:
     """For a pull request or a lab book."""
-    blocks = [f"**{markdown(page.title)}**", *map(markdown, page.lines)]
+    blocks = [markdown(page.kind)] if page.kind else []
+    blocks += [f"**{markdown(page.title)}**", *map(markdown, page.lines)]
     for sheet in page.sheets:
         lines = [_pipes(map(markdown, sheet.head))]
         lines.append(_pipes(["---", *["---:"] * (len(sheet.head) - 1)]))
@@ -82,7 +87,8 @@ def as_markdown(page: Page) -> str:
 
 def as_latex(page: Page) -> str:
     """Tables of the package booktabs; the words are comments."""
-    blocks = ["\n".join(latex_comment(line) for line in (page.title, *page.lines, *page.remarks))]
+    words = [*filter(None, [page.kind]), page.title, *page.lines, *page.remarks]
+    blocks = ["\n".join(map(latex_comment, words))]
     for sheet in page.sheets:
         lines = [rf"\begin{{tabular}}{{l{'r' * (len(sheet.head) - 1)}}}", r"\toprule"]
         lines += [_ampersands(map(latex, sheet.head)), r"\midrule"]
