@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import CLOCKS, Ints, Trajectories
 
 GRIDS = ("union", "truth", "estimate", "common")
@@ -49,7 +50,7 @@ class Stamps:
         object.__setattr__(self, "tolerance", tolerance)
         if self.grid not in GRIDS:
             allowed = ", ".join(f'"{name}"' for name in GRIDS)
-            raise ConfigError(f'grid is "{self.grid}": must be one of {allowed}')
+            raise ConfigError(f"grid is {quoted(self.grid)}: must be one of {allowed}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,8 +176,7 @@ def within(
         most = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
         # Rounded to a tenth first: 0.29 s are 290,000,000 ns, though the product is below that.
         return np.asarray(apart <= min(math.floor(round(most, 1)), 2**64 - 1))
-    largest = max(float(np.abs(side).max()) for side in sides)
-    return np.asarray(apart <= tolerance + np.spacing(largest))
+    return np.asarray(apart <= tolerance + _spacing(*sides))
 
 
 def _comparable(
@@ -209,7 +209,7 @@ def _nearest(own: Times, other: Times) -> Ints:
     before = (after - 1).clip(min=0)
     left, right = _apart(own, other[before]), _apart(own, other[after])
     if left.dtype.kind == "f":  # decimals that tie do so but for the rounding of the stamps
-        left = left - 2 * np.spacing(max(float(np.abs(times).max()) for times in (own, other)))
+        left = left - 2 * _spacing(own, other)
     return np.where(left <= right, before, after)
 
 
@@ -217,7 +217,14 @@ def _apart(a: Times, b: Times) -> Times:
     """Distances; of integers as uint64, which holds any, by arithmetic modulo 2^64."""
     if a.dtype.kind == b.dtype.kind == "i":
         return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
-    return np.abs(np.subtract(a, b, dtype=np.float64))
+    with np.errstate(over="ignore"):  # farther than any number is far
+        return np.abs(np.subtract(a, b, dtype=np.float64))
+
+
+def _spacing(*sides: Times) -> float:
+    """From the largest stamp to the next double; np.spacing overflows at the last one."""
+    largest = max(float(np.abs(side).max()) for side in sides)
+    return float(np.spacing(min(largest, 2.0**1023)))
 
 
 def _union(first: Times, second: Times) -> Times:

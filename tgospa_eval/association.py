@@ -15,6 +15,7 @@ from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.transport import cross_covariance
 from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
 
 Table = dict[str, list[Any]]
@@ -204,7 +205,9 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
     """The distance of the states of both sides, which must fit each other."""
     if isinstance(distance, str):
         if distance not in DISTANCES:
-            raise ConfigError(f'distance is "{distance}": must be one of {", ".join(DISTANCES)}')
+            raise ConfigError(
+                f"distance is {quoted(distance)}: must be one of {', '.join(DISTANCES)}"
+            )
         distance = DISTANCES[distance]
     names = ("first", "second")
     check_columns(first, second, names)

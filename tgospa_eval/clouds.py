@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 Cloud = tuple[Floats, Floats]
 """Points (N, d) and weights (N,) of one of them."""
 
+LARGEST = 1e150
+"""Of a coordinate of a particle: the squares of clouds are numbers."""
+
 UNEVEN = 1e-3
 """Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
 
@@ -31,7 +34,7 @@ class Clouds:
     Parameters
     ----------
     points : (P, d) float array
-        Finite positions of all particles.
+        Finite positions of all particles, up to 1e150.
     weights : (P,) float array
         >= 0; those of a cloud sum to 1 but for rounding.
     first : (R + 1,) int array
@@ -65,6 +68,8 @@ class Clouds:
             )
         if not np.isfinite(points).all():
             raise InputError("clouds: points must be finite; leave particles out that are not")
+        if np.abs(points).max(initial=0) > LARGEST:
+            raise InputError(f"clouds: a particle is beyond {LARGEST:g}; use another unit")
         if not (weights >= 0).all() or not np.all(np.abs(self.sums(weights) - 1) <= 1e-6):
             raise InputError("clouds: weights must be >= 0 and sum to 1 in every cloud")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
 
 FILE = "tgospa-eval.toml"
 TABLE = "tgospa-eval"
@@ -61,11 +62,11 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
         name = key.replace("_", "-")
         name = ALIASES.get(name, name)
         if name not in known:
-            raise ConfigError(f'{path}: unknown key "{key}"; {_meant(name, known)}')
+            raise ConfigError(f"{path}: unknown key {quoted(key)}; {_meant(name, known)}")
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, int | float) and abs(number) > MOST:
                 raise ConfigError(
-                    f'{path}: "{key}" is no finite number, or beyond those of a double'
+                    f"{path}: {quoted(key)} is no finite number, or beyond those of a double"
                 )
         if isinstance(value, list):
             value = ",".join(map(str, value))
@@ -73,12 +74,12 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
             kind = (
                 "nothing" if value is None else "a table" if isinstance(value, dict) else "a date"
             )
-            raise ConfigError(f'{path}: "{key}" is {kind}; a number or a text is needed')
+            raise ConfigError(f"{path}: {quoted(key)} is {kind}; a number or a text is needed")
         if name in settings:
-            raise ConfigError(f'{path}: "{name}" is given twice, under two names')
+            raise ConfigError(f"{path}: {quoted(name)} is given twice, under two names")
         if isinstance(value, bool) != known[name]:
             needed = "true or false" if known[name] else "a value, not true or false"
-            raise ConfigError(f'{path}: "{key}" is {value!r}; needed is {needed}')
+            raise ConfigError(f"{path}: {quoted(key)} is {value!r}; needed is {needed}")
         settings[name] = value
     return settings
 

@@ -17,6 +17,7 @@ from tgospa_eval.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.states import States
 from tgospa_eval.summary import Labels
+from tgospa_eval.text import quoted
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 
@@ -296,5 +297,5 @@ def as_distance(distance: str | Distance) -> Distance:
     if isinstance(distance, Distance):
         return distance
     if not isinstance(distance, str) or distance not in DISTANCES:
-        raise ConfigError(f'no distance "{distance}"; there are {", ".join(DISTANCES)}')
+        raise ConfigError(f"no distance {quoted(distance)}; there are {', '.join(DISTANCES)}")
     return DISTANCES[distance]

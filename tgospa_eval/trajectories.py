@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.clouds import Clouds
@@ -82,7 +83,7 @@ class Trajectories:
         object.__setattr__(self, "times", np.asarray(self.times))
         object.__setattr__(self, "ids", np.asarray(self.ids, dtype=object))
         if self.clock not in CLOCKS:
-            raise InputError(f'clock is "{self.clock}": must be one of {", ".join(CLOCKS)}')
+            raise InputError(f"clock is {quoted(self.clock)}: must be one of {', '.join(CLOCKS)}")
         if len(set(self.ids.tolist())) != len(self.ids):
             raise InputError("ids must be distinct")
         rows = len(self.step)

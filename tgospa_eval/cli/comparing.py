@@ -404,7 +404,7 @@ def make_solvers(options: dict[str, Any], names: str) -> list[Solver]:
     solvers: list[Solver] = []
     for name in (part.strip() for part in names.split(",")):
         if name not in SOLVERS:
-            raise ConfigError(f'--solvers "{name}": must be of {", ".join(SOLVERS)}')
+            raise ConfigError(f"--solvers {quoted(name)}: must be of {', '.join(SOLVERS)}")
         make: Any = solver_class(name)
         if name == "sinkhorn":
             temperatures = numbers("epsilon", str(options["epsilon"]), float)
@@ -429,7 +429,7 @@ def numbers(option: str, text: str, kind: Any) -> list[Any]:
             found.append(kind(part))
         except ValueError:
             what = "whole numbers" if kind is int else "numbers"
-            raise ConfigError(f'--{option} "{part}": must be {what} with commas') from None
+            raise ConfigError(f"--{option} {quoted(part)}: must be {what} with commas") from None
     return found
 
 

@@ -11,6 +11,7 @@ from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX, parse_columns
+from tgospa_eval.text import quoted
 
 
 class DistanceOptions:
@@ -142,9 +143,9 @@ def _numbers(option: str, items: Sequence[str], default: float | None = None) ->
             number = math.nan
         if not name or not 0 < number < math.inf:
             form = "name=number" if default is None else "name or name=number"
-            raise ConfigError(f'--{option} "{item}": must be {form}, with a number > 0')
+            raise ConfigError(f"--{option} {quoted(item)}: must be {form}, with a number > 0")
         if name in found:
-            raise ConfigError(f'--{option}: "{name}" is given twice')
+            raise ConfigError(f"--{option}: {quoted(name)} is given twice")
         found[name] = number
     return found
 
@@ -158,7 +159,7 @@ def _by_column(
     unknown = [name for name in numbers if name not in columns]
     if unknown:
         raise ConfigError(
-            f'--{option}: "{unknown[0]}" is none of the state columns {",".join(columns)}; '
+            f"--{option}: {quoted(unknown[0])} is none of the state columns {','.join(columns)}; "
             "choose them with --columns"
         )
     return tuple(numbers.get(name, other) for name in columns)

@@ -16,6 +16,7 @@ from tgospa_eval.gate.baseline import SOLVING, Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import quoted
 
 KNOWN = dict(KEYS[add] for add in EVALUATION)
 NOT_KEPT = "jobs"
@@ -66,9 +67,9 @@ class Given:
                     self.context, (value,) if item.multiple else value
                 )
             except click.BadParameter as error:
-                raise ConfigError(f'{where}: "{key}": {error.message}') from None
+                raise ConfigError(f"{where}: {quoted(key)}: {error.message}") from None
             except (ValueError, OverflowError) as error:
-                raise ConfigError(f'{where}: "{key}": {error}') from None
+                raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
         return values
 
     def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, dict[str, Any]]:
@@ -78,7 +79,7 @@ class Given:
         if given.get("covariance"):
             given["covariance"] = os.path.join(os.path.dirname(path), given["covariance"])
         given |= {name: self.options[name] for name in names if self.weak(name)}
-        given |= self.typed(dict(pair.options), f'pair "{pair.name}", options')
+        given |= self.typed(dict(pair.options), f"pair {quoted(pair.name)}, options")
         given |= {name: self.options[name] for name in names if self.strong(name)}
         silent = {"output": None, "config": None}
         return {"values": {**self.options, **silent, **given}, "given": given}

@@ -18,6 +18,7 @@ from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import SWEEP, probe_folder, write_texts
 from tgospa_eval.reports.sweep import render
 from tgospa_eval.sensitivity import in_order, sweep_trajectories
+from tgospa_eval.text import quoted
 from tgospa_eval.timing import Stopwatch
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
     text = texts[0]
     name, equals, values = (part.strip() for part in text.partition("="))
     if not equals or name not in NAMES:
-        raise ConfigError(f'--sweep "{text}": must be {FORM}, with NAME c, p or gamma')
+        raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}, with NAME c, p or gamma")
     if ":" in values:
         return NAMES[name], _range(text, values.split(":"))
     return NAMES[name], [_number(text, part) for part in values.split(",")]
@@ -119,18 +120,18 @@ def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
 def _range(text: str, parts: list[str]) -> list[float]:
     logarithmic = len(parts) == 4 and parts[3].strip() == "log"
     if len(parts) != 3 and not logarithmic:
-        raise ConfigError(f'--sweep "{text}": must be {FORM}')
+        raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}")
     low, high = (_number(text, part) for part in parts[:2])
     try:
         count = int(parts[2])
     except ValueError:
         count = 0
     if not 2 <= count <= MOST:
-        raise ConfigError(f'--sweep "{text}": COUNT must be a whole number from 2 to {MOST}')
+        raise ConfigError(f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST}")
     if not low < high:
-        raise ConfigError(f'--sweep "{text}": FROM must be less than TO')
+        raise ConfigError(f"--sweep {quoted(text)}: FROM must be less than TO")
     if logarithmic and low <= 0:
-        raise ConfigError(f'--sweep "{text}": with :log FROM must be more than 0')
+        raise ConfigError(f"--sweep {quoted(text)}: with :log FROM must be more than 0")
     made = (np.geomspace if logarithmic else np.linspace)(low, high, count)
     # 12 digits: 0.3 and not 0.30000000000000004
     return [low, *(float(f"{value:.12g}") for value in made[1:-1]), high]
@@ -142,7 +143,9 @@ def _number(text: str, part: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ConfigError(f'--sweep "{text}": "{part.strip()}" is not a number; must be {FORM}')
+        raise ConfigError(
+            f"--sweep {quoted(text)}: {quoted(part.strip())} is not a number; must be {FORM}"
+        )
     return value
 
 

@@ -2,6 +2,7 @@
 
 from tgospa_eval.distances.base import Distance
 from tgospa_eval.errors import InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
 
 
@@ -23,7 +24,7 @@ def check_columns(
         if extra:
             common = [column for column in own.columns if column in other.columns]
             raise InputError(
-                f'{name} has a column "{extra[0]}" that {missing} lacks; '
+                f"{name} has a column {quoted(extra[0])} that {missing} lacks; "
                 f"choose what to compare with --columns {','.join(common) or 'x,y'}"
             )
     if truth.columns != estimate.columns:
@@ -54,7 +55,7 @@ def check_states(
             row, column, message = fault
             time = side.shown[side.step[row]]
             identity = side.ids[side.track[row]]
-            raise InputError(f'{name}: at t = {time}, id "{identity}": {column} is {message}')
+            raise InputError(f"{name}: at t = {time}, id {quoted(identity)}: {column} is {message}")
 
 
 def _check_kinds(

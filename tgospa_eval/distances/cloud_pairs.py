@@ -24,6 +24,7 @@ from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.distances.transport import LARGEST, TOO_LARGE, distance, whitened, whitened_points
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Ints, Trajectories
 
 SLACK = 1e-12
@@ -146,8 +147,8 @@ class OwnCovariance(CloudPairs):
                 factor = cholesky(matrix)
             except ConfigError:
                 raise InputError(
-                    f'id "{truth.ids[truth.track[i[k]]]}" and id '
-                    f'"{estimate.ids[estimate.track[j[k]]]}" at t '
+                    f"id {quoted(truth.ids[truth.track[i[k]]])} and id "
+                    f"{quoted(estimate.ids[estimate.track[j[k]]])} at t "
                     f"{truth.shown[truth.step[i[k]]]}: the covariance of the pair is singular, too "
                     "few distinct particles; take --inner-cov global or a file"
                 ) from None
@@ -272,7 +273,7 @@ def _check_sizes(
     if len(wrong) and len(sides[0].columns) > 1:
         first = int(wrong[0])
         names = [
-            f'id "{side.ids[side.track[at[first]]]}" with {size[first]} particles'
+            f"id {quoted(side.ids[side.track[at[first]]])} with {size[first]} particles"
             for side, at, size in zip(sides, rows, sizes, strict=True)
         ]
         moment = sides[0].shown[sides[0].step[rows[0][first]]]

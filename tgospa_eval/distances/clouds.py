@@ -18,6 +18,7 @@ from tgospa_eval.distances.reduction import Reduction
 from tgospa_eval.distances.transport import check_order, whitened_points
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
 
 INNER = ("euclidean", "mahalanobis")
@@ -63,7 +64,7 @@ class CloudWasserstein(Distance):
     def __post_init__(self) -> None:
         check_order(self.order)
         if self.inner not in INNER:
-            raise ConfigError(f'inner is "{self.inner}": must be one of {", ".join(INNER)}')
+            raise ConfigError(f"inner is {quoted(self.inner)}: must be one of {', '.join(INNER)}")
         if not isinstance(self.reduction, Reduction | None):
             raise ConfigError(f"reduction is {self.reduction!r}: must be a Reduction(size=...)")
         if self.covariance is not None and self.inner != "mahalanobis":

@@ -13,6 +13,7 @@ from tgospa_eval import covariances
 from tgospa_eval.distances.base import Distance, Floats, Pairs
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Ints, Trajectories
 
 BLOCK = 1 << 13
@@ -59,7 +60,7 @@ class GaussianWasserstein(Distance):
 
     def __post_init__(self) -> None:
         if self.mixed not in MIXED:
-            raise ConfigError(f'mixed is "{self.mixed}": must be one of {", ".join(MIXED)}')
+            raise ConfigError(f"mixed is {quoted(self.mixed)}: must be one of {', '.join(MIXED)}")
         norm = Norm(name="euclidean", power=2.0, scale=self.scale, period=self.period)
         object.__setattr__(self, "_norm", norm)
         object.__setattr__(self, "scale", norm.scale)

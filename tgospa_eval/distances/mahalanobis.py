@@ -12,6 +12,7 @@ from tgospa_eval import covariances
 from tgospa_eval.distances.base import ROUNDING, Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.vector import check_length, positive_numbers
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Ints, Trajectories
 
 SINGULAR = 1e-6
@@ -225,7 +226,8 @@ class PairMahalanobis(Distance):
         if len(singular):
             a, b = int(i[singular[0]]), int(j[singular[0]])
             raise InputError(
-                f'id "{truth.ids[truth.track[a]]}" and id "{estimate.ids[estimate.track[b]]}" at t '
+                f"id {quoted(truth.ids[truth.track[a]])} and id "
+                f"{quoted(estimate.ids[estimate.track[b]])} at t "
                 f"{truth.shown[truth.step[a]]}: the covariance of the pair is singular; take "
                 "--covariance FILE, or another distance"
             )

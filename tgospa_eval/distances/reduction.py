@@ -32,6 +32,7 @@ from tgospa_eval.distances.sampling import (
 )
 from tgospa_eval.distances.transport import Cloud, distance, merged, plan
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
 
 METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
 
@@ -85,7 +86,7 @@ class Reduction:
         object.__setattr__(self, "size", as_size(self.size))
         if self.method not in METHODS:
             raise ConfigError(
-                f'reduce-method is "{self.method}": must be one of {", ".join(METHODS)}'
+                f"reduce-method is {quoted(self.method)}: must be one of {', '.join(METHODS)}"
             )
         for name, least in (("iterations", 1), ("restarts", 1), ("polish", 0), ("seed", 0)):
             _check_count(name, getattr(self, name), least)

@@ -9,8 +9,9 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tgospa_eval.clouds import UNEVEN, are_normalised
+from tgospa_eval.clouds import LARGEST, UNEVEN, are_normalised
 from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.text import quoted
 
 Floats = NDArray[np.float64]
 
@@ -32,8 +33,8 @@ def as_cloud(
     Raises
     ------
     ConfigError
-        Not the shapes (N, d) or (N,) and (N,), no particles, a number that is not finite, a
-        negative weight, or no weight above zero.
+        Not the shapes (N, d) or (N,) and (N,), no particles, a number that is not finite or a
+        coordinate beyond 1e150, a negative weight, or no weight above zero.
     """
     try:
         points = np.array(points, dtype=np.float64)
@@ -49,6 +50,8 @@ def as_cloud(
     if not np.isfinite(points).all():
         row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
         raise ConfigError(f"{name}: particle {row} is not finite; leave it out")
+    if np.abs(points).max() > LARGEST:
+        raise ConfigError(f"{name}: a particle is beyond {LARGEST:g}; use another unit")
     if given is None:
         return points, np.full(len(points), 1 / len(points))
     if given.shape != (len(points),):
@@ -202,7 +205,7 @@ def drawn(
 ) -> NDArray[np.intp]:
     """Positions of the particles that are drawn; the weights sum to 1."""
     if method not in RESAMPLING:
-        raise ConfigError(f'method is "{method}": must be one of {", ".join(RESAMPLING)}')
+        raise ConfigError(f"method is {quoted(method)}: must be one of {', '.join(RESAMPLING)}")
     count = 1 if method == "systematic" else size
     if offset is None:
         within = _generator(rng).random(count)

@@ -13,6 +13,7 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
 FORMATS = {
@@ -294,4 +295,4 @@ def read_trajectories(
 def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
     if value not in allowed:
         options = ", ".join(f'"{item}"' for item in allowed)
-        raise ConfigError(f'{name} is "{value}": must be one of {options}')
+        raise ConfigError(f"{name} is {quoted(value)}: must be one of {options}")

@@ -119,7 +119,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
     clouds = None
     if particles is not None:
-        clouds, taken, ordered = particles.clouds(state, taken, ordered)
+        clouds, taken, ordered = particles.clouds(rows, state, taken, ordered)
         chosen.notices += particles.notices(clouds, compared=options.clouds)
     elif len(again):
         if options.on_duplicate == "error":
@@ -216,14 +216,14 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
         if len(wrong):
             rule = "it must be > 0 for --distance iou" if options.boxes else "it must be >= 0"
             raise InputError(
-                f'{rows.where(int(wrong[0]))}, column "{name}": {extent[wrong[0]]:g} is no {name} '
-                f"of a box{more(len(wrong))}; {rule}"
+                f"{rows.where(int(wrong[0]))}, column {quoted(name)}: {extent[wrong[0]]:g} is no "
+                f"{name} of a box{more(len(wrong))}; {rule}"
             )
     chosen = np.flatnonzero(mask)
     fault = options.fault(rows.roles.names, state[chosen].T) if options.fault else None
     if fault is not None:
         row, name, what = fault
-        raise InputError(f'{rows.where(int(chosen[row]))}, column "{name}": {what}')
+        raise InputError(f"{rows.where(int(chosen[row]))}, column {quoted(name)}: {what}")
 
 
 def _covariances(

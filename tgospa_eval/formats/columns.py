@@ -8,6 +8,7 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.fields import is_number
+from tgospa_eval.text import listed, quoted
 from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class Roles:
         if unused:
             there = not (self.asked or clouds) and self._any_covariance(unused)
             way = "; --distance gaussian-wasserstein compares covariances" if there else ""
-            yield f"columns not used: {', '.join(unused)}{way}"
+            yield f"columns not used: {listed(unused)}{way}"
         if self.asked and self.spread is None and not clouds:
             shown = ", ".join([names[0] for names in self._covariances()[:3]])
             yield f"no columns of covariances ({shown}): its states are points"
@@ -175,7 +176,7 @@ def find_roles(
             if exact:
                 return exact[0]
             if len(folded) > 1:
-                both = " and ".join(f'"{names[k]}"' for k in folded)
+                both = " and ".join(quoted(names[k]) for k in folded)
                 raise InputError(
                     f"{where}: {both} may both be {name}; say which, --columns "
                     f"{name}={names[folded[0]]}"
@@ -194,7 +195,7 @@ def find_roles(
         remedy = f"rename it, or map it with --columns {name}=HEADER"
         return InputError(
             f"{where}: no column {name} (looked for: {', '.join(spellings(name))}; "
-            f"found: {', '.join(names)}); {'this format has no other' if fixed else remedy}"
+            f"found: {listed(names)}); {'this format has no other' if fixed else remedy}"
         )
 
     box = _box(find)
@@ -210,7 +211,8 @@ def find_roles(
         if set(wanted) - set(BOX):
             (other, *_) = (name for name in wanted if name not in BOX)
             raise ConfigError(
-                f'columns: "{other}" is no part of a box; for boxes map left, top, width, height'
+                f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
+                "height"
             )
         wanted = BOX
     elif not wanted:
@@ -218,7 +220,7 @@ def find_roles(
         if not wanted:
             raise InputError(
                 f"{where}: no position column (looked for x, y, z, lat, lon and boxes; found: "
-                f"{', '.join(names)}); name the state columns with --columns"
+                f"{listed(names)}); name the state columns with --columns"
             )
     state = []
     for name in wanted:
@@ -231,7 +233,7 @@ def find_roles(
         mix = quantity(name)
         if mix is None:
             raise InputError(
-                f'{where}: no column "{name}" for --region (found: {", ".join(names)}); '
+                f"{where}: no column {quoted(name)} for --region (found: {listed(names)}); "
                 "name one that both files have"
             )
         region[name] = mix
@@ -240,7 +242,7 @@ def find_roles(
         option = "--class" if options.classes is not None else "--by class"
         remedy = "add it, or map it with --columns class=HEADER"
         raise InputError(
-            f"{where}: no column class for {option} (found: {', '.join(names)}); "
+            f"{where}: no column class for {option} (found: {listed(names)}); "
             f"{'rows of this length have none' if fixed else remedy}"
         )
     if options.classes is None and not options.by_class:
@@ -291,9 +293,9 @@ def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[
     for item in columns or ():
         name, equals, header = (part.strip() for part in item.partition("="))
         if not name or (equals and not header):
-            raise ConfigError(f'columns: "{item}" is neither a name nor name=header')
+            raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
         if name in wanted or name in mapped:
-            raise ConfigError(f'columns: "{name}" is given twice')
+            raise ConfigError(f"columns: {quoted(name)} is given twice")
         if equals:
             mapped[name] = header
         if name not in ALIASES and not (equals and _is_beside(name)):
@@ -357,5 +359,5 @@ def _check_names(names: list[str], where: str) -> None:
                 f"{where}: column {k} has no name in the header; name it, also if unused"
             )
         if name in seen:
-            raise InputError(f'{where}: the header names "{name}" twice; rename one')
+            raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")
         seen.add(name)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import CLOCKS
 
 Flags = NDArray[np.bool_]
@@ -80,11 +81,12 @@ def parse_moments(text: str | None) -> Moments | None:
         found.append((low, high, times.clock if times else None))
     if len(found) != 1 or found[0][2] is None:
         raise ConfigError(
-            f'--time "{text}": must be A:B, two numbers or two ISO times, of which one may be blank'
+            f"--time {quoted(text)}: must be A:B, two numbers or two ISO times, of which one may "
+            "be blank"
         )
     low, high, clock = found[0]
     if low is not None and high is not None and low > high:
-        raise ConfigError(f'--time "{text}": ends before it begins')
+        raise ConfigError(f"--time {quoted(text)}: ends before it begins")
     return Moments(low=low, high=high, clock=str(clock), text=text)
 
 
@@ -109,7 +111,7 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
                 raise ValueError
         except ValueError:
             raise ConfigError(
-                f'--region "{item}": must be NAME=LOW:HIGH, each name once, LOW <= HIGH, '
+                f"--region {quoted(item)}: must be NAME=LOW:HIGH, each name once, LOW <= HIGH, "
                 "of which one may be blank"
             ) from None
         ranges[name] = (float(low), float(high))

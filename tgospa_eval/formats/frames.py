@@ -17,6 +17,7 @@ from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.text import blanks, coded_times, numbers
 from tgospa_eval.formats.times import TimeError, Times, more
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats
 
 NAMES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
@@ -57,7 +58,7 @@ def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Ro
         return f"{name}, row {row}"
 
     def named(column: int, wanted: str) -> Numbered:
-        header = f'column "{frame.columns[column]}"'
+        header = f"column {quoted(frame.columns[column])}"
         try:
             return _numbered(frame.iloc[:, column], header, where, wanted)
         except UNWRITTEN:
@@ -66,14 +67,14 @@ def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Ro
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
-        header = f'column "{frame.columns[column]}"'
+        header = f"column {quoted(frame.columns[column])}"
         try:
             states[:, k] = _numbers(frame.iloc[:, column], header, where, name, decimal)
         except InputError as error:
             if column != roles.weight:
                 raise
             states[:, k], weight_fault = np.nan, str(error)  # it may be something else
-    header = f'column "{frame.columns[roles.time]}"'
+    header = f"column {quoted(frame.columns[roles.time])}"
     try:
         times = _times(frame.iloc[:, roles.time], header, name, decimal)
     except TimeError as error:
@@ -85,7 +86,7 @@ def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Ro
     if len(blank):
         header = frame.columns[roles.id]
         raise InputError(
-            f'{where(int(blank[0]))}, column "{header}": blank id{more(len(blank))}; '
+            f"{where(int(blank[0]))}, column {quoted(header)}: blank id{more(len(blank))}; "
             "name the object"
         )
     return Rows(

@@ -3,6 +3,7 @@
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.text import check_text, decode, load
+from tgospa_eval.text import quoted
 
 DELIMITERS = ";\t,"
 
@@ -37,7 +38,7 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
                 matrix[-1].append(float(floats([field], decimal)[0]))
             except ValueError:
                 raise InputError(
-                    f'{path}, line {number}, column {column}: not a number: "{field.strip()}"; '
-                    "a matrix of numbers is needed, without header"
+                    f"{path}, line {number}, column {column}: not a number: "
+                    f"{quoted(field.strip())}; a matrix of numbers is needed, without header"
                 ) from None
     return matrix

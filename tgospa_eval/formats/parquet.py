@@ -8,6 +8,7 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -82,7 +83,7 @@ def _check_types(schema: Any, roles: Roles, path: str) -> None:
                 what, "texts or integers"
             )
             raise InputError(
-                f'{path}, column "{schema.names[column]}": {kind}, not {what}; write {remedy}'
+                f"{path}, column {quoted(schema.names[column])}: {kind}, not {what}; write {remedy}"
             )
 
 
@@ -107,8 +108,8 @@ def _check_dates(table: Any, path: str) -> None:
         row = pc.index(pc.or_(early, late), value=True).as_py()
         if row >= 0:
             raise InputError(
-                f'{path}, row {row}, column "{name}": a date out of range (the years 1 to 9999); '
-                "write texts or numbers"
+                f"{path}, row {row}, column {quoted(name)}: a date out of range (the years 1 to "
+                "9999); write texts or numbers"
             )
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.clouds import UNEVEN, Clouds, are_normalised
+from tgospa_eval.clouds import LARGEST, UNEVEN, Clouds, are_normalised
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import BLANK, more
@@ -48,10 +48,25 @@ class Particles:
         sums = [np.bincount(self.cloud, self.weights * np.nan_to_num(v)) for v in values.T]
         return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
 
-    def clouds(self, state: Floats, taken: Ints, ordered: Ints) -> tuple[Clouds, Ints, Ints]:
-        """The clouds of some rows, the first row of each, and its key; rows sorted by key."""
+    def clouds(
+        self, rows: "Rows", state: Floats, taken: Ints, ordered: Ints
+    ) -> tuple[Clouds, Ints, Ints]:
+        """The clouds of some rows, the first row of each, and its key; rows sorted by key.
+
+        Raises
+        ------
+        InputError
+            A particle is so far away that its square is no number.
+        """
         weighs = self.weights[taken] > 0
         taken, ordered = taken[weighs], ordered[weighs]
+        far = taken[(np.abs(state[taken]) > LARGEST).any(axis=1)]
+        if len(far):
+            row = int(far.min())
+            raise InputError(
+                f"{rows.where(row)}: a particle of {_name(rows, row)} is beyond {LARGEST:g}"
+                f"{more(len(far))}; use another unit"
+            )
         begin = np.flatnonzero(np.diff(ordered, prepend=-1))
         found = Clouds(
             points=state.take(taken, axis=0),

@@ -44,7 +44,7 @@ class Places:
 
     def field(self, row: int, column: int) -> str:
         """Path, line and column."""
-        return f'{self.row(row)}, column "{self.names[column]}"'
+        return f"{self.row(row)}, column {quoted(self.names[column])}"
 
 
 def load(path: str) -> bytes:

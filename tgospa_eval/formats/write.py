@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns import BOX
 from tgospa_eval.formats.spread import spelt
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
 
 
@@ -166,6 +167,7 @@ def _boxes(trajectories: Trajectories, name: str) -> Iterator[tuple[int, int, li
             number, frame = int(identity), int(str(time))
         except ValueError:
             raise InputError(
-                f'{name} files number objects and frames; id "{identity}" at {time} does not fit'
+                f"{name} files number objects and frames; id {quoted(identity)} at {time} does not "
+                "fit"
             ) from None
         yield number, frame, state

@@ -10,6 +10,7 @@ from typing import Any
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import quoted
 
 SCHEMA = "tgospa-eval/baseline/1"
 SOLVING = ("solver", "gap", "epsilon", "time_limit")
@@ -188,7 +189,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
-            raise ValueError(f'"{name}" is there twice in one object; delete one')
+            raise ValueError(f"{quoted(name)} is there twice in one object; delete one")
         found[name] = value
     return found
 
@@ -199,19 +200,21 @@ def _read(document: Any, path: str) -> Baseline:
     if schema != SCHEMA:
         if isinstance(schema, str) and schema.rpartition("/")[0] == family:
             raise ConfigError(
-                f'{path}: has the schema "{schema}", this version reads "{SCHEMA}"; use the '
+                f'{path}: has the schema {quoted(schema)}, this version reads "{SCHEMA}"; use the '
                 "version that made it, or delete the file and make it anew with --update-baseline"
             )
         raise ConfigError(f'{path}: is no baseline: its "schema" is not "{SCHEMA}"')
     pairs = _table(document, "pairs", path)
-    return {name: _entry(_table(pairs, name, path), f'{path}, pair "{name}"') for name in pairs}
+    return {
+        name: _entry(_table(pairs, name, path), f"{path}, pair {quoted(name)}") for name in pairs
+    }
 
 
 def _entry(table: dict[str, Any], where: str) -> Entry:
     groups = _values(_table(table, "values", where), where)
     order = _table(table, "parameters", where).get("order")
     for name, group in groups.items():
-        about = where if name is None else f'{where}, class "{name}"'
+        about = where if name is None else f"{where}, class {quoted(name)}"
         missing = [path for path in (VALUES if name is None else MEASURED) if path not in group]
         if missing:
             raise ConfigError(f"{about}: values.{missing[0]} is missing; {REMEDY}")
@@ -237,7 +240,7 @@ REMEDY = "mend it, or make it anew with --update-baseline"
 def _table(parent: dict[str, Any], name: str, where: str) -> dict[str, Any]:
     table = parent.get(name)
     if not isinstance(table, dict):
-        raise ConfigError(f'{where}: "{name}" must be an object; {REMEDY}')
+        raise ConfigError(f"{where}: {quoted(name)} must be an object; {REMEDY}")
     return table
 
 
@@ -292,7 +295,7 @@ def _flat(values: dict[str, Any], where: str, prefix: str = "") -> dict[str, flo
     for name, value in values.items():
         path = f"{prefix}{name}"
         if "." in name:
-            raise ConfigError(f'{where}: "{name}" among the values has a dot; {REMEDY}')
+            raise ConfigError(f"{where}: {quoted(name)} among the values has a dot; {REMEDY}")
         if isinstance(value, dict):
             found |= _flat(value, where, f"{path}.")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
 
 PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
@@ -208,7 +209,7 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     found = re.fullmatch(_RULE, text.strip())
     slack = _number(found["slack"]) if found else None
     if found is None or slack is None:
-        raise ConfigError(f'--{option} "{text}": must be PATH:+N or PATH:+N%, as total:+0.1%')
+        raise ConfigError(f"--{option} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%")
     path = _path(found["path"].strip(), option, text)
     relative = found["percent"] == "%"
     return Rule(
@@ -231,7 +232,7 @@ def parse_maximum(text: str) -> Rule:
     name, equals, number = text.rpartition("=")
     limit = _number(number)
     if not equals or limit is None:
-        raise ConfigError(f'--max "{text}": must be NAME=VALUE, as tgospa=50')
+        raise ConfigError(f"--max {quoted(text)}: must be NAME=VALUE, as tgospa=50")
     path = _path(name.strip(), "max", text)
     return Rule(text=f"{path}<={number.strip()}", path=path, slack=limit, maximum=True)
 
@@ -274,7 +275,7 @@ def _path(path: str, option: str, text: str) -> str:
         name = next((key[1] for key in keys(path)), "")
     if name not in PROVEN and name not in SPLIT:
         raise ConfigError(
-            f'--{option} "{text}": "{path}" cannot be judged; there are '
+            f"--{option} {quoted(text)}: {quoted(path)} cannot be judged; there are "
             f"{', '.join((*PROVEN, *SPLIT))}, and with --by class {BY_CLASS}NAME.total and so on"
         )
     return path

@@ -8,6 +8,7 @@ from typing import Any
 
 from tgospa_eval import config
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
 
 RULES = ("fail-on", "warn-on", "max")
 PAIR = ("name", "truth", "estimate", "options", *RULES)
@@ -95,8 +96,8 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
             continue
         if pair.name in seen:
             raise ConfigError(
-                f'{path}: the name "{pair.name}" is there twice, for {seen[pair.name].truth} and '
-                f"{pair.truth}; give every [[pair]] a name of its own"
+                f"{path}: the name {quoted(pair.name)} is there twice, for "
+                f"{seen[pair.name].truth} and {pair.truth}; give every [[pair]] a name of its own"
             )
         seen[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
@@ -120,7 +121,9 @@ def _pairs(
     for text in (estimate, name):
         unknown = [word for word in re.findall(_PLACEHOLDER, text) if word not in words]
         if unknown:
-            raise ConfigError(f'{where}: "{text}": {{{unknown[0]}}} is not in "{truth}"')
+            raise ConfigError(
+                f"{where}: {quoted(text)}: {{{unknown[0]}}} is not in {quoted(truth)}"
+            )
     options = common[0] | _options(table, where, known, folder)
     rules = dict(common[1])
     for key, own in _rules(table, where).items():
@@ -130,7 +133,7 @@ def _pairs(
         pattern = os.path.join(folder, truth)
         yield Pair(
             name=name, truth=pattern, estimate=os.path.join(folder, estimate),
-            fault=f'{where}: no file is like "{pattern}"',
+            fault=f"{where}: no file is like {quoted(pattern)}",
         )  # fmt: skip
     for values in found:
         yield Pair(
@@ -182,7 +185,7 @@ def _rules(table: dict[str, Any], where: str) -> dict[str, tuple[str, ...]]:
         texts = table.get(key, ())
         texts = [texts] if isinstance(texts, str) else texts
         if not isinstance(texts, list | tuple) or not all(isinstance(t, str) for t in texts):
-            raise ConfigError(f'{where}: "{key}" must be a text or a list of texts')
+            raise ConfigError(f"{where}: {quoted(key)} must be a text or a list of texts")
         if key in table:
             rules[key] = tuple(texts)
     return rules
@@ -192,7 +195,7 @@ def _check(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
     unknown = [key for key in table if key not in known]
     if unknown:
         raise ConfigError(
-            f'{where}: unknown key "{unknown[0]}"; known are {", ".join(known)}; options of '
+            f"{where}: unknown key {quoted(unknown[0])}; known are {', '.join(known)}; options of "
             "the evaluation go under options"
         )
 
@@ -200,5 +203,5 @@ def _check(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
 def _text(table: dict[str, Any], key: str, where: str) -> str:
     value = table.get(key)
     if not isinstance(value, str) or not value:
-        raise ConfigError(f'{where}: "{key}" must be a text')
+        raise ConfigError(f"{where}: {quoted(key)} must be a text")
     return value

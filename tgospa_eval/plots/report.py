@@ -9,6 +9,7 @@ from tgospa_eval.plots import FILES, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,9 +44,9 @@ class Pictures:
     def __post_init__(self) -> None:
         odd = [name for name in self.formats if name not in FILES]
         if odd:
-            raise ConfigError(f'pictures "{odd[0]}": must be of {", ".join(FILES)}, or none')
+            raise ConfigError(f"pictures {quoted(odd[0])}: must be of {', '.join(FILES)}, or none")
         if self.style not in STYLES:
-            raise ConfigError(f'style "{self.style}": must be one of {", ".join(STYLES)}')
+            raise ConfigError(f"style {quoted(self.style)}: must be one of {', '.join(STYLES)}")
         parts_of(self.components)
 
     def check(self, known: Sequence[str]) -> None:

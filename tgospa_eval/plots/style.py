@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import DOTS, MISSING, available
+from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,7 +113,7 @@ def styled(name: str = "screen") -> Iterator[Style]:
         There is no such style, or no matplotlib.
     """
     if name not in STYLES:
-        raise ConfigError(f'style "{name}": must be one of {", ".join(STYLES)}')
+        raise ConfigError(f"style {quoted(name)}: must be one of {', '.join(STYLES)}")
     if not available():
         raise ConfigError(MISSING)
     import matplotlib

@@ -16,6 +16,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports.drawing import BOX, NONE, PARTS, document
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import quoted
 
 TIME = "t"
 """The time as an axis of the plane."""
@@ -159,7 +160,7 @@ def parts_of(components: Sequence[str] | None) -> tuple[str, ...]:
         return PARTS
     if isinstance(components, str) or not components or set(components) - set(PARTS):
         odd = components if isinstance(components, str) else ", ".join(map(str, components))
-        raise ConfigError(f'components "{odd}": must be of {", ".join(PARTS)}')
+        raise ConfigError(f"components {quoted(odd)}: must be of {', '.join(PARTS)}")
     return tuple(name for name in PARTS if name in components)
 
 
@@ -178,7 +179,7 @@ def plane_columns(
         odd = [name for name in asked if name not in names]
         if odd or len(asked) != 2 or isinstance(asked, str):
             said = asked if isinstance(asked, str) else ",".join(asked)
-            raise ConfigError(f'plane "{said}": must be two of {", ".join(names)}')
+            raise ConfigError(f"plane {quoted(said)}: must be two of {', '.join(names)}")
         return asked[0], asked[1]
     if boxes:
         return "centre x", "centre y"

@@ -11,6 +11,7 @@ from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.encounters import encounters
 from tgospa_eval.simulation.particles import particle_clouds
 from tgospa_eval.simulation.scenarios import SCENARIOS
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
 
 Floats = NDArray[np.float64]
@@ -62,7 +63,7 @@ class Scene:
             ("state", self.state, COLUMNS),
         ):
             if value not in known:
-                raise ConfigError(f'{name} is "{value}": must be one of {", ".join(known)}')
+                raise ConfigError(f"{name} is {quoted(value)}: must be one of {', '.join(known)}")
         _check_integer("targets", self.targets, 0)
         _check_integer("steps", self.steps, 1)
         _check_integer("particles", self.particles, 1)

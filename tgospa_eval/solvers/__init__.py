@@ -5,6 +5,7 @@ from typing import Protocol
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.result import Solution
 from tgospa_eval.states import States
+from tgospa_eval.text import quoted
 from tgospa_eval.timing import Stopwatch
 
 
@@ -38,7 +39,7 @@ def solver_class(name: str) -> type[Solver]:
     from importlib import import_module
 
     if name not in SOLVERS:
-        raise ConfigError(f'no solver "{name}"; there are {", ".join(SOLVERS)}')
+        raise ConfigError(f"no solver {quoted(name)}; there are {', '.join(SOLVERS)}")
     module, _, attribute = SOLVERS[name].partition(":")
     found: type[Solver] = getattr(import_module(module), attribute)
     return found
