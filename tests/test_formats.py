@@ -450,6 +450,47 @@ def test_filter_by_a_column_that_is_not_there(invoke: Run, write: Write) -> None
             assert part in err
 
 
+ODD = "TrackId,id,when,x,y\n7,99,0,0,1\n7,98,1,1,1\n"
+STANDARD = "id,t,x,y\na,0,0,0\na,1,1,0\n"
+
+
+def test_columns_per_file(invoke: Run, write: Write) -> None:
+    truth, estimate = write("t.csv", STANDARD), write("e.csv", ODD)
+    for options in (
+        ["--columns", "id=TrackID,t=when"],
+        ["--estimate-columns", "id=TrackId,t=when"],
+        [
+            "--columns",
+            "x,y,id=nowhere",
+            "--estimate-columns",
+            "id=TrackId,t=when",
+            "--truth-columns",
+            "id=id",
+        ],
+        ["--estimate-columns", "id=TrackId,t=when,x,y"],
+    ):
+        done = invoke(truth, estimate, *options, "--format", "json")
+        assert json.loads(done.out)["total"] == pytest.approx(2), done.err
+        assert done.status == 0
+    named = invoke(truth, estimate, "--columns", "t=when,id=TrackNr").err
+    for path in (truth, estimate):
+        assert f'{path}, line 1: no header "TrackNr" for id' in named
+    assert "did you mean --estimate-columns id=TrackId?" in named
+    # A header that this file must have.
+    done = invoke(truth, estimate, "--estimate-columns", "t=when", "--truth-columns", "id=TrackId")
+    assert (done.status, len(done.err.splitlines())) == (3, 1)
+
+
+def test_faults_of_both_files_are_told(invoke: Run, write: Write) -> None:
+    wrong = write("t.csv", "trk,clock,px,py\na,0,0,0\n"), write("e.csv", "id,t,x,y\na,0,0,o\n")
+    done = invoke(*wrong)
+    assert done.status == 3
+    first, second = done.err.splitlines()
+    assert first.endswith("try --truth-columns id=trk,t=clock,x=px,y=py")
+    assert second.startswith(f'{wrong[1]}, line 2, column "y"')
+    assert invoke("inspect", wrong[0]).err.endswith("try --columns id=trk,t=clock,x=px,y=py\n")
+
+
 def test_what_is_left_out_is_recorded(invoke: Run, write: Write) -> None:
     path = write("a.csv", CLASSES)
     arguments = ["--class", "car,bus", "--region", "x=1:", "--time", "2:", "--format", "json"]
@@ -458,6 +499,34 @@ def test_what_is_left_out_is_recorded(invoke: Run, write: Write) -> None:
     assert wanted.items() <= document["parameters"].items()
     assert document["input"]["truth"]["left_out"] == {"time": 1, "class": 1}
     assert document["input"]["truth"]["rows"] == 4
+
+
+CLASSED = "id,t,x,class\na,1,0,car\nb,1,50,bus\n"
+
+
+def test_a_filter_by_class_holds_where_there_are_classes(invoke: Run, write: Write) -> None:
+    truth, estimate = write("t.csv", CLASSED), write("e.csv", "id,t,x\n1,1,0\n2,1,50\n")
+    done = invoke(truth, estimate, "--class", "car", "--format", "json")
+    document = json.loads(done.out)
+    assert (document["sizes"]["truth"], document["sizes"]["estimates"]) == (1, 2)
+    assert f"{estimate}: no column class: --class leaves all its rows in" in done.err
+    assert invoke(truth, estimate, "--by", "class").status == 3
+    done = invoke(truth, truth, "--class", "car", "--estimate-class", "bus", "--format", "json")
+    document = json.loads(done.out)
+    assert document["parameters"]["class"] == ["car"]
+    assert document["parameters"]["estimate_class"] == ["bus"]
+    assert document["counts"]["missed"] == document["counts"]["false"] == 1
+    done = invoke(truth, estimate, "--estimate-class", "car")
+    assert (done.status, "no column class" in done.err) == (3, True)
+    done = invoke(truth, truth, "--truth-class", "van")
+    assert (done.status, f'--truth-class "van": no row of {truth}' in done.err) == (2, True)
+
+
+def test_results_whose_classes_are_not_known(write: Write) -> None:
+    path = write("r.txt", "1,7,10,20,4,6,1,-1,-1\n")
+    reading = read(path, ReadOptions(classes=("1",), shared=("class",)), role="estimate")
+    assert len(reading.trajectories.step) == 1
+    assert "class" in reading.lacking
 
 
 # --- by class -------------------------------------------------------------------------------------

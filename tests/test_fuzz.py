@@ -39,7 +39,22 @@ SEEDS = {
 }
 BINARY = ("parquet", "npz")
 PIECES = [
-    *(b"", b",", b";", b"\t", b" ", b"\n", b"\r", b"\r\n", b'"', b'""', b"\x00", b"\xff", b"\xfe"),
+    *(
+        b"",
+        b",",
+        b";",
+        b"\t",
+        b" ",
+        b"\n",
+        b"\r",
+        b"\r\n",
+        b'"',
+        b'""',
+        b', "',
+        b"\x00",
+        b"\xff",
+        b"\xfe",
+    ),
     *(b"nan", b"inf", b"-inf", b"1e999", b"1e308", b"-1", b"0", b"007", b"1_0", b"0x1", b"True"),
     *(b"9" * 25, b"2024-01-01", b"2024-01-01T10:00:00Z", b"9999-12-31T23:59:59+23:59", b"1,5"),
     *("é車\u0661\u2003\x85".encode(), b"\xef\xbb\xbf", b"id", b"x", b"DontCare", b"PAR1"),

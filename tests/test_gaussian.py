@@ -529,7 +529,7 @@ def test_headers_are_mapped(write: Write) -> None:
     assert found.columns == ("x", "y")
     assert found.covariance is not None
     assert found.covariance.tolist() == [[4, 1, 2]]
-    with pytest.raises(InputError, match=r"no column cov_xy \(looked for: P21"):
+    with pytest.raises(InputError, match=r'no header "P21" for cov_xy'):
         read_trajectories(path, columns=(*columns[:3], "cov_xy=P21", columns[4]))
     points = write("b.csv", "id,t,px,py\n1,1,0,0\n")
     assert read_trajectories(points, columns=columns).covariance is None
@@ -564,8 +564,7 @@ def test_covariances_of_other_columns_are_not_taken(write: Write, invoke: Invoke
     assert read_trajectories(path, columns=("x",)).covariance.tolist() == [[4]]
     done = invoke(path, path, *GAUSSIAN, "--columns", "x,cov_xx=P11")
     assert done.status == 3
-    assert done.err.endswith("name headers of the covariances\n")
-    assert "--columns cov_xx=P11: neither " in done.err
+    assert 'no header "P11" for cov_xx' in done.err
     assert invoke(path, path, *GAUSSIAN, "--columns", "cov_xx").status == 0  # a state column
 
 

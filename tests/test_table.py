@@ -74,6 +74,10 @@ SAME = {("a", 1): (1.5, 2.0), ("b", 2): (3.0, -4.25)}
         pytest.param('"id","t","x","y"\n"a","1","1.5","2"\n"b","2","3","-4.25"\n', id="quotes"),
         pytest.param(b'\xef\xbb\xbf"id",t,x,y\r\na,1,1.5,2\r\n"b",2,3,-4.25', id="BOM and quotes"),
         pytest.param("id, t , x,y\n a ,1 , 1.5,2\nb, 2,3 ,-4.25 \n", id="spaces"),
+        pytest.param(
+            '"id", "t",  "x",y\n "a",1, "1.5",2\nb, "2",3,-4.25\n', id="quotes and spaces"
+        ),
+        pytest.param('"id", "t", "x", "y"\n' + PLAIN[9:], id="a header with quotes and spaces"),
         pytest.param("\n\n" + PLAIN.replace("\nb", "\n\n  \nb") + "\n\n", id="blank lines"),
         pytest.param("y,x,t,id\n2,1.5,1,a\n-4.25,3,2,b\n", id="columns in another order"),
         pytest.param("id,t,x,y\nb,2,3,-4.25\na,1,1.5,2\n", id="rows in another order"),
@@ -92,6 +96,60 @@ def test_spelling_does_not_matter(write: Write, content: str | bytes) -> None:
 def test_header_aliases(write: Write, name: str, time: str) -> None:
     path = write("a.csv", PLAIN.replace("id,t,x,y", f"{name},{time},X,y"))
     assert rows_of(read_trajectories(path)) == SAME
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "TrackID,time_s,x_m,y_m",
+        "track id,Time [s],pos_x,pos_y",
+        "trackId,Timestamp (ns),Position X (m),Position Y (m)",
+        "obj_id,frame_id,utm_x,utm_y",
+        "uuid,frameNumber,Easting,Northing",
+        "target-id,datetime,xPosition,yPosition",
+    ],
+)
+def test_usual_headers(write: Write, header: str) -> None:
+    assert rows_of(read_trajectories(write("a.csv", PLAIN.replace("id,t,x,y", header)))) == SAME
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("id,frame,timestamp,x", '"frame" and "timestamp" may both be t; say which, columns=('),
+        ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; say which, columns=('),
+        ("track_id,object_id,t,x", '"track_id" and "object_id" may both be id'),
+    ],
+)
+def test_two_candidates_are_refused(write: Write, header: str, said: str) -> None:
+    assert said in refusal(write("a.csv", f"{header}\n1,2,3,4\n"))[0]
+
+
+def test_a_plain_name_goes_before_aliases(write: Write) -> None:
+    path = write("a.csv", "id,track_id,t,frame,lat,lon,easting,northing\na,b,1,2,3,4,5,6\n")
+    trajectories = read_trajectories(path)
+    assert rows_of(trajectories) == {("a", 1): (3.0, 4.0)}
+    assert rows_of(read_trajectories(path, columns=("x", "y"))) == {("a", 1): (5.0, 6.0)}
+    path = write("b.csv", "id,t,pos_x,pos_y,left,top,width,height\na,1,0,0,10,20,4,6\n")
+    assert rows_of(read_trajectories(path)) == {("a", 1): (12.0, 23.0)}
+    radians = write("c.csv", "id,t,lat_rad,lon_rad\na,1,0,0\n")
+    assert "no column for position" in refusal(radians)[0]
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "items"),
+    [
+        ("trk,clock,px,py", "a,1,2,3", "id=trk,t=clock,x=px,y=py"),
+        ("no,name,secs,east,north", "1,b,2,3,4", "id=name,t=secs,x=east,y=north"),
+        ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
+        ("a,b,c,d", "car,1,2,3", "id=a,t=b,x=c,y=d"),
+        ("my id,t,a b,c", "a,1,2,3", "id=my id,x=a b,y=c"),
+    ],
+)
+def test_missing_columns_are_guessed(write: Write, header: str, row: str, items: str) -> None:
+    path = write("a.csv", f"{header}\n{row}\n")
+    assert f"columns={tuple(items.split(','))!r}" in refusal(path)[0]
+    assert len(read_trajectories(path, columns=tuple(items.split(","))).ids) == 1
 
 
 def test_latitude_and_longitude_are_the_second_choice(write: Write) -> None:
@@ -537,25 +595,25 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
         pytest.param(
             "id,t,u,v\na,1,2,3\n",
             ", line 1: ",
-            ("no position column", "id, t, u, v", "--columns"),
+            ("no column for position", "id, t, u, v", "columns=('x=u', 'y=v')"),
             id="no position column",
         ),
         pytest.param(
             "id,t,lat\na,1,2\n",
             ", line 1: ",
-            ("no position column", "--columns"),
+            ("no column for position", "columns=('x=lat',)"),
             id="half a place",
         ),
         pytest.param(
-            "name,t,x\na,1,2\n",
+            "who,t,x\na,1,2\n",
             ", line 1: ",
-            ("no column id", "track_id", "name, t, x", "--columns id="),
+            ("no column for id", "who, t, x", "columns=('id=who',)"),
             id="no id",
         ),
         pytest.param(
             "id,when,x\na,1,2\n",
             ", line 1: ",
-            ("no column t", "timestamp", "id, when, x", "--columns t="),
+            ("no column for t", "id, when, x", "columns=('t=when',)"),
             id="no time column",
         ),
         pytest.param(
@@ -604,7 +662,7 @@ def test_decimal_point_under_decimal_comma(write: Write) -> None:
 
 def test_mapped_header_that_is_not_there(write: Write) -> None:
     (message,) = refusal(write("a.csv", PLAIN), columns=("id=trk", "x"))
-    for part in (", line 1: ", "trk", "id, t, x, y", "--columns id="):
+    for part in (", line 1: ", "trk", "id, t, x, y", "columns=('id="):
         assert part in message
 
 

@@ -74,8 +74,8 @@ def test_places_that_are_not_known_are_absent(invoke: Run, write: Write, format_
         ("t.csv", TABLE.encode("utf-32"), [], ["UTF-32", "UTF-8"]),
         ("/dev/zero", None, [], ["/dev/zero: is a device"]),
         ("mot.txt", MOT.replace("30,40", "-30,40"), [], ["line 1", '"width"', "-30", ">= 0"]),
-        ("t.csv", "ID,Id,t,x\n1,1,0,0\n", [], ['"ID" and "Id"', "--columns id=ID"]),
-        ("t.csv", "id,t,x,y\n", ["--columns", "z"], ["no column z", "map it"]),
+        ("t.csv", "ID,Id,t,x\n1,1,0,0\n", [], ['"ID" and "Id"', "--truth-columns id=ID"]),
+        ("t.csv", "id,t,x,y\n", ["--columns", "z"], ["no column for z", "-columns z=HEADER"]),
         ("mot.txt", MOT, ["--class", "1"], ["rows of this length have none"]),
         (
             "t.csv", "id,t,x,y\n1,0,0,0\n1,1,0,363\n",

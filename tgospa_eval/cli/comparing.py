@@ -22,7 +22,7 @@ from tgospa_eval.comparison.solvers import compare_solvers, document
 from tgospa_eval.comparison.study import Study, carry_out
 from tgospa_eval.comparison.study import document as summary
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ROLES, Reading, read
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.assemble import natural
 from tgospa_eval.pipeline import solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
@@ -358,6 +358,7 @@ class Pairs:
                 self.last = truth, self._read(truth, 0)
             sides = self.last[1], self._read(estimate, 1)
         settings, paths = self.settings, (truth, estimate)
+        settings.check(sides, paths)
         distance, aligned = settings.fit(sides, paths)
         if not self.quiet:
             for text in pair_remarks(sides, aligned, distance, settings):
@@ -379,7 +380,7 @@ class Pairs:
         )
 
     def _read(self, path: str, side: int) -> Reading:
-        found = read(path, self.settings.reading, ROLES[side], self.settings.formats[side])
+        found = self.settings.read_side(path, side, ROLES[side])
         for notice in () if self.quiet else found.notices:
             self._say_once(f"{path}: {notice}")
         return found

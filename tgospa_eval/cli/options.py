@@ -140,8 +140,10 @@ FILES = (
         "--columns", metavar="NAMES",
         show_default="x[,y[,z]], else lat,lon, else the centres of boxes",
         help="State columns, in order: x,y. NAME=HEADER says what a column is called in the files: "
-        "id=trk,t=time_s,x=px,y=py.",
+        "id=trk,t=clock,x=px,y=py. A file without that header is read by the usual names.",
     ),
+    _files("--truth-columns", metavar="NAMES", help="--columns for TRUTH alone."),
+    _files("--estimate-columns", metavar="NAMES", help="--columns for ESTIMATE alone."),
     _files(
         "--truth-format", type=click.Choice(FILE_FORMATS), metavar="FORMAT",
         show_default="found from name and content",
@@ -180,8 +182,11 @@ FILTERS = (
         "A or B may be left out.",
     ),
     _filters(
-        "--class", "class_", metavar="A[,B]", help="Only rows with these values in column class.",
+        "--class", "class_", metavar="A[,B]",
+        help="Only rows with these values in column class, in each file that has one.",
     ),
+    _filters("--truth-class", metavar="A[,B]", help="--class for TRUTH alone."),
+    _filters("--estimate-class", metavar="A[,B]", help="--class for ESTIMATE alone."),
     _filters(
         "--region", metavar="RANGES",
         help="Only rows inside ranges of columns, ends included: x=-50:50,y=0:100. Either end may "

@@ -62,7 +62,8 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
         _check_apart(path, taken, _spelt(name))
         taken.append(path)
     settings = make_settings(
-        UNUSED | {"pairwise": True} | options, {"cutoff": True, "switch_penalty": True}
+        UNUSED | {"pairwise": True, "sides": ("a", "b")} | options,
+        {"cutoff": True, "switch_penalty": True},
     )
     cutoff = settings.parameters.cutoff
 

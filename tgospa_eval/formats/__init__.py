@@ -50,6 +50,8 @@ class Reading:
         Position in `classes` of each row of the trajectories.
     named : tuple of str
         Classes of all rows of the file, if they were asked for.
+    lacking : dict of str to str
+        Of `ReadOptions.shared` what the file lacks, and what to say if every file does.
     """
 
     trajectories: Trajectories
@@ -60,6 +62,7 @@ class Reading:
     classes: tuple[str, ...] = ()
     klass: Ints | None = None
     named: tuple[str, ...] = ()
+    lacking: dict[str, str] = field(default_factory=dict)
 
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each notice that is a warning."""
@@ -90,7 +93,7 @@ class ReadOptions:
     ----------
     columns : tuple of str, optional
         State columns in order; an item ``"name=header"`` says under which header a name is found
-        (``"id=trk"``, ``"t=time_s"``, ``"x=px"``). By default x, y, z as far as present, else
+        (``"id=trk"``, ``"t=clock"``, ``"x=px"``). By default x, y, z as far as present, else
         lat, lon, else the centres of boxes.
     decimal : {".", ","}
         Decimal mark.
@@ -117,6 +120,11 @@ class ReadOptions:
     fault : callable, optional
         Of names of state columns and states (d, R): the first that is out of range, its column, and
         what is wrong with it.
+    shared : tuple of str
+        Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
+        header, it is read by the usual names, and without a filter by class.
+    option : str
+        What messages call `columns`, see `tgospa_eval.formats.asked.ask`.
 
     Raises
     ------
@@ -137,6 +145,8 @@ class ReadOptions:
     missing_covariance: str = "error"
     clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
+    shared: tuple[str, ...] = ()
+    option: str = "columns"
 
     def __post_init__(self) -> None:
         for name in ("columns", "classes"):

@@ -98,6 +98,8 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         for name in sorted(names - set(rows.classes[0])):
             there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
             chosen.notices.append(f"no row of class {quoted(name)}; there are {there}")
+    elif options.classes is not None:
+        chosen.notices.append("no column class: --class leaves all its rows in")
     track_ids, track = rows.ids
     key = step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
@@ -176,6 +178,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         classes=classes,
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
+        lacking=roles.lacking,
     )
 
 

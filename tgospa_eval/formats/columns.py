@@ -1,36 +1,22 @@
 """Which column is what: headers to roles."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.asked import BOX, PREFIXES, WEIGHT, ask, parse_columns
 from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.headers import Headers
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.trajectories import Floats
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
     from tgospa_eval.formats.spread import Spread
-
-ALIASES = {
-    "id": ("id", "track_id", "target_id", "object_id"),
-    "t": ("t", "time", "timestamp", "frame", "step"),
-    "class": ("class",),
-    "weight": ("weight", "w"),
-}
-"""Headers under which the columns are found that are no numbers of a state."""
-
-WEIGHT = "weight"
-"""Of particles."""
-
-PREFIXES = ("cov_", "std_", "rho_")
-"""Of entries of covariances."""
-
-BOX = ("left", "top", "width", "height")
-EDGES = (*BOX, "right", "bottom")
 
 Mix = tuple[tuple[int, float], ...]
 """A quantity as columns times factors: the centre of a box is left + 0.5 width."""
@@ -66,6 +52,9 @@ class Roles:
         Whether covariances were asked for.
     headers : tuple of str
         All headers.
+    lacking : dict of str to str
+        Of the columns that another file may have: those that this one lacks, and what to say if
+        every file does.
     """
 
     id: int
@@ -81,6 +70,7 @@ class Roles:
     spread: "Spread | None" = None
     asked: bool = False
     headers: tuple[str, ...] = ()
+    lacking: dict[str, str] = field(default_factory=dict)
 
     @property
     def numbers(self) -> tuple[int, ...]:
@@ -141,11 +131,17 @@ class Roles:
 
 
 def find_roles(
-    header: Sequence[str], options: "ReadOptions", where: str, *, fixed: bool = False
+    header: Sequence[str],
+    options: "ReadOptions",
+    where: str,
+    *,
+    fixed: bool = False,
+    sample: Sequence[str] = (),
 ) -> Roles:
     """Assign roles to the headers of a table; `where` begins every message.
 
-    `fixed` headers are those of a format, which nobody can rename.
+    `fixed` headers are those of a format, which nobody can rename. `sample` has the fields of the
+    first row, by which headers are guessed for the message that some are missing.
 
     Raises
     ------
@@ -162,51 +158,6 @@ def find_roles(
         )
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
-    alike: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        alike.setdefault(name.casefold(), []).append(k)
-
-    def spellings(name: str) -> tuple[str, ...]:
-        return (mapped[name],) if name in mapped else ALIASES.get(name, (name,))
-
-    def find(name: str) -> int | None:
-        for spelling in spellings(name):
-            folded = alike.get(spelling.casefold(), [])
-            exact = [k for k in folded if names[k] == spelling]
-            if exact:
-                return exact[0]
-            if len(folded) > 1:
-                both = " and ".join(quoted(names[k]) for k in folded)
-                raise InputError(
-                    f"{where}: {both} may both be {name}; say which, --columns "
-                    f"{name}={names[folded[0]]}"
-                )
-            if folded:
-                return folded[0]
-        return None
-
-    def need(name: str) -> int:
-        found = find(name)
-        if found is None:
-            raise _absent(name)
-        return found
-
-    def _absent(name: str) -> InputError:
-        remedy = f"rename it, or map it with --columns {name}=HEADER"
-        return InputError(
-            f"{where}: no column {name} (looked for: {', '.join(spellings(name))}; "
-            f"found: {listed(names)}); {'this format has no other' if fixed else remedy}"
-        )
-
-    box = _box(find)
-
-    def quantity(name: str) -> Mix | None:
-        found = find(name)
-        if found is None and name in ("x", "y", "z") and "z" in wanted:
-            found = find(f"loc_{name}")
-        return box.get(name) if found is None else ((found, 1.0),)
-
-    identity, time = need("id"), need("t")
     if options.boxes:
         if set(wanted) - set(BOX):
             (other, *_) = (name for name in wanted if name not in BOX)
@@ -215,49 +166,50 @@ def find_roles(
                 "height"
             )
         wanted = BOX
-    elif not wanted:
-        wanted = _default_states(find, box)
-        if not wanted:
-            raise InputError(
-                f"{where}: no position column (looked for x, y, z, lat, lon and boxes; found: "
-                f"{listed(names)}); name the state columns with --columns"
-            )
-    state = []
-    for name in wanted:
-        mix = quantity(name)
-        if mix is None:
-            raise _absent(name)
-        state.append(mix)
+    headers = Headers(names, mapped, options.option, where)
+    lacking = _without_maps(headers, options)
+    find, plainly = headers.find, partial(headers.find, plainly=True)
+    box, plain_box = _box(find), _box(plainly)
+
+    def quantity(name: str) -> Mix | None:
+        found = plainly(name)
+        if found is None and name in ("x", "y", "z") and "z" in wanted:
+            found = find(f"loc_{name}")
+        if found is None and name not in plain_box:
+            found = find(name)
+        return box.get(name) if found is None else ((found, 1.0),)
+
+    identity, time = find("id"), find("t")
+    wanted = wanted or _default_states(plainly, plain_box) or _default_states(find, box)
+    state = tuple(mix for name in wanted if (mix := quantity(name)) is not None)
+    if identity is None or time is None or not wanted or len(state) < len(wanted):
+        states = {name: quantity(name) for name in wanted}
+        fault = _absent(headers, (identity, time), states, sample)
+        raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {}
     for name in options.ranges:
         mix = quantity(name)
         if mix is None:
             raise InputError(
-                f"{where}: no column {quoted(name)} for --region (found: {listed(names)}); "
+                f"{where}: no column {quoted(name)} for --region (found: {headers.shown}); "
                 "name one that both files have"
             )
         region[name] = mix
-    klass = find("class")
-    if klass is None and (options.classes is not None or options.by_class):
-        option = "--class" if options.classes is not None else "--by class"
-        remedy = "add it, or map it with --columns class=HEADER"
-        raise InputError(
-            f"{where}: no column class for {option} (found: {listed(names)}); "
-            f"{'rows of this length have none' if fixed else remedy}"
-        )
-    if options.classes is None and not options.by_class:
-        klass = None
+    klass = None
+    if options.classes is not None or options.by_class:
+        klass = find("class")
+        if klass is None:
+            fault = _no_class(headers, options, fixed=fixed)
+            if options.by_class or "class" not in options.shared:
+                raise InputError(fault)
+            lacking["class"] = fault
     spread = None
     if options.covariance:
         from tgospa_eval.formats.spread import find_spread
 
-        for naming in _namings(wanted, mapped, names):
+        for naming in _namings(wanted, state, headers):
             spread = spread or find_spread(naming, find, where)
     weight = None if options.boxes else find(WEIGHT)
-    for name in mapped:
-        needed = spread is not None if name.startswith(PREFIXES) else name == WEIGHT
-        if needed and find(name) is None:
-            raise _absent(name)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
     sizes = (box["width"], box["height"]) if centres or options.boxes else ()
     mixes = (*state, *region.values(), *sizes)
@@ -268,7 +220,7 @@ def find_roles(
     return Roles(
         id=identity,
         time=time,
-        state=tuple(state),
+        state=state,
         names=wanted,
         klass=klass,
         region=region,
@@ -279,51 +231,92 @@ def find_roles(
         spread=spread,
         asked=options.covariance and not options.clouds,
         headers=tuple(names),
+        lacking=lacking,
     )
 
 
-def parse_columns(columns: Sequence[str] | None) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Header of each mapped name, and the names of the state columns, in order.
+def _without_maps(headers: Headers, options: "ReadOptions") -> dict[str, str]:
+    """Take back what is mapped to headers that another file may have; what to say if none has.
 
-    Edges of boxes, weights and entries of covariances that are mapped are no state columns by that;
-    named without ``=`` they are.
+    Raises
+    ------
+    InputError
+        A header is missing that this very file should have.
     """
-    mapped: dict[str, str] = {}
-    wanted: dict[str, None] = {}  # in order, and quick to look in
-    for item in columns or ():
-        name, equals, header = (part.strip() for part in item.partition("="))
-        if not name or (equals and not header):
-            raise ConfigError(f"columns: {quoted(item)} is neither a name nor name=header")
-        if name in wanted or name in mapped:
-            raise ConfigError(f"columns: {quoted(name)} is given twice")
-        if equals:
-            mapped[name] = header
-        if name not in ALIASES and not (equals and _is_beside(name)):
-            wanted[name] = None
-    return mapped, tuple(wanted)
+    lacking = {}
+    spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
+    points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
+    for name, header in list(headers.mapped.items()):
+        if headers.spelt(header, name) is None:
+            near = headers.nearest(header)
+            item = f"{name}={near or 'HEADER'}" if near != name else name
+            remedy = ask(headers.option, [item])
+            remedy = f"name one of these, {remedy}" if near is None else f"did you mean {remedy}?"
+            fault = (
+                f"{headers.where}: no header {quoted(header)} for {name} "
+                f"(found: {headers.shown}); {remedy}"
+            )
+            if name not in options.shared and not (points and name in spreads):
+                raise InputError(fault)
+            lacking[name] = fault
+            del headers.mapped[name]
+    return lacking
+
+
+def _absent(
+    headers: Headers,
+    needed: tuple[int | None, int | None],
+    states: dict[str, Mix | None],
+    sample: Sequence[str],
+) -> str:
+    """What to say of columns that are missing, with what to type."""
+    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
+    missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
+    lost = f"{headers.where}: no column for {', '.join(missing)} (found: {headers.shown})"
+    used = {k for k in needed if k is not None}
+    used |= {k for mix in states.values() for k, _ in mix or ()}
+    items = headers.guess(missing, used, sample)
+    if not items:
+        remedy = ask(headers.option, [f"{missing[0]}=HEADER"])
+        return f"{lost}; rename one, or map it with {remedy}"
+    named = {item.partition("=")[0] for item in items}
+    rest = [name for name in missing if name not in named and name != "position"]
+    # What the user has mapped stays so, and so does the choice of states.
+    items += [f"{name}={header}" for name, header in headers.mapped.items() if name not in named]
+    if named & set(states):
+        items += [name for name in states if name not in {*named, *headers.mapped, *rest}]
+    also = f"; {', '.join(rest)} must be added" if rest else ""
+    return f"{lost}; try {ask(headers.option, items)}{also}"
+
+
+def _no_class(headers: Headers, options: "ReadOptions", *, fixed: bool) -> str:
+    """What to say where there are no classes."""
+    option = "--class" if options.classes is not None else "--by class"
+    remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
+    return (
+        f"{headers.where}: no column class for {option} (found: {headers.shown}); "
+        f"{'rows of this length have none' if fixed else remedy}"
+    )
 
 
 def _namings(
-    wanted: tuple[str, ...], mapped: dict[str, str], names: Sequence[str]
+    wanted: tuple[str, ...], state: Sequence[Mix], headers: Headers
 ) -> Iterator[tuple[str, ...]]:
-    """What state columns are called in the names of covariances: by their headers, or as mapped.
+    """What state columns are called in the names of covariances: by their headers, or as named.
 
     Where another column bears the name as its header, the covariance is that column's.
     """
-    headers = tuple(mapped.get(name, name) for name in wanted)
-    if headers != wanted and not any(name.startswith(PREFIXES) for name in mapped):
-        yield headers
-        folded = {name.casefold() for name in names}
-        if any(name.casefold() in folded for name in set(wanted) - set(headers)):
+    own = tuple(
+        name if len(mix) > 1 or headers.spelt(name, name) == mix[0][0] else headers.names[mix[0][0]]
+        for name, mix in zip(wanted, state, strict=True)
+    )
+    if own != wanted and not any(name.startswith(PREFIXES) for name in headers.mapped):
+        yield own
+        if any(headers.spelt(name, name) is not None for name in set(wanted) - set(own)):
             return
-        if sorted(headers) == sorted(wanted):
+        if sorted(own) == sorted(wanted):
             return
     yield wanted
-
-
-def _is_beside(name: str) -> bool:
-    """Whether a column is of the box around a state, its covariance or its weight."""
-    return name in (*EDGES, WEIGHT) or name.startswith(PREFIXES)
 
 
 def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:

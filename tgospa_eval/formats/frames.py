@@ -2,6 +2,7 @@
 
 import datetime
 from collections.abc import Callable
+from dataclasses import replace
 from decimal import Decimal
 from numbers import Real
 from typing import Any
@@ -41,7 +42,8 @@ def from_frame(
         As for files, with the position of the row (from 0) instead of a line.
     """
     options = options or ReadOptions()
-    roles = find_roles([str(column) for column in frame.columns], options, name)
+    asked = options if options.columns else replace(options, option="")
+    roles = find_roles([str(column) for column in frame.columns], asked, name)
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 

@@ -4,11 +4,12 @@ Column 7 is a flag in truth, 0 for what is not to be considered, and a score in 
 follows depends on the number of fields: class and visibility (8 or 9), or a place in space (10).
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.asked import BOX
 from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import BOX
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 from tgospa_eval.formats.text import Places, numbers
@@ -42,6 +43,10 @@ def read_motchallenge(
             f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
         )
     leave_out_unknown(rows, places.names, UNKNOWN)
+    if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
+        # Results of some trackers fill the columns with -1.
+        lacking = {**rows.roles.lacking, "class": f"{path}: every class is -1, not known"}
+        rows = replace(rows, classes=None, roles=replace(rows.roles, lacking=lacking))
     if FLAG in texts:
         flags = _flags(texts[FLAG], places)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"

@@ -5,6 +5,7 @@ from datetime import date
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.asked import parse_columns
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
@@ -58,7 +59,9 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
     del table
-    found = replace(find_roles(subset, options, path), unused=roles.unused)
+    # The same roles by position in the subset, where mapped headers without a use are missing.
+    shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
+    found = replace(find_roles(subset, shared, path), unused=roles.unused, lacking=roles.lacking)
     return frame_rows(frame, found, path, options.decimal)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import find_roles, parse_columns
+from tgospa_eval.formats.columns import find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.text import Block, Places, check_text, chunks, convert, decode
@@ -72,8 +72,7 @@ def read_plain(
     split = split_line if commas else str.split
     place = f"{path}, line {first}"
     names = header(split(line) if line else ["0"] * empty, place)
-    asked = replace(options, columns=_known(options.columns, names))
-    roles = replace(find_roles(names, asked, place, fixed=True), unused=())
+    roles = replace(find_roles(names, options, place, fixed=True), unused=())
     kept = [names.index(name) for name in texts if name in names]
     if quick is not None:
         layout = bulk.Layout(
@@ -166,14 +165,6 @@ def leave_out_unknown(rows: Rows, names: Sequence[str], unknown: float) -> None:
             "centres of the boxes are compared, with --distance iou the boxes"
         )
     rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
-
-
-def _known(columns: Sequence[str] | None, names: Sequence[str]) -> tuple[str, ...] | None:
-    """Without maps to headers of the other file: these names are fixed."""
-    mapped, wanted = parse_columns(columns)
-    kept = [f"{name}={header}" for name, header in mapped.items() if header in names]
-    items = [next((k for k in kept if k.startswith(f"{name}=")), name) for name in wanted]
-    return tuple(items + [k for k in kept if k not in items]) or None
 
 
 def _plain_id(text: str) -> str:

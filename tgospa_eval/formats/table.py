@@ -43,14 +43,19 @@ def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     # A large ASCII file needs no decoding unless it takes the careful way.
     large = len(data) >= bulk.SIZE
     whole = not (large and data.isascii() and b"\n" in data[:HEAD])
-    header, first, _ = _header(decode(data if whole else data[:HEAD], path), path)
+    head = decode(data if whole else data[:HEAD], path)
+    header, first, start = _header(head, path)
     delimiter = _delimiter(header, options.decimal)
     where = f"{path}, line {first - 1}"
+    reader = csv.reader([header], delimiter=delimiter, skipinitialspace=True)
     try:
-        names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter))]
+        names = [name.strip() for name in next(reader)]
     except csv.Error as error:  # a field too long
         raise InputError(f"{where}: {error}; it must be the header, id,t,x,y") from None
-    roles = find_roles(names, options, where)
+    stop = head.find("\n", start)
+    sample = head[start : stop if stop >= 0 else None].replace('"', "").split(delimiter)
+    roles = find_roles(names, options, where, sample=sample)
+    del head
     if large:
         layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
         found = bulk.read_bulk(data, layout, roles, options.decimal)
@@ -118,7 +123,7 @@ def _tokenise_slowly(
     rows: list[list[str]] = []
     wrong = [] if before is None else before
     begin = first_line
-    reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True)
+    reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True, skipinitialspace=True)
     try:
         for row in reader:
             if row and (len(row) > 1 or row[0].strip()):

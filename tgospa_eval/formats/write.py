@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns import BOX
+from tgospa_eval.formats.asked import BOX
 from tgospa_eval.formats.spread import spelt
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories

@@ -1,0 +1,243 @@
+"""Headers of a table: where a column is found, and which header was probably meant."""
+
+import re
+from collections.abc import Iterator, Sequence
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.asked import ask
+from tgospa_eval.formats.fields import is_number
+from tgospa_eval.text import listed, quoted
+
+ALIASES = {
+    "id": (
+        "id", "track_id", "target_id", "object_id", "obj_id", "trk_id", "tid", "track", "uuid",
+        "track_uuid", "object_uuid", "track_no", "track_num", "track_number", "target_number",
+        "track_name", "target_name", "track_token", "instance_id", "instance_token", "entity_id",
+        "agent_id", "vehicle_id", "person_id", "pedestrian_id", "actor_id", "mmsi", "icao24",
+    ),
+    "t": (
+        "t", "time", "timestamp", "frame", "step", "ts", "stamp", "datetime", "utc", "utc_time",
+        "time_utc", "timestep", "frame_id", "frame_idx", "frame_index", "frame_no", "frame_num",
+        "frame_number",
+    ),
+    **{
+        axis: (
+            axis, f"pos_{axis}", f"{axis}_pos", f"position_{axis}", f"{axis}_position",
+            f"{axis}_coord", f"coord_{axis}", f"{axis}_coordinate", f"coordinate_{axis}",
+            f"utm_{axis}", f"{axis}_utm", f"center_{axis}", f"{axis}_center", f"centre_{axis}",
+            f"{axis}_centre", *more,
+        )
+        for axis, more in (
+            ("x", ("easting", "utm_easting")), ("y", ("northing", "utm_northing")), ("z", ()),
+        )
+    },
+    "lat": ("lat", "latitude", "gps_lat", "gps_latitude", "pos_lat"),
+    "lon": ("lon", "lng", "long", "longitude", "gps_lon", "gps_lng", "gps_longitude", "pos_lon"),
+    "left": ("left", "bb_left", "bbox_left", "x_min"),
+    "top": ("top", "bb_top", "bbox_top", "y_min"),
+    "width": ("width", "bb_width", "bbox_width"),
+    "height": ("height", "bb_height", "bbox_height"),
+    "right": ("right", "bb_right", "bbox_right", "x_max"),
+    "bottom": ("bottom", "bb_bottom", "bbox_bottom", "y_max"),
+    "weight": ("weight", "w"),
+}  # fmt: skip
+"""Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
+
+LENGTHS = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet", "px", "pixel", "pixels")
+TIMES = (
+    *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
+    *("nanoseconds", "microseconds", "milliseconds", "utc", "unix"),
+)
+DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
+UNITS = {
+    "t": TIMES,
+    **dict.fromkeys(("x", "y", "z", "left", "top", "width", "height", "right", "bottom"), LENGTHS),
+    **dict.fromkeys(("lat", "lon"), DEGREES),
+}
+"""Last words of headers that are no part of the name; lat_rad is no latitude in degrees."""
+
+HINTS = {
+    "id": ("id", "track", "trk", "obj", "target", "name", "who", "number", "no", "num"),
+    "t": (
+        "time",
+        "stamp",
+        "frame",
+        "date",
+        "sec",
+        "scan",
+        "epoch",
+        "clock",
+        "when",
+        "zeit",
+        "tick",
+    ),
+    "lat": ("lat",),
+    "lon": ("lon", "lng"),
+}
+"""Parts of headers that may be meant, from the most telling on."""
+
+PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
+"""What tells the two headers of a position apart."""
+
+NO_PLACE = re.compile(r"^d?v|vel|speed|acc|size|dim|std|cov|var|rho|sigma|err|min|max|width|height")
+
+
+class Headers:
+    """The headers of one table.
+
+    Parameters
+    ----------
+    names : sequence of str
+        They, stripped.
+    mapped : dict of str to str
+        Headers of columns that the user has named.
+    option : str
+        How the user names them, see `tgospa_eval.formats.asked.ask`.
+    where : str
+        Begins every message.
+    """
+
+    def __init__(
+        self, names: Sequence[str], mapped: dict[str, str], option: str, where: str
+    ) -> None:
+        self.names, self.mapped, self.option, self.where = names, mapped, option, where
+        self.exact = {name: k for k, name in enumerate(names)}
+        self.folded: dict[str, list[int]] = {}
+        self.keyed: dict[str, list[tuple[int, str]]] = {}
+        for k, name in enumerate(names):
+            self.folded.setdefault(name.casefold(), []).append(k)
+            for key, unit in _keys(name):
+                self.keyed.setdefault(key, []).append((k, unit))
+
+    def spelt(self, header: str, name: str) -> int | None:
+        """Position of a header, upper and lower case aside; `name` is the column it is for."""
+        if header in self.exact:
+            return self.exact[header]
+        return self._only(self.folded.get(header.casefold(), []), name)
+
+    def find(self, name: str, *, plainly: bool = False) -> int | None:
+        """Position of a column: as mapped, by its name, else, if not `plainly`, by an alias.
+
+        Raises
+        ------
+        InputError
+            Several headers may be it.
+        """
+        if name in self.mapped:
+            return self.spelt(self.mapped[name], name)
+        found = self.spelt(name, name)
+        if found is not None or plainly:
+            return found
+        units = UNITS.get(name, ())
+        keys = dict.fromkeys(_joined(alias) for alias in ALIASES.get(name, ()))
+        places = {
+            k for key in keys for k, unit in self.keyed.get(key, ()) if not unit or unit in units
+        }
+        return self._only(sorted(places), name)
+
+    def _only(self, places: list[int], name: str) -> int | None:
+        if len(places) > 1:
+            alike = " and ".join(quoted(self.names[k]) for k in places)
+            both = "both" if len(places) == 2 else "all"
+            remedy = ask(self.option, [f"{name}={self.names[places[0]]}"])
+            raise InputError(f"{self.where}: {alike} may {both} be {name}; say which, {remedy}")
+        return places[0] if places else None
+
+    @property
+    def shown(self) -> str:
+        """The headers, if not too many."""
+        return listed(self.names)
+
+    def nearest(self, header: str) -> str | None:
+        """The header that is most like one that is not there."""
+        from difflib import get_close_matches  # here: of mistakes alone
+
+        alike = {_joined(name): name for name in reversed(self.names)}
+        found = get_close_matches(_joined(header), alike, n=1)
+        return alike[found[0]] if found else None
+
+    def guess(self, wanted: Sequence[str], used: set[int], sample: Sequence[str]) -> list[str]:
+        """Items ``name=header`` for columns that were not found, by likely names, then by position.
+
+        Parameters
+        ----------
+        wanted : sequence of str
+            Names of the columns; ``position`` is any two or three of the state.
+        used : set of int
+            Headers that are something else.
+        sample : sequence of str
+            Fields of the first row, if there is one: a position is a number.
+        """
+        free = {
+            k: _joined(name)
+            for k, name in enumerate(self.names)
+            if k not in used and name.isprintable() and "," not in name and len(name) <= 40
+        }
+        numeric = {
+            k: key
+            for k, key in free.items()
+            if k >= len(sample) or is_number(sample[k].strip().replace(",", "."))
+        }
+        found: dict[str, int] = {}
+        place = _position(numeric)
+        found |= {name: k for name, k in place.items() if {name, "position"} & set(wanted)}
+        names = [name for name in wanted if name != "position"]
+        for take in (_likely, _first):
+            for name in names:
+                left = {k: key for k, key in free.items() if k not in found.values()}
+                at = None if name in found else take(name, left)
+                if at is not None:
+                    found[name] = at
+        if "position" in wanted and not {"x", "lat"} & set(found):
+            left = {k: key for k, key in numeric.items() if k not in found.values()}
+            found |= dict(zip("xy", left, strict=False))
+        order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
+        return [f"{name}={self.names[found[name]]}" for name in order if name in found]
+
+
+def _joined(header: str) -> str:
+    """Without case, blanks and punctuation."""
+    return "".join(re.findall(r"[^\W_]+", header)).casefold()
+
+
+def _keys(header: str) -> Iterator[tuple[str, str]]:
+    """The header as one word, and without its last word, which may be a unit: that word too."""
+    words = re.findall(r"[^\W_]+", header)
+    yield "".join(words).casefold(), ""
+    if len(words) > 1:
+        yield "".join(words[:-1]).casefold(), words[-1].casefold()
+
+
+def _likely(name: str, free: dict[int, str]) -> int | None:
+    """A header with a part that hints at the column, or one that is spelt nearly so."""
+    from difflib import get_close_matches  # here: of mistakes alone
+
+    for hint in HINTS.get(name, ()):
+        for k, key in free.items():
+            if (hint in key) if len(hint) > 3 else key.startswith(hint) or key.endswith(hint):
+                return k
+    close = get_close_matches(_joined(name), free.values(), n=1, cutoff=0.75)
+    return next((k for k, key in free.items() if close and key == close[0]), None)
+
+
+def _first(name: str, free: dict[int, str]) -> int | None:
+    """The first header that is left: tables begin with the object and the time."""
+    if name not in ("id", "t"):
+        return None
+    return next((k for k, key in free.items() if not NO_PLACE.search(key)), None)
+
+
+def _position(free: dict[int, str]) -> dict[str, int]:
+    """Two or three headers that are the same but for the axis."""
+    places = {key: k for k, key in reversed(free.items()) if not NO_PLACE.search(key)}
+    for first, second in PAIRS:
+        for key in reversed(places):
+            for at in (match.start() for match in re.finditer(first, key)):
+                stem, rest = key[:at], key[at + len(first) :]
+                other = places.get(f"{stem}{second}{rest}")
+                if other is not None:
+                    names = ("lat", "lon") if first == "lat" else ("x", "y")
+                    third = places.get(f"{stem}z{rest}") if first == "x" else None
+                    depth = {} if third is None else {"z": third}
+                    return dict(zip(names, (places[key], other), strict=True)) | depth
+    return {}
