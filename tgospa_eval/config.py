@@ -1,11 +1,13 @@
 """Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
 
+import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.files import read_bytes
 from tgospa_eval.text import quoted
 
 FILE = "tgospa-eval.toml"
@@ -93,7 +95,7 @@ def _meant(name: str, known: Iterable[str]) -> str:
 
 
 def _search() -> tuple[str | None, Any]:
-    if Path(FILE).is_file():
+    if os.path.isfile(FILE):
         return FILE, read_toml(FILE)
     if _may_have_table("pyproject.toml"):
         try:
@@ -108,8 +110,8 @@ def _search() -> tuple[str | None, Any]:
 def _may_have_table(path: str) -> bool:
     """Whether the name of our table is in the file: parsing costs a start some 15 ms."""
     try:
-        return TABLE.encode() in Path(path).read_bytes()
-    except OSError:
+        return os.path.isfile(path) and TABLE.encode() in read_bytes(path, ConfigError)
+    except ConfigError:
         return False
 
 
@@ -128,11 +130,7 @@ def read_toml(path: str) -> dict[str, Any]:
     """
     import tomllib  # here: most runs have no such file
 
-    try:
-        content = Path(path).read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"{path}: cannot be read: {reason}") from None
+    content = read_bytes(path, ConfigError)
     try:
         return tomllib.loads(content.decode())
     except RecursionError:

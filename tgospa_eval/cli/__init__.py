@@ -10,9 +10,9 @@ from importlib import import_module
 
 import click
 
-from tgospa_eval import __version__
+from tgospa_eval import __version__, files
 from tgospa_eval.cli.streams import check_stdout, check_written, say, say_lines
-from tgospa_eval.errors import TgospaError
+from tgospa_eval.errors import ConfigError, TgospaError
 
 VERBS = {
     "evaluate": ("tgospa_eval.cli.evaluate", "Evaluate an estimate; the verb if none is given."),
@@ -144,6 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Memory goes with the process: to look through all modules for cycles first takes as long as
     # a small evaluation.
     atexit.register(gc.freeze)
+    files.announce = say
     try:
         status = _run(arguments)
     except Exception as error:
@@ -173,6 +174,10 @@ def _run(arguments: Sequence[str] | None) -> int:
     except (KeyboardInterrupt, click.Abort):
         say("interrupted")
         os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
+    except OSError as error:  # where nobody thought of it, still no fault of ours
+        where = "" if error.filename is None else f"{error.filename}: "
+        say(f"{where}{files.reason(error)}")
+        status = ConfigError.exit_status
     except MemoryError:
         say("out of memory; a smaller cutoff leaves fewer pairs")
         status = INTERNAL

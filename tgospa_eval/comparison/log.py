@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -17,6 +18,7 @@ from tgospa_eval import __version__
 from tgospa_eval.comparison.runs import PARTS
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.files import is_regular, named
 
 Document = dict[str, Any]
 Key = tuple[int, int, int]
@@ -28,6 +30,9 @@ FAR = 1 << 40
 """A byte that no file of ours reaches, for locking."""
 
 NUMBER = (int, float)
+LARGEST = 1e100
+"""Beyond any cost, count or time; squares of it are finite."""
+
 RECORD = {
     **dict.fromkeys(("targets", "steps", "run"), int),
     **dict.fromkeys(("occupied", "sizes", "prepare_seconds"), object),
@@ -84,20 +89,18 @@ class Log:
         }
         self.header = json.loads(json.dumps(header))
         self.known: dict[Key, Document] = {}
-        try:
+        with named(str(self.path), ConfigError, "cannot be opened"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("a+b")
-        except OSError as error:
-            raise ConfigError(f"{self.path}: {error.strerror or error}") from None
         try:
-            self._lock()
-            whole = self._read()
-            self._file.truncate(whole)
-            if not whole:
-                self.keep(self.header)
-        except OSError as error:
-            self.close()
-            raise ConfigError(f"{self.path}: {error.strerror or error}") from None
+            with named(str(self.path), ConfigError, "cannot be opened"):
+                if not is_regular(str(self.path)):
+                    self._refuse()
+                self._lock()
+                whole = self._read()
+                self._file.truncate(whole)
+                if not whole:
+                    self.keep(self.header)
         except BaseException:
             self.close()
             raise
@@ -110,17 +113,16 @@ class Log:
 
     def close(self) -> None:
         """Let others use the file."""
-        self._file.close()
+        with suppress(OSError):  # what could not be written was told
+            self._file.close()
 
     def keep(self, record: Document) -> None:
         """Add a record; it is on the disk when this returns."""
         line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
-        try:
+        with named(str(self.path), ConfigError, "cannot be written"):
             self._file.write(line.encode())
             self._file.flush()
             os.fsync(self._file.fileno())
-        except OSError as error:
-            raise ConfigError(f"{self.path}: cannot be written: {error.strerror}") from None
 
     def _lock(self) -> None:
         """Two processes would do the same scenes, and write into each other's lines."""
@@ -151,7 +153,7 @@ class Log:
         for number, line in enumerate(content[:whole].splitlines(), start=1):
             try:
                 document = json.loads(line)
-            except ValueError:
+            except (ValueError, RecursionError):
                 document = None
             if number == 1:
                 self._check(document)
@@ -190,7 +192,7 @@ def is_record(document: Any, solvers: int) -> bool:
         and (
             (
                 _has(document, MADE)
-                and isinstance(document["sizes"].get("states"), int)
+                and _has(document["sizes"], {"states": int})
                 and all(_has(run, PROVEN) or _has(run, FAILED) for run in document["runs"])
             )
             or (
@@ -203,7 +205,10 @@ def is_record(document: Any, solvers: int) -> bool:
 
 def _has(document: Any, fields: dict[str, Any]) -> bool:
     return isinstance(document, dict) and all(
-        name in document and isinstance(document[name], kind) for name, kind in fields.items()
+        name in document
+        and isinstance(document[name], kind)
+        and (not isinstance(document[name], NUMBER) or 0 <= document[name] <= LARGEST)
+        for name, kind in fields.items()
     )
 
 

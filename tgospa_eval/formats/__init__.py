@@ -5,6 +5,7 @@ A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is
 """
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -228,7 +229,7 @@ def read(
     except TypeError:
         raise ConfigError(f"path is {path!r}: must be a path") from None
     options = options or ReadOptions()
-    data = load(name)
+    data = load(name, sys.maxsize)
     chosen = format or guess(name, data)
     module, function = FORMATS[chosen]
     reader = getattr(import_module(module), function)

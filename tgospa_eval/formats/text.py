@@ -5,11 +5,11 @@ import stat
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.files import SETTINGS, is_missing, named, read_bytes
 from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.fields import Coded, floats
@@ -47,26 +47,24 @@ class Places:
         return f"{self.row(row)}, column {quoted(self.names[column])}"
 
 
-def load(path: str) -> bytes:
-    """The bytes of a file.
+def load(path: str, most: int = SETTINGS) -> bytes:
+    """The bytes of a file, at most so many.
 
     Raises
     ------
     InputError
         It cannot be read.
     """
+    if is_missing(path):
+        raise InputError(f"{path}: no such file")
+    with named(path, InputError):
+        endless = _is_endless(path)
+    if endless:
+        raise InputError(f"{path}: is a device, not a file")
     try:
-        if not _is_endless(path):
-            return Path(path).read_bytes()
+        return read_bytes(path, InputError, most)
     except MemoryError:
         raise InputError(f"{path}: larger than the memory of this machine") from None
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        if os.path.isdir(path):  # Windows says "permission denied"
-            raise InputError(f"{path}: is a folder, not a file") from None
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
-    raise InputError(f"{path}: is a device, not a file")
 
 
 def _is_endless(path: str) -> bool:

@@ -4,10 +4,10 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.files import is_missing, read_bytes
 from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import quoted
@@ -157,15 +157,12 @@ def load(path: str) -> Baseline | None:
     ConfigError
         It cannot be read, or is no baseline of this version.
     """
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
+    if is_missing(path):
         return None
+    try:
+        text = read_bytes(path, ConfigError).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not UTF-8 text; a baseline is JSON") from None
-    except (OSError, ValueError) as error:
-        reason = "is a folder" if Path(path).is_dir() else getattr(error, "strerror", error)
-        raise ConfigError(f"{path}: cannot be read: {reason}") from None
     try:
         document = json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
     except json.JSONDecodeError as error:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.files import named, patience
 from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.reports.folders import RESULT, Written, check_folder, write_texts
 from tgospa_eval.summary import Summary, Table
@@ -99,12 +100,13 @@ def check_file(path: str, *, force: bool, option: str) -> None:
     ConfigError
         It exists, or its folder does not.
     """
-    if Path(path).is_dir():
-        raise ConfigError(f"{option} {path}: is a folder; name a file")
-    if not force and Path(path).exists():
-        raise ConfigError(f"{option} {path}: exists; name another file, or --force")
-    if not Path(path).absolute().parent.is_dir():
-        raise ConfigError(f"{option} {path}: there is no such folder; make it first")
+    with named(f"{option} {path}", ConfigError, "cannot be written"):
+        if Path(path).is_dir():
+            raise ConfigError(f"{option} {path}: is a folder; name a file")
+        if not force and Path(path).exists():
+            raise ConfigError(f"{option} {path}: exists; name another file, or --force")
+        if not Path(path).absolute().parent.is_dir():
+            raise ConfigError(f"{option} {path}: there is no such folder; make it first")
 
 
 def write_file(path: str, data: str | bytes, option: str) -> None:
@@ -118,13 +120,14 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
     if not path:
         raise ConfigError(f"{option} is empty; name a file")
     content = data.encode() if isinstance(data, str) else data
-    target = Path(os.path.realpath(path))  # what a link points to, and not the link, is replaced
-    beside = target.with_name(f".{target.name}-{os.getpid()}-{os.urandom(4).hex()}")
-    try:
+    with named(f"{option} {path}", ConfigError, "cannot be written"):
+        target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
+        beside = target.with_name(f".tgospa-eval-new-{os.getpid()}-{os.urandom(4).hex()}")
         if target.is_dir():
             raise ConfigError(f"{option} {path}: is a folder; name a file")
         if target.exists() and not target.is_file():  # a device or a pipe: nothing to rename over
-            target.write_bytes(content)
+            with patience(path, "a reader of"):
+                target.write_bytes(content)
             return
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
@@ -136,9 +139,6 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
             os.replace(beside, target)
         finally:
             beside.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"{option} {path}: cannot be written: {reason}") from None
 
 
 def _timings(result: Summary) -> Table:

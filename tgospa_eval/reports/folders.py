@@ -9,6 +9,7 @@ from itertools import product
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.files import named
 
 PICTURES = ("png", "svg", "pdf")
 FRESH, REPLACED = ".tgospa-eval-new-", ".tgospa-eval-replaced-"
@@ -160,15 +161,13 @@ def check_folder(
     if not folder:
         raise ConfigError(f"{option} is empty; name a folder")
     path = Path(folder)
-    try:
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
         if path.exists() and not path.is_dir():
             raise ConfigError(f"{option} {folder}: is a file; name a folder")
         if not path.is_dir():
             _check_name(folder, kind, option)
         elif not force and not (kind and kind.owns(path)) and any(_others(path)):
             raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
-    except OSError as error:
-        raise ConfigError(f"{option} {folder}: {error.strerror}") from None
 
 
 def probe_folder(
@@ -184,12 +183,10 @@ def probe_folder(
     import tempfile
 
     check_folder(folder, kind, force=force, option=option)
-    path = Path(os.path.realpath(folder))
-    there = next(above for above in (path, *path.parents) if above.exists())
-    try:
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        path = Path(os.path.realpath(folder))
+        there = next(above for above in (path, *path.parents) if above.exists())
         os.rmdir(tempfile.mkdtemp(prefix=FRESH, dir=there))
-    except OSError as error:
-        raise ConfigError(f"{option} {folder}: cannot be written: {error.strerror}") from None
 
 
 def write_texts(
@@ -211,15 +208,13 @@ def write_texts(
         As for `check_folder`, or the folder cannot be written.
     """
     check_folder(folder, kind, force=force, option=option)
-    path = Path(os.path.realpath(folder))
-    try:
+    with named(f"{option} {folder}", ConfigError, "cannot be written"):
+        path = Path(os.path.realpath(folder))
         if not path.exists() and _write_new(texts, path):
             removed = 0
         else:  # perhaps since a moment ago
             check_folder(folder, kind, force=force, option=option)
             removed = _write_over(texts, path, kind)
-    except OSError as error:
-        raise ConfigError(f"{option} {folder}: cannot be written: {error.strerror}") from None
     opens = () if kind is None else kind.opens
     return Written(folder=folder, names=tuple(texts), removed=removed, opens=opens)
 

@@ -3,10 +3,11 @@
 Ten errors and ten warnings of a step are shown, and a summary of at most 1 MiB.
 """
 
+import os
 from collections.abc import Iterator
-from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.files import is_missing, named, patience
 from tgospa_eval.gate.outcome import Outcome, Report
 from tgospa_eval.reports.escape import workflow_data, workflow_property
 from tgospa_eval.reports.gate import markdown_lines, title
@@ -67,14 +68,10 @@ def append_summary(report: Report, path: str | None) -> None:
     """
     if not path:
         return
-    try:
-        target = Path(path)
-        used = target.stat().st_size if target.exists() else 0
-        with target.open("ab") as file:
+    with named(f"--github: {path}", ConfigError, "cannot be written"):
+        used = 0 if is_missing(path) else os.stat(path).st_size
+        with patience(path, "a reader of"), open(path, "ab") as file:
             file.write(summary(report, SUMMARY - used))
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigError(f"--github: {path}: cannot be written: {reason}") from None
 
 
 def summary(report: Report, room: int) -> bytes:

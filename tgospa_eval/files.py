@@ -1,0 +1,111 @@
+"""Files of users: whatever the system says of one becomes one sentence."""
+
+import os
+import stat
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from tgospa_eval.errors import TgospaError
+
+SETTINGS = 1 << 26
+"""Bytes that no file of settings has."""
+
+CHUNK = 1 << 24
+"""Bytes that are read at a time where the length is not known."""
+
+PATIENCE = 2.0
+"""Seconds before it is said that a pipe or a terminal is waited for."""
+
+
+def _silent(text: str) -> None:
+    """A library says nothing."""
+
+
+announce: Callable[[str], None] = _silent
+"""What to do with a notice of what is waited for; the command line prints it."""
+
+
+@contextmanager
+def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> Iterator[None]:
+    """Raise faults of the file system as `kind`, with `where` at the begin of the message."""
+    try:
+        yield
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        if isinstance(error, TgospaError):
+            raise
+        raise kind(f"{where}: {what}: {reason(error)}") from None
+
+
+def reason(error: Exception) -> str:
+    """What the system says, without its numbers."""
+    if isinstance(error, FileNotFoundError) and not os.path.isabs(error.filename or ""):
+        try:
+            os.getcwd()
+        except OSError:
+            return "the working folder was removed; change to one that is there"
+    return getattr(error, "strerror", None) or str(error)
+
+
+@contextmanager
+def patience(path: str, what: str) -> Iterator[None]:
+    """Say what is waited for, where a pipe or a terminal keeps us waiting."""
+    timer = threading.Timer(PATIENCE, lambda: announce(f"waiting for {what} {path}"))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def read_bytes(path: str, kind: type[TgospaError], most: int = SETTINGS) -> bytes:
+    """The content of a file, of at most so many bytes.
+
+    Raises
+    ------
+    kind
+        It cannot be read, is a folder, or larger.
+    """
+    with named(path, kind):
+        found = os.stat(path)
+        if stat.S_ISDIR(found.st_mode):  # Windows says "permission denied"
+            raise kind(f"{path}: is a folder, not a file")
+        size, content = found.st_size, b""
+        if not stat.S_ISREG(found.st_mode):
+            content = b"".join(_pieces(path, most))
+            size = len(content)
+        elif size <= most:
+            with open(path, "rb") as file:
+                content = file.read()
+    if size > most:
+        raise kind(f"{path}: larger than {most >> 20} MiB; name another file")
+    return content
+
+
+def _pieces(path: str, most: int) -> Iterator[bytes]:
+    """What comes from a pipe or a device, up to its end or a little more than the most."""
+    with patience(path, "data from"):
+        file = open(path, "rb", buffering=0)  # noqa: SIM115
+        piece = file.read(CHUNK)
+    with file:
+        while piece and most >= 0:
+            yield piece
+            most -= len(piece)
+            piece = file.read(CHUNK)
+
+
+def is_regular(path: str) -> bool:
+    """Whether it is a file with content of its own: no folder, pipe, socket or device."""
+    return stat.S_ISREG(os.stat(path).st_mode)
+
+
+def is_missing(path: str) -> bool:
+    """Whether there is none; one that cannot be looked at may be there."""
+    try:
+        os.stat(path)
+    except FileNotFoundError:
+        return True
+    except (OSError, ValueError):
+        return False
+    return False
