@@ -33,6 +33,12 @@ CONFIG = "tgospa_eval.config"
 """Under this name the context keeps the configuration file in use."""
 
 
+def load(verb: str) -> click.Command:
+    """Import a verb."""
+    command: click.Command = import_module(VERBS[verb][0]).command
+    return command
+
+
 class Verbs(click.Group):
     """Finds the verb wherever it stands among the options; without one it is ``evaluate``."""
 
@@ -42,10 +48,7 @@ class Verbs(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import a verb."""
-        if cmd_name not in VERBS:
-            return None
-        command: click.Command = import_module(VERBS[cmd_name][0]).command
-        return command
+        return load(cmd_name) if cmd_name in VERBS else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the summaries, without importing the verbs."""

@@ -5,23 +5,27 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.help import Option, Verb
+from tgospa_eval.cli.help import Option, Verb, words
 from tgospa_eval.cli.options import OF_PICTURES, evaluation_options
 
 ACCURACY_MISSED = 4
+MANY = 8
+"""Files that are too many for a message."""
 
 
 class Files(Verb):
     """Says which other verb takes one file, or more than two."""
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
-        text = super()._too_few(ctx, missing)
-        truth = ctx.params.get("truth")
-        return f"{text}; for one file alone: tgospa-eval inspect {truth}" if truth else text
+        text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")
+        return (
+            f"{text}; for one file alone: tgospa-eval inspect {words([truth])}" if truth else text
+        )
 
     def _too_many(self, ctx: click.Context, rest: list[str]) -> str:
-        files = " ".join((ctx.params["truth"], ctx.params["estimate"], *rest))
-        return f"{super()._too_many(ctx, rest)}; to rank estimates: tgospa-eval compare {files}"
+        text, given = super()._too_many(ctx, rest), (ctx.params["truth"], ctx.params["estimate"])
+        files = words((*given, *rest)) if len(rest) < MANY else "TRUTH A B"
+        return f"{text}; to rank estimates: tgospa-eval compare {files}"
 
 
 @click.command("evaluate", cls=Files)

@@ -3,9 +3,13 @@
 import os
 import re
 from collections.abc import Iterable
+from shlex import quote
 from typing import Any
 
 import click
+
+from tgospa_eval.cli import VERBS, load
+from tgospa_eval.text import clipped, listed, visible
 
 SECTIONS = (
     "Gate", "Comparison", "Scaling study", "Scene", "Tracker",
@@ -93,6 +97,7 @@ class Verb(click.Command):
         click.UsageError
             An option is not known, or a file is missing.
         """
+        self._check_dashes(ctx, args)
         try:
             rest = super().parse_args(ctx, ["--help"] if args == ["help"] else args)
         except click.NoSuchOption as error:
@@ -105,38 +110,61 @@ class Verb(click.Command):
             raise click.UsageError(self._too_many(ctx, rest), ctx)
         return rest
 
+    def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
+        """Whether a long option has one dash: of -output click makes -o with the value utput."""
+        known = long_options(self)
+        for text in args[: args.index("--")] if "--" in args else args:
+            name = f"-{text.partition('=')[0]}"
+            if name in known:
+                raise click.UsageError(
+                    f"{name[1:]}: an option of more than one letter has two dashes; type {name}",
+                    ctx,
+                )
+
     def _no_option(self, text: str) -> str:
-        known = [
-            name
-            for item in self.params
-            if isinstance(item, click.Option) and not item.hidden
-            for name in item.opts
-            if name.startswith("--")
-        ]
-        other = nearest(text, known)
-        return f"no such option: {text}" + (f"; did you mean {other}?" if other else "")
+        others = [verb for verb in VERBS if text in long_options(load(verb))]
+        if others:
+            return f"{text} is no option of {self.name}, but of {', '.join(others)}"
+        meant = nearest(text, long_options(self))
+        return f"no such option: {clipped(text)}" + (f"; did you mean {meant}?" if meant else "")
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
         line = [ctx.params.get(item.name or "") or item.make_metavar(ctx) for item in self._files()]
-        return f"{missing.make_metavar(ctx)} is missing; type {ctx.command_path} {' '.join(line)}"
+        return f"{missing.make_metavar(ctx)} is missing; type {ctx.command_path} {words(line)}"
 
     def _too_many(self, ctx: click.Context, rest: list[str]) -> str:
         names = " ".join(item.make_metavar(ctx) for item in self._files())
-        return f"too many arguments: {' '.join(rest)}; type {ctx.command_path} {names}"
+        return f"too many arguments: {listed(rest)}; type {ctx.command_path} {names}"
 
     def _files(self) -> list[click.Argument]:
         return [item for item in self.params if isinstance(item, click.Argument)]
 
 
-def nearest(text: str, names: Iterable[str]) -> str | None:
-    """The name that was meant: the only one that begins so, else the most similar one."""
+def long_options(command: click.Command) -> list[str]:
+    """The options that a verb shows, by their long names, with dashes."""
+    return [
+        name
+        for item in command.params
+        if isinstance(item, click.Option) and not item.hidden
+        for name in item.opts
+        if name.startswith("--")
+    ]
+
+
+def words(line: Iterable[str]) -> str:
+    """Arguments as they are typed in a shell; those of ours, in capitals, may be in brackets."""
+    return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)
+
+
+def nearest(text: str, options: Iterable[str]) -> str | None:
+    """The option that was meant: the only one that begins so, else the most similar one."""
     from difflib import get_close_matches  # here: most command lines are right
 
-    known = list(names)
-    begin = [name for name in known if len(text) > len("--c") and name.startswith(text)]
-    if len(begin) == 1:
-        return begin[0]
-    return next(iter(get_close_matches(text, known, 1)), None)
+    bare = text.lstrip("-")
+    known = [name.lstrip("-") for name in options]
+    begin = [name for name in known if len(bare) > 1 and name.startswith(bare)]
+    found = begin if len(begin) == 1 else get_close_matches(bare, known, 1)
+    return f"--{found[0]}" if found else None
 
 
 def meant_verb(word: str) -> str | None:
