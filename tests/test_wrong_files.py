@@ -2,6 +2,7 @@
 
 import gzip
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -102,3 +103,31 @@ def test_refused(
 def test_a_comma_behind_the_last_field(invoke: Run, write: Write) -> None:
     path = write("mot.txt", MOT.replace("\n", ",\n"))
     assert invoke(path, path).status == 0
+
+
+def test_folders_of_sequences(invoke: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("A-1", "A-2"):
+        for path in (f"gt/{name}/gt/gt.txt", f"gt/{name}/det/det.txt", f"res/{name}.txt"):
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            Path(path).write_text(MOT)
+    one = "type: tgospa-eval gt/A-1/gt/gt.txt res/A-1.txt"
+    loop = 'for s in A-1 A-2; do tgospa-eval "gt/$s/gt/gt.txt" "res/$s.txt"; done'
+    suite = '[[pair]] truth = "gt/{name}/gt/gt.txt", estimate = "res/{name}.txt"'
+    for paths in (("gt", "res"), ("gt/*/gt/*.txt", "res/*.txt"), (".", "res/")):
+        answer = invoke(*paths)
+        assert (answer.status, answer.out) == (3, "")
+        for part in (one, loop, suite):
+            assert part in answer.err
+    first, said = invoke("gt/A-1", "res/A-1.txt").err.splitlines()
+    assert (first, said) == ("gt/A-1: is a folder, not a file; in it: gt/gt.txt", one)
+    assert "type: tgospa-eval gt/A-2/gt/gt.txt res/A-2.txt" in invoke("gt", "res/A-2.txt").err
+    for k in range(10):
+        Path(f"gt/{k}.txt").write_text(MOT)
+        Path(f"res/{k}.txt").write_text(MOT)
+    loop = "for t in gt/*.txt; do s=${t#gt/}; s=${s%.txt}; tgospa-eval"
+    assert loop in invoke("gt", "res").err
+    monkeypatch.chdir("res")
+    answer = invoke("*.csv", "A-1.txt")
+    assert "*.csv: no file fits this pattern; this folder has 0.txt, 1.txt, 2.txt and" in answer.err
+    assert "for one of them: tgospa-eval inspect 0.txt" in invoke("inspect", ".").err

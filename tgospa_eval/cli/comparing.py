@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval import plots
+from tgospa_eval.cli.places import find_place
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.scene import settings as scene_settings
 from tgospa_eval.cli.settings import Settings, make_settings
@@ -270,10 +271,11 @@ def check_files(paths: Sequence[str]) -> None:
         One is missing, or a folder.
     """
     for path in paths:
+        place = find_place(path)
+        if place is not None:
+            raise InputError(place.said)
         if not os.path.lexists(path):
             raise InputError(f"{path or quoted(path)}: no such file")
-        if os.path.isdir(path):
-            raise InputError(f"{path}: is a folder, not a file")
 
 
 def _matches(pattern: str) -> list[str]:

@@ -5,6 +5,7 @@ from typing import Any
 
 from tgospa_eval.alignment import Alignment, Stamps, align
 from tgospa_eval.cli.distance import DistanceOptions
+from tgospa_eval.cli.places import check_places
 from tgospa_eval.cli.streams import say
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns, check_states
@@ -67,10 +68,12 @@ class Settings:
         Raises
         ------
         InputError
-            A file is wrong, or all lack a header that is mapped; all faults at once.
+            A path is a folder, a file is wrong, or all lack a header that is mapped; all faults at
+            once.
         ConfigError
             No file has a class that was asked for, or the filters leave no row of any.
         """
+        check_places(paths)
         sides, faults = [], []
         for side, (path, role) in enumerate(zip(paths, roles, strict=False)):
             try:

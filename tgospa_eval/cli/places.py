@@ -1,0 +1,173 @@
+"""Folders and patterns where a file is needed: what is in them, and what to type instead."""
+
+import glob
+import os
+import re
+import shlex
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.text import listed
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".npz")
+ASIDE = {"det", "img1", "seqmaps"}
+"""Folders of MOTChallenge without tracks."""
+
+DEEP = 4
+"""Folders are looked into so far: train/MOT17-02/gt/gt.txt."""
+
+MOST = 10_000
+"""Files that are looked at."""
+
+LISTED = 3
+SHAPES = 20
+SPELT = 8
+"""Sequences up to which a loop names them."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder or a pattern, the files that it stands for below `folder`, and what to say."""
+
+    folder: str
+    files: tuple[str, ...]
+    said: str
+
+
+def check_places(paths: Sequence[str]) -> None:
+    """Whether these can be files: the truth, and the estimate if there is one.
+
+    Raises
+    ------
+    InputError
+        One is a folder or a pattern; the message has what to type.
+    """
+    places = [find_place(path) for path in paths]
+    if any(places):
+        said = [
+            f"{path}: no such file" if place is None else place.said
+            for path, place in zip(paths, places, strict=True)
+            if place is not None or not os.path.lexists(path)
+        ]
+        raise InputError(*said, *_advice(paths, places))
+
+
+def find_place(path: str) -> Place | None:
+    """What is at a path, unless it is a file or nothing."""
+    if os.path.isdir(path):
+        files = tuple(_files(path))
+        inside = f"in it: {listed(files, LISTED)}" if files else "no table is in it"
+        return Place(path, files, f"{path}: is a folder, not a file; {inside}")
+    if not glob.has_magic(path) or os.path.lexists(path):
+        return None
+    folder = os.path.dirname(path[: re.search(r"[*?[]", path).start()])  # type: ignore[union-attr]
+    found = sorted(name for name in glob.glob(path) if os.path.isfile(name))
+    if found:
+        files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in found)
+        said = f"{path}: is a pattern, not a file; it fits {listed(found, LISTED)}"
+        return Place(folder, files, said)
+    files = tuple(_files(folder or "."))
+    inside = f"{folder or 'this folder'} has {listed(files, LISTED)}" if files else "there is none"
+    return Place(folder, files, f"{path}: no file fits this pattern; {inside}")
+
+
+def _files(folder: str) -> Iterator[str]:
+    """Tables below a folder, by their paths from there."""
+    count = 0
+    for parent, folders, files in os.walk(folder):
+        inner = os.path.relpath(parent, folder).replace(os.sep, "/")
+        depth = 0 if inner == "." else inner.count("/") + 1
+        folders[:] = sorted(
+            name for name in folders if name not in ASIDE and name[0] != "." and depth + 1 < DEEP
+        )
+        count += len(files)
+        for name in sorted(files):
+            if name.casefold().endswith(SUFFIXES):
+                yield name if inner == "." else f"{inner}/{name}"
+        if count > MOST:
+            return
+
+
+def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[str]:
+    """What to type."""
+    shapes = [
+        _shapes(("", (path,)) if place is None else (place.folder, place.files))
+        for path, place in zip(paths, places, strict=True)
+    ]
+    if len(shapes) == 1:
+        first = next((next(iter(found.values())) for found in shapes[0].values()), None)
+        if first is not None:
+            yield f"for one of them: tgospa-eval inspect {shlex.quote(first)}"
+        return
+    if not all(shapes):
+        return
+    best = max(product(*shapes), key=lambda pair: _fit(shapes, *pair))
+    truth, estimate = (found[shape] for found, shape in zip(shapes, best, strict=True))
+    names = [name for name in truth if name in estimate and truth[name] != estimate[name]]
+    if not names:
+        # One each: no names are needed to tell what belongs together.
+        files = [{path for group in found.values() for path in group.values()} for found in shapes]
+        if all(len(found) == 1 for found in files) and files[0] != files[1]:
+            yield _type(*(found.pop() for found in files))
+        elif all(places):
+            yield "no file of one has the name of a file of the other: name a pair"
+        return
+    name = names[0]
+    yield _type(truth[name], estimate[name])
+    if len(names) > 1:
+        yield from _loop(names, *best)
+
+
+def _type(truth: str, estimate: str) -> str:
+    return f"type: tgospa-eval {shlex.quote(truth)} {shlex.quote(estimate)}"
+
+
+def _loop(names: list[str], truth: str, estimate: str) -> Iterator[str]:
+    """What to type for all sequences; `{}` stands for the name in the two paths."""
+    safe = all(
+        text == shlex.quote(text) for text in (*names, truth.format(""), estimate.format(""))
+    )
+    sides = " ".join(f'"{side.format("$s")}"' for side in (truth, estimate))
+    if safe and len(names) <= SPELT:
+        yield f"for all {len(names)}: for s in {' '.join(names)}; do tgospa-eval {sides}; done"
+    elif safe:
+        before, after = truth.split("{}")
+        name = f"s=${{t#{before}}}; s=${{s%{after}}}"
+        yield (
+            f"for all {len(names)}: for t in {truth.format('*')}; do {name}; "
+            f"tgospa-eval {sides}; done"
+        )
+    pair = ", ".join(
+        f'{role} = "{side.format("{name}")}"'
+        for role, side in (("truth", truth), ("estimate", estimate))
+    )
+    yield f"or judge all by a baseline: tgospa-eval gate --suite FILE, with [[pair]] {pair}"
+
+
+def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
+    """Paths by what they have in common and what tells them apart: gt/{}/gt/gt.txt, MOT17-02."""
+    folder, files = place
+    found: dict[str, dict[str, str]] = {}
+    for file in files:
+        path = os.path.normpath(os.path.join(folder, file)).replace(os.sep, "/")
+        parts = path.split("/")
+        begin = len(parts) - len(os.path.normpath(file).split(os.sep)) if folder else 0
+        for k in range(begin, len(parts)):
+            is_last = k == len(parts) - 1
+            stem, dot, suffix = parts[k].rpartition(".") if is_last else (parts[k], "", "")
+            if not stem or "{" in path or "}" in path:
+                continue
+            shape = "/".join((*parts[:k], f"{{}}{dot}{suffix}", *parts[k + 1 :]))
+            found.setdefault(shape, {})[stem] = path
+    most = sorted(found, key=lambda shape: -len(found[shape]))[:SHAPES]
+    return {shape: found[shape] for shape in most}
+
+
+def _fit(
+    shapes: Sequence[dict[str, dict[str, str]]], truth: str, estimate: str
+) -> tuple[int, bool, int]:
+    """How well two shapes go together: by common names, then by the usual name of truth."""
+    common = len(set(shapes[0][truth]) & set(shapes[1][estimate])) if truth != estimate else 0
+    return common, "gt" in re.split(r"[/._]", truth), -len(truth) - len(estimate)
