@@ -86,7 +86,8 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     most = np.sqrt(c)
     np.clip(found[1], -most, most, out=found[1])
     left = c.copy()
-    np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
+    with np.errstate(over="ignore"):  # below 0, where rounding alone makes it a covariance
+        np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
     np.sqrt(left, out=found[2], where=left > 4 * EPS * c)
     return found
 

@@ -272,7 +272,7 @@ def _absent(
     """What to say of columns that are missing, with what to type."""
     missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
-    lost = f"{headers.where}: no column for {', '.join(missing)} (found: {headers.shown})"
+    lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
     used = {k for k in needed if k is not None}
     used |= {k for mix in states.values() for k, _ in mix or ()}
     items = headers.guess(missing, used, sample)

@@ -229,5 +229,6 @@ def _products(packed: Floats, spread: Spread, cells: Cells, *, fix: bool) -> Flo
     answer = np.empty_like(packed)
     for k, (i, j, _) in enumerate(spread.labels()):
         product = deviation[i] * deviation[j]
-        answer[k] = product if i == j else packed[k] * product
+        with np.errstate(over="ignore"):  # to be mended; what is too large is refused afterwards
+            answer[k] = product if i == j else packed[k] * product
     return answer

@@ -284,7 +284,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
         return [0.0] * size, [1.0] * size
     # one after the other: along the first axis of what has few columns it takes ten times as long
     low, high = (np.array([end(column) for column in known.T]) for end in (np.min, np.max))
-    quantum = 2 * (high / 2 - low / 2) / LEVELS
+    quantum = (high / 2 - low / 2) / (LEVELS / 2)
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
