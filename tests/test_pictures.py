@@ -14,10 +14,11 @@ pytest.importorskip("matplotlib")
 import pandas as pd
 from matplotlib.figure import Figure
 
-from tgospa_eval import evaluate, plots
+from tgospa_eval import evaluate, palette, plots
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import Result
 from tgospa_eval.plots import (
+    plane,
     plot_costs,
     plot_cumulative,
     plot_lanes,
@@ -25,10 +26,11 @@ from tgospa_eval.plots import (
     plot_worst,
     written,
 )  # fmt: skip
+from tgospa_eval.plots.clock import nice
 from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.report import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
-from tgospa_eval.plots.views import binned, nice, view
+from tgospa_eval.plots.views import binned, view
 from tgospa_eval.reports import drawing
 
 Draw = Callable[..., Answer]
@@ -216,6 +218,18 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(points(full, name)) == result.counts[name]
 
 
+def test_events_that_are_near_to_each_other_share_a_mark(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = crowd(steps=120, truths=20)
+    apart = plot_plane(result)
+    monkeypatch.setattr(plane, "GROUPED", 100)
+    made = plot_plane(result)
+    marks = {name: artist(made, name) for name in ("missed", "false")}
+    assert len(marks["false"].get_offsets()) == 1  # all clutter is at one place
+    assert len(marks["missed"].get_offsets()) < len(points(apart, "missed"))
+    legend = [text.get_text() for text in made.legends[0].get_texts()]
+    assert f"false, {result.counts['false']:,.0f}" in " ".join(legend)
+
+
 def test_boxes() -> None:
     boxes = np.array([[[10.0, 20, 4, 8]], [[40, 20, 4, 8]]])
     made = plot_plane(evaluate(boxes, boxes, distance="iou"))
@@ -248,7 +262,7 @@ def test_cumulative() -> None:
     assert points(made, "total")[-1] == pytest.approx([3, result.normalised["tgospa"]])
     dashes = [line.get_linestyle() for line in made.axes[0].get_lines()]
     assert len(made.axes[0].get_lines()) == 5
-    assert dashes.count("-") == 1
+    assert dashes.count("-") == 2  # total and localisation; the others are dashed
 
 
 def test_worst() -> None:
@@ -321,22 +335,84 @@ def test_there_is_always_a_picture(make: Callable[[], Result]) -> None:
     assert len(result_pictures(make(), Pictures(style="paper"))) == 5
 
 
-def test_times_are_named_at_round_steps() -> None:
+def named(times: list, room: float = 80) -> tuple[list[float], list[str], str]:
+    seen = view(stamped(times))
+    return seen.time.ticks(seen.edges[0][0], seen.edges[1][-1], room)
+
+
+def test_round_times_are_named_and_what_they_share_is_said_once() -> None:
     assert nice(0, 100, 5) == [0, 20, 40, 60, 80, 100]
     assert nice(3, 3, 5) == [3]
-    seen = view(stamped([f"2026-03-01T12:00:{k:02d}.5" for k in range(40)]))
-    assert seen.shared == "2026-03-01T"
-    steps, names = seen.ticks(60)
-    assert names == [f"12:00:{step:02d}.5" for step in steps]
-    assert len(steps) <= 6
-    seen = view(stamped([0.5 * k for k in range(100)]))
-    assert seen.ticks(50)[1] == ["0", "10", "20", "30", "40"]
-    assert seen.ticks(50)[0] == [0, 20, 40, 60, 80]
+    assert named([0.5 * k for k in range(100)], 35) == (
+        [0, 10, 20, 30, 40], ["0", "10", "20", "30", "40"], "time",
+    )  # fmt: skip
+    seconds = [f"2026-03-01T12:00:{k:02d}.5" for k in range(40)]
+    _, names, title = named(seconds)
+    assert (names[:3], title) == (["12:00:00", "12:00:10", "12:00:20"], "time, 2026-03-01")
+    days = [f"2026-03-{1 + k:02d}T06:00:00Z" for k in range(9)]
+    assert named(days)[1:] == ([f"03-{k:02d}" for k in range(1, 10)], "time, 2026")
+    night = [f"2026-12-31T{20 + k}:00" for k in range(4)] + ["2027-01-01T00:00"]
+    _, names, title = named(night)
+    assert (names[0], names[-1], title) == ("2026-12-31 20:00", "2027-01-01 00:00", "time")
+    places, names, title = named([1_700_000_000.5 + 0.1 * k for k in range(60)])
+    assert names == ["1", "2", "3", "4", "5", "6"]
+    assert (places[0], title) == (1_700_000_001, "time − 1700000000")
+    _, names, title = named([1_700_000_000_000_000_007 + 40 * k for k in range(30)])
+    assert (names[:2], title) == (["0", "+200"], "time from 1700000000000000007")
+
+
+def test_pictures_over_time_are_to_scale() -> None:
+    times = [*range(3, 20), *range(46, 59)]
+    result = stamped(times)
+    line = artist(plot_cumulative(result), "total")
+    assert line.get_xdata().tolist() == times
+    seen = view(result)
+    assert seen.edges[0][[0, 16, 17]].tolist() == [2.5, 18.5, 45.5]
+    assert seen.edges[1][[16, 17, -1]].tolist() == [19.5, 46.5, 58.5]
+    bars = artist(plot_costs(result), "missed").get_data()
+    assert 19.5 in bars.edges
+    assert 45.5 in bars.edges
+    # a pause that would take most of the picture is left out, and the axis says so
+    parted = stamped([0, 1, 2, 3, 1000, 1001, 1002])
+    assert artist(plot_cumulative(parted), "total").get_xdata().tolist() == [*range(7)]
+    assert plot_costs(parted).axes[0].get_xlabel() == "time, steps evenly spaced"
 
 
 def test_units_of_costs() -> None:
     assert [power("m", p) for p in (1, 2, 3, 1.5)] == [" (m)", " (m²)", " (m³)", " (m^1.5)"]
     assert power("", 2) == ""
+
+
+def seen_by(colour: str, sight: np.ndarray) -> np.ndarray:
+    """Oklab of a colour for eyes that see this much of red, green and blue."""
+    share = np.array([int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)])
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    cones = np.array([
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ])  # fmt: skip
+    return np.array([
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]) @ np.cbrt(cones @ np.clip(sight @ linear, 0, 1))  # fmt: skip
+
+
+SIGHT = {  # Machado, Oliveira and Fernandes 2009, severity 1
+    "all": np.eye(3),
+    "protanopia": [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    "deuteranopia": [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+    "tritanopia": [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+}
+
+
+@pytest.mark.parametrize("colours", [palette.LIGHT, palette.DARK], ids=["light", "dark"])
+@pytest.mark.parametrize("sight", SIGHT)
+def test_parts_are_told_apart_by_all_eyes(colours: dict[str, str], sight: str) -> None:
+    shown = [seen_by(colours[part], np.array(SIGHT[sight])) for part in drawing.PARTS]
+    apart = [np.linalg.norm(a - b) for k, a in enumerate(shown) for b in shown[:k]]
+    assert min(apart) > 0.12
 
 
 # --- files ----------------------------------------------------------------------------------------

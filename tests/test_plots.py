@@ -4,6 +4,8 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+import itertools
+
 from tgospa_eval import plots
 from tgospa_eval.plots import comparison
 
@@ -81,7 +83,7 @@ def test_study_pictures() -> None:
     assert data(time)["certified"] == ([10, 20], [10, 20])  # at the most steps
     assert data(time_steps)["sinkhorn 0.1"] == ([50, 100], [50, 100])
     assert "certified" not in data(error)  # named below the threshold instead
-    assert any("certified: below" in text.get_text() for text in error.texts)
+    assert "certified: below 1e-09" in error.get_title(loc="left")
     assert data(made["error_over_epsilon"].axes[0])["m = 20"] == ([0.01, 0.1], [1e-5, 2e-2])
 
 
@@ -98,15 +100,45 @@ def test_what_failed_is_not_drawn() -> None:
 
 
 def test_estimates() -> None:
-    made = comparison.estimate_pictures({"_a$b": [1.0, 2.0, 0.0], "c": [0.0, 5.0, 1.0]})
+    made = comparison.estimate_pictures({"_a$b": [1.0, 2.0, 0.0], "c": [0.0, 5.0, 1.0]}, [7, 8, 9])
     lines = made["cumulative"].axes[0].get_lines()
     assert [list(line.get_ydata()) for line in lines] == [[1, 3, 3], [0, 5, 6]]
+    assert lines[0].get_xdata().tolist() == [7, 8, 9]  # times, not numbers of steps
     assert [text.get_text() for text in made["cumulative"].legends[0].get_texts()] == [
         r"_a\$b: 3", "c: 6",
     ]  # fmt: skip
-    assert plots.pictures(comparison.estimate_pictures, {"_a$b": [1.0]})
-    assert not comparison.estimate_pictures({})
-    assert not comparison.estimate_pictures({"nothing": []})
+    assert plots.pictures(lambda series: comparison.estimate_pictures(series, [1]), {"_a$b": [1.0]})
+    assert not comparison.estimate_pictures({}, [])
+    assert not comparison.estimate_pictures({"nothing": []}, [])
+
+
+def test_no_panel_is_empty() -> None:
+    """Where nobody errs there is no picture of errors, and times are drawn as bars."""
+    runs = [{**run, "error": 0.0, "lower_error": 0.0, "history": []} for run in DOCUMENT["runs"]]
+    made = comparison.solver_pictures({**DOCUMENT, "runs": runs})
+    assert list(made) == ["time_over_error"]
+    widths = [bar.get_width() for bar in made["time_over_error"].axes[0].patches]
+    assert widths == [1.25, 0.625, 2.5]
+    exact = [
+        {**size, "solvers": [{**s, "error": spread(0)} for s in size["solvers"]]}
+        for size in STUDY["sizes"]
+    ]
+    made = comparison.study_pictures({"sizes": exact})
+    assert list(made) == ["scaling"]
+    assert [len(axis.get_lines()) for axis in made["scaling"].axes] == [3, 3]
+
+
+@pytest.mark.parametrize(("low", "high"), [(2e-3, 6e-3), (3e-3, 4e-2), (1e-2, 80.0)])
+def test_names_of_ticks_do_not_overlap(low: float, high: float) -> None:
+    runs = [run("certified", None, 0.0, low), run("sinkhorn", 0.1, 3e-9, high)]
+    made = comparison.time_over_error({**DOCUMENT, "runs": runs})
+    made.draw_without_rendering()
+    for which, side in ((made.axes[0].xaxis, "x"), (made.axes[0].yaxis, "y")):
+        texts = [*which.get_ticklabels(), *which.get_ticklabels(minor=True)]
+        boxes = [text.get_window_extent() for text in texts if text.get_text()]
+        ends = sorted((getattr(box, f"{side}0"), getattr(box, f"{side}1")) for box in boxes)
+        assert len(ends) >= 2
+        assert all(a[1] < b[0] for a, b in itertools.pairwise(ends))
 
 
 def test_pictures_are_the_same_bytes() -> None:

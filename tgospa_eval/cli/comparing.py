@@ -131,7 +131,7 @@ def compare_estimates(
     settings = _settings(options, given)
     stopwatch = Stopwatch()
 
-    def work() -> tuple[Document, dict[str, str], dict[str, Any]]:
+    def work() -> tuple[Document, dict[str, str], tuple[list[Any], dict[str, list[float]]]]:
         pairs = Pairs(settings, options, given, stopwatch)
         found: list[list[Outcome]] = [[] for _ in estimates]
         for of_truth, paths in runs:
@@ -150,11 +150,11 @@ def compare_estimates(
         tables = {"per_step.csv": csv_text(steps_table(entrants, best))}
         return answer, tables, steps_costs(entrants)
 
-    answer, tables, costs = run(work, stopwatch, show=not options["quiet"])
+    answer, tables, (times, costs) = run(work, stopwatch, show=not options["quiet"])
     if answer["pairs"]:
         tables["pairs.csv"] = csv_text(pairs_table(answer))
     ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
-    show(answer, options, tables, lambda _: estimate_pictures(ranked))
+    show(answer, options, tables, lambda _: estimate_pictures(ranked, times))
     unfinished = [
         (path, made["status"])
         for item in answer["estimates"]

@@ -293,21 +293,27 @@ def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
     return table
 
 
-def steps_costs(entrants: Sequence[Entrant]) -> dict[str, list[float]]:
-    """Cost of each step by estimate, mean over runs; none where the runs differ in length."""
-    found = {}
+def steps_costs(entrants: Sequence[Entrant]) -> tuple[list[Any], dict[str, list[float]]]:
+    """Times, and the cost of each step by estimate, mean over runs.
+
+    None where the runs differ in length; of runs with other times each the numbers of the steps.
+    """
+    found, times = {}, []
     for entrant in entrants:
         runs = []
         for run, item in enumerate(entrant.outcomes):
-            rivals = [other.outcomes[run].moments for other in entrants]
-            moments = np.unique(np.concatenate(rivals))
+            rivals = [other.outcomes[run] for other in entrants]
+            named = {m: t for o in rivals for m, t in zip(o.moments.tolist(), o.times, strict=True)}
+            moments = np.array(sorted(named), item.moments.dtype)
+            times.append([named[m] for m in moments.tolist()])
             costs = np.zeros(len(moments))
             costs[np.searchsorted(moments, item.moments)] = sum(item.steps.values())
             runs.append(costs)
         if len({len(costs) for costs in runs}) > 1:
-            return {}
+            return [], {}
         found[entrant.name] = np.mean(runs, axis=0).tolist()
-    return found
+    same = all(other == times[0] for other in times)
+    return times[0] if same else list(range(1, len(times[0]) + 1)), found
 
 
 def _joined(first: Outcome, second: Outcome) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -9,8 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tgospa_eval.figures import number
+from tgospa_eval.palette import LIGHT
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
     from tgospa_eval.plots.lanes import plot_lanes
@@ -80,10 +84,12 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     FigureCanvasAgg(made)
     axes = made.subplots(rows, columns, squeeze=False)
     for axis in axes.flat:
-        axis.grid(visible=True, which="major", color="#dddddd", linewidth=grid)
+        axis.grid(visible=True, which="major", color=LIGHT["grid"], linewidth=grid)
         axis.set_axisbelow(True)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)
+        counted(axis.xaxis)
+        counted(axis.yaxis)
     return made, axes
 
 
@@ -118,6 +124,11 @@ def written(made: "Figure", kind: str = "png", dots: int = DOTS) -> bytes:
         else:
             made.savefig(target, format=kind, dpi=dots, **FILES[kind])
     return target.getvalue()
+
+
+def counted(which: "Axis") -> None:
+    """Numbers on this axis are written as everywhere else."""
+    which.set_major_formatter(lambda value, _: number(float(f"{value:.10g}"), 10))
 
 
 def label(axis: "Axes", x: str, y: str, title: str) -> None:

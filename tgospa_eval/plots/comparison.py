@@ -1,13 +1,20 @@
 """Pictures of `compare`: errors, times and convergence of solvers; takes its documents."""
 
 import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.figures import number
+from tgospa_eval.palette import LIGHT
 from tgospa_eval.plots import COLOURS, MARKERS, figure, label
+from tgospa_eval.plots.clock import Clock, words
+from tgospa_eval.plots.overtime import name_times
+from tgospa_eval.reports.moments import edges, moments, placed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 Document = dict[str, Any]
@@ -23,11 +30,19 @@ def solver_pictures(document: Document) -> "dict[str, Figure]":
     if document["referee"] is None:
         return {}
     made = {"time_over_error": time_over_error(document)}
-    if len(_temperatures(document)) > 1:
+    runs = _temperatures(document)
+    if len(runs) > 1 and _seen(
+        value for run in runs for value in (run["error"], run["lower_error"])
+    ):
         made["error_over_epsilon"] = error_over_epsilon(document)
-    if any(run["history"] for run in document["runs"]):
+    if any(len(run["history"]) > 1 for run in document["runs"]):
         made["convergence"] = convergence(document)
     return made
+
+
+def _seen(errors: Iterable[float | None]) -> bool:
+    """Whether one of them is more than none."""
+    return any(error is not None and error > FLOOR for error in errors)
 
 
 def error_over_epsilon(document: Document) -> "Figure":
@@ -51,22 +66,45 @@ def error_over_epsilon(document: Document) -> "Figure":
 
 
 def time_over_error(document: Document) -> "Figure":
-    """What an accuracy costs: solving and proof."""
-    made, ((axis,),) = figure(6.2, 3.6)
+    """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
     runs = [run for run in document["runs"] if run["seconds"] is not None]
+    if not _seen(run["error"] for run in runs):
+        return _times(runs)
+    made, ((axis,),) = figure(6.2, 3.6)
     solvers = list(dict.fromkeys(run["solver"] for run in runs))
     for k, run in enumerate(runs):
-        spent = run["seconds"]["solve"] + run["seconds"]["certify"]
         axis.plot(
-            [floored(run["error"])], [spent], MARKERS[k % len(MARKERS)], ms=7,
+            [floored(run["error"])], [_spent(run)], MARKERS[k % len(MARKERS)], ms=7, alpha=0.8,
             color=COLOURS[solvers.index(run["solver"])], label=run["name"], clip_on=False, zorder=3,
         )  # fmt: skip
-    axis.set_yscale("log")
+    seconds_axis(axis.yaxis)
     error_axis(axis, vertical=False)
     label(axis, "relative error, at most", "seconds, solving and proof",
           "Time and error")  # fmt: skip
     made.legend(*axis.get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return made
+
+
+def _times(runs: Sequence[Document]) -> "Figure":
+    made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
+    place, spent = range(len(runs)), [_spent(run) for run in runs]
+    axis.barh(place, spent, 0.6, color=COLOURS[0])
+    for at, seconds in zip(place, spent, strict=True):
+        axis.annotate(
+            f" {seconds:.3g}", (seconds, at), va="center", fontsize="small", annotation_clip=False
+        )
+    axis.set_yticks(place, [run["name"] for run in runs])
+    axis.tick_params(axis="y", length=0)
+    axis.grid(visible=False, axis="y")
+    axis.set_ylim(len(runs) - 0.4, -0.6)
+    axis.set_xlim(0, max(spent, default=0.0) * 1.1 or 1.0)
+    label(axis, "seconds, solving and proof", "", f"Time; all errors are below {FLOOR:g}")
+    return made
+
+
+def _spent(run: Document) -> float:
+    seconds: float = run["seconds"]["solve"] + run["seconds"]["certify"]
+    return seconds
 
 
 def convergence(document: Document) -> "Figure":
@@ -90,17 +128,37 @@ def convergence(document: Document) -> "Figure":
 
 
 def error_axis(axis: "Axes", *, vertical: bool = True) -> None:
-    """A logarithmic axis of errors that says what stands at its end."""
+    """A logarithmic axis of errors, by powers of ten, that says what stands at its end."""
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+
+    which = axis.yaxis if vertical else axis.xaxis
     (axis.set_yscale if vertical else axis.set_xscale)("log")
     low, high = axis.get_ylim() if vertical else axis.get_xlim()
     at_floor = low <= 3 * FLOOR
+    # from one power of ten to another, for there may be none in between
+    low, high = (10.0 ** end(math.log10(at)) for end, at in ((math.floor, low), (math.ceil, high)))
     limits = (FLOOR if at_floor else low, max(high, low * 100))
     (axis.set_ylim if vertical else axis.set_xlim)(*limits)
+    which.set_major_locator(LogLocator(numticks=10))
+    which.set_major_formatter(LogFormatterSciNotation())
+    which.set_minor_formatter(NullFormatter())
     if at_floor:
         axis.annotate(
             AT_FLOOR, (0, 0), xytext=(0, -44), xycoords="axes fraction",
-            textcoords="offset points", fontsize="x-small", color="#555555",
+            textcoords="offset points", fontsize="x-small", color=LIGHT["soft"],
         )  # fmt: skip
+
+
+def seconds_axis(which: "Axis") -> None:
+    """A logarithmic upright axis of times, written out: 0.2 and not 2 times a power of ten."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    which.axes.set_yscale("log")
+    low, high = which.get_view_interval()
+    subs = (1, 2, 5) if high < 300 * low else (1,)
+    which.set_major_locator(LogLocator(subs=subs, numticks=12))
+    which.set_major_formatter(lambda value, _: number(value, 3) if value >= 1e-4 else f"{value:g}")
+    which.set_minor_formatter(NullFormatter())
 
 
 def floored(error: float | None) -> float:
@@ -128,7 +186,10 @@ def study_pictures(document: Document) -> "dict[str, Figure]":
     temperatures = [s for s in sizes[0]["solvers"] if s["epsilon"] is not None]
     if not any(s["seconds"]["mean"] is not None for size in sizes for s in size["solvers"]):
         return {}  # all failed, or all contradict each other
-    if len(temperatures) > 1:
+    errors = (
+        s["error"]["max"] for size in sizes for s in size["solvers"] if s["epsilon"] is not None
+    )
+    if len(temperatures) > 1 and _seen(errors):
         made["error_over_epsilon"] = study_errors(document)
     if len(sizes) > 1:
         made["scaling"] = scaling(document)
@@ -149,13 +210,13 @@ def study_errors(document: Document) -> "Figure":
             key=lambda run: run["epsilon"],
         )
         x = [run["epsilon"] for run in runs]
-        _line(axis, x, [run["error"] for run in runs], k, f"m = {size['targets']}", FLOOR)
+        _line(axis, x, [run["error"] for run in runs], k, f"m = {size['targets']:,}", FLOOR)
     axis.set_xscale("log")
     axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
     error_axis(axis)
     label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
-          f"Error of sinkhorn by temperature, T = {longest}")  # fmt: skip
+          f"Error of sinkhorn by temperature, T = {longest:,}")  # fmt: skip
     if axis.lines:
         axis.legend(frameon=False)
     return made
@@ -165,50 +226,67 @@ def scaling(document: Document) -> "Figure":
     """Time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
     most = {name: max(size[name] for size in sizes) for name in ("targets", "steps")}
-    rows = [
-        (varied, fixed)
-        for varied, fixed in (("targets", "steps"), ("steps", "targets"))
-        if len({size[varied] for size in sizes}) > 1
-    ]
-    made, axes = figure(9.0, 3.3 * len(rows), rows=len(rows), columns=2)
-    letters = {"targets": "m", "steps": "T"}
-    for (left, right), (varied, fixed) in zip(axes, rows, strict=True):
-        chosen = sorted(
-            (size for size in sizes if size[fixed] == most[fixed]), key=lambda size: size[varied]
-        )
-        x = [size[varied] for size in chosen]
-        exact = []
+    rows = []
+    for varied, fixed in (("targets", "steps"), ("steps", "targets")):
+        chosen = [size for size in sizes if size[fixed] == most[fixed]]
+        if len(chosen) > 1:
+            rows.append((varied, fixed, sorted(chosen, key=lambda size: size[varied])))
+    # A panel of errors is drawn where there are some.
+    with_errors = any(
+        _seen(run["error"]["max"] for size in chosen for run in size["solvers"])
+        for _, _, chosen in rows
+    )
+    columns = 2 if with_errors else 1
+    made, axes = figure(4.5 * columns + 1.0 * (columns == 1), 3.3 * len(rows), len(rows), columns)
+    for panels, (varied, fixed, chosen) in zip(axes, rows, strict=True):
+        name = "targets m" if varied == "targets" else "time steps T"
+        where = f"{'T' if fixed == 'steps' else 'm'} = {most[fixed]:,}"
+        left = panels[0]
         for k, run in enumerate(chosen[0]["solvers"]):
             runs = [size["solvers"][k] for size in chosen]
+            x = [size[varied] for size in chosen]
             _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
-            errors = [item["error"] for item in runs]
-            largest = [item["max"] for item in errors if item["max"] is not None]
-            if largest and max(largest) < FLOOR:  # named instead of drawn
-                exact.append(run["name"])
-            else:
-                _line(right, x, errors, k, run["name"], FLOOR)
-        left.set_xscale("log")
         if left.lines:
-            left.set_yscale("log")
-        right.set_xscale("log")
-        error_axis(right)
-        if exact:
-            right.annotate(
-                f"{', '.join(exact)}: below {FLOOR:g}", (0.02, 0.03),
-                xycoords="axes fraction", fontsize="small", color="#555555",
-            )  # fmt: skip
-        where = f"{letters[fixed]} = {most[fixed]}"
-        name = f"{varied} {letters[varied]}" if varied == "targets" else f"time {varied} T"
+            seconds_axis(left.yaxis)
         label(left, name, "seconds, solving and proof", f"Time, {where}")
-        label(right, name, "relative error, at most", f"Error, {where}")
-        for axis in (left, right):
-            axis.set_xticks(x, [f"{value}" for value in x], minor=False)
-            axis.set_xticks([], minor=True)
+        if with_errors:
+            exact = _errors(panels[1], varied, chosen)
+            told = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
+            label(panels[1], name, "relative error, at most", f"Error, {where}{told}")
+        for axis in panels:
+            _sizes(axis, [size[varied] for size in chosen])
+    if not with_errors:
+        axes[0, 0].set_title(f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}",
+                             fontsize="medium", loc="left")  # fmt: skip
     handles, names = axes[0, 0].get_legend_handles_labels()
-    columns = len(names) if len(names) <= 5 else -(-len(names) // 2)
     if names:
-        made.legend(handles, names, loc="outside upper center", ncols=columns, frameon=False)
+        beside = min(len(names), 3 * columns)
+        made.legend(handles, names, loc="outside upper center", ncols=beside, frameon=False)
     return made
+
+
+def _errors(axis: "Axes", varied: str, chosen: Sequence[Document]) -> list[str]:
+    """Lines of the errors of those that have any; returns the names of the others."""
+    exact = []
+    for k, run in enumerate(chosen[0]["solvers"]):
+        errors = [size["solvers"][k]["error"] for size in chosen]
+        if _seen(error["max"] for error in errors):
+            _line(axis, [size[varied] for size in chosen], errors, k, run["name"], FLOOR)
+        elif any(error["max"] is not None for error in errors):
+            exact.append(run["name"])
+    if axis.lines:
+        error_axis(axis)
+    else:
+        axis.set_yticks([])
+    return exact
+
+
+def _sizes(axis: "Axes", x: Sequence[int]) -> None:
+    """A logarithmic axis that names the sizes that were run."""
+    axis.set_xscale("log")
+    axis.set_xlim(x[0] / (x[-1] / x[0]) ** 0.05, x[-1] * (x[-1] / x[0]) ** 0.05)
+    axis.set_xticks(x, [f"{value:,}" for value in x], minor=False)
+    axis.set_xticks([], minor=True)
 
 
 def _line(
@@ -231,25 +309,30 @@ def _line(
 # --- estimates ------------------------------------------------------------------------------------
 
 
-def estimate_pictures(series: "dict[str, Sequence[float]]") -> "dict[str, Figure]":
+def estimate_pictures(
+    series: Mapping[str, Sequence[float]], times: Sequence[Any]
+) -> "dict[str, Figure]":
     """By file name: where the estimates part. `series` holds the costs of the steps by name."""
-    return {"cumulative": cumulative(series)} if any(series.values()) else {}
+    return {"cumulative": cumulative(series, times)} if any(series.values()) else {}
 
 
-def cumulative(series: "dict[str, Sequence[float]]") -> "Figure":
+def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Any]) -> "Figure":
     """Cost up to each step, a line for each estimate."""
-    made, ((axis,),) = figure(6.2, 3.6)
+    made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend
+    how = moments(times)
+    at = placed(times, how)
+    begin, end = edges(at)
     for k, (name, costs) in enumerate(series.items()):
         total = list(itertools.accumulate(costs))
-        steps = range(1, len(total) + 1)
         colour, dashes = COLOURS[k % len(COLOURS)], ("-", "--", ":", "-.")[k // len(COLOURS) % 4]
-        lines += axis.plot(steps, total, dashes, color=colour)
-        names.append(f"{_literal(name)}: {total[-1]:.6g}")
-    axis.set_xlim(0, None)
+        dot = "o" if len(total) == 1 else ""
+        lines += axis.plot(at, total, dashes + dot, color=colour, clip_on=False)
+        names.append(f"{_literal(name)}: {number(total[-1])}")
     axis.set_ylim(0, None)
-    label(axis, "step", "cost of all steps so far", "Where the estimates part")
-    made.legend(lines, names, loc="outside right upper", frameon=False)
+    label(axis, "", "cost of all steps so far", "Where the estimates part")
+    name_times(axis, Clock(axis=how, labels=words(times)), (begin[0], end[-1]), 6.2)
+    made.legend(lines, names, loc="outside upper left", frameon=False)
     return made
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.palette import TRACKS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
@@ -14,7 +15,6 @@ from tgospa_eval.plots.style import (
     INK,
     MISSED,
     SOFT,
-    TRACKS,
     Style,
     legend,
     literal,
@@ -120,16 +120,17 @@ def draw_lanes(seen: View, style: Style) -> "Figure":
     axis.set_ylim(count - 0.3, -0.5)
     letters = min(72 * tall * 0.62, axis.xaxis.label.get_fontsize())
     columns = min(max(seen.steps, 1), style.bars)
-    pixel = seen.steps / ((style.width - MARGIN) * 72) * 0.8  # the least that is seen, in steps
+    # the least that is seen
+    pixel = (seen.edges[1][-1] - seen.edges[0][0] if seen.steps else 1) / _room(style) * 0.8
     if seen.steps > columns:
         _shares(axis, truths, seen, columns, MISSED)
         _shares(axis, estimates, seen, columns, FALSE)
-    handles = _bars(axis, truths, style, pixel, whole=seen.steps <= columns)
-    handles |= _bars(axis, estimates, style, pixel, whole=seen.steps <= columns)
-    _errors(axis, truths, columns, seen.steps)
+    handles = _bars(axis, truths, seen, style, pixel=pixel, whole=seen.steps <= columns)
+    handles |= _bars(axis, estimates, seen, style, pixel=pixel, whole=seen.steps <= columns)
+    _errors(axis, truths, seen, columns)
     for lanes in (truths, estimates):
-        _others(axis, lanes, columns, seen.steps)
-        _names(axis, lanes, seen, letters, (style.width - MARGIN) * 72)
+        _others(axis, lanes, seen, columns)
+        _names(axis, lanes, seen, letters, _room(style))
         if lanes.side.name == "truth" or len(lanes.tracks):
             axis.annotate(
                 lanes.title, (0.004, lanes.first - 0.95), xycoords=("axes fraction", "data"),
@@ -175,7 +176,9 @@ def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> Any:
     return made
 
 
-def _bars(axis: "Axes", lanes: Lanes, style: Style, pixel: float, *, whole: bool) -> dict[str, Any]:
+def _bars(
+    axis: "Axes", lanes: Lanes, seen: View, style: Style, *, pixel: float, whole: bool
+) -> dict[str, Any]:
     """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
 
     Where there are more steps than can be told apart, `whole` is false, and those that are not
@@ -183,7 +186,7 @@ def _bars(axis: "Axes", lanes: Lanes, style: Style, pixel: float, *, whole: bool
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = lanes.place(run["track"])
-    begin, end = run["begin"] - 0.5, run["end"] + 0.5
+    begin, end = seen.edges[0][run["begin"]], seen.edges[1][run["end"]]
     held = ~np.isnan(place) & (run["other"] != NONE)
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
@@ -214,9 +217,21 @@ def _bars(axis: "Axes", lanes: Lanes, style: Style, pixel: float, *, whole: bool
     return handles
 
 
+def _room(style: Style) -> float:
+    """Points across the lanes, about."""
+    return (style.width - MARGIN) * 72
+
+
 def _columns(step: Ints, columns: int, steps: int) -> Ints:
     """Of each step the column in which it is drawn."""
     return step * columns // max(steps, 1)
+
+
+def _column_edges(seen: View, columns: int) -> tuple[Floats, Floats]:
+    """Where each column begins and ends."""
+    first = -(-np.arange(columns + 1) * seen.steps // columns)
+    begin, end = seen.edges
+    return begin[first[:-1]], end[first[1:] - 1]
 
 
 def _alone(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
@@ -237,49 +252,50 @@ def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -
     cell, count = np.unique(cells, return_counts=True)
     wide = seen.steps / columns
     tall = np.clip(count / wide, 0.2, 1.0) * 2 * HALF
-    left, top = (cell % columns) * wide - 0.5, cell // columns - HALF
+    begin, end = _column_edges(seen, columns)
+    left, right, top = begin[cell % columns], end[cell % columns], cell // columns - HALF
     made = _put(
-        axis, _boxes(left, left + wide, top, top + tall), f"{lanes.side.name}/share",
+        axis, _boxes(left, right, top, top + tall), f"{lanes.side.name}/share",
         facecolors=colour, edgecolors=colour, linewidths=0.1,
     )  # fmt: skip
     made.set_zorder(2.2)
 
 
-def _errors(axis: "Axes", lanes: Lanes, columns: int, steps: int) -> None:
+def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     """Error as a share of the cutoff: a darker foot of the bar, the largest of each column."""
     row = lanes.side.row
     place = lanes.place(row["track"])
     kept = np.flatnonzero((row["other"] != NONE) & ~np.isnan(place))
     if not len(kept):
         return
-    column = _columns(row["step"][kept], columns, steps)
+    column = _columns(row["step"][kept], columns, seen.steps)
     cell, back = np.unique(place[kept].astype(np.int64) * columns + column, return_inverse=True)
     tall = np.zeros(len(cell))
     np.maximum.at(tall, back, row["error"][kept] * 2 * HALF)
-    wide = max(steps, 1) / columns
-    left, low = (cell % columns) * wide - 0.5, cell // columns + HALF
+    begin, end = _column_edges(seen, columns)
+    left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
     # As one outline for each cell, which is a fraction of a bar.
     _put(
-        axis, _boxes(left, left + wide, low - tall, low), "truth/error", facecolors="black",
+        axis, _boxes(left, right, low - tall, low), "truth/error", facecolors="black",
         alpha=0.25, linewidths=0,
     )  # fmt: skip
 
 
-def _others(axis: "Axes", lanes: Lanes, columns: int, steps: int) -> None:
+def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     """The last lane: how many of the tracks without a lane of their own are wrong, as a height."""
     if not len(lanes.others):
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
     chosen[lanes.others] = 0
     _, step = _alone(lanes, chosen[lanes.side.run["track"]])
-    count = np.bincount(_columns(step, columns, steps), minlength=columns).astype(float)
+    count = np.bincount(_columns(step, columns, seen.steps), minlength=columns).astype(float)
     most = count.max(initial=0.0) or 1.0
-    edges = np.arange(columns + 1) * max(steps, 1) / columns - 0.5
+    begin, end = _column_edges(seen, columns)
     low = lanes.end - 1 + HALF
     # What is wrong at all is seen.
     height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
     axis.stairs(
-        low - height, edges, baseline=low, fill=True,
+        low - height, np.append(begin, end[-1]), baseline=low, fill=True,
         color=MISSED if lanes.side.name == "truth" else FALSE, label=f"{lanes.side.name}/others",
     )  # fmt: skip
 
@@ -294,7 +310,8 @@ def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str
     many = len(place) > 400
     size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
     marks = axis.scatter(
-        switches["step"] - 0.5, place - HALF, s=np.where(switches["mass"] >= 0.99, size, size / 2),
+        seen.edges[0][switches["step"]], place - HALF,
+        s=np.where(switches["mass"] >= 0.99, size, size / 2),
         marker="v", color=INK, edgecolors="white", linewidths=0 if many else 0.3, zorder=4,
         label="switch", clip_on=False, rasterized=len(place) > VECTOR,
     )  # fmt: skip
@@ -303,22 +320,23 @@ def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str
 
 def _names(axis: "Axes", lanes: Lanes, seen: View, letters: float, room: float) -> None:
     """Ids of the other side inside stretches where there is room, the longest first."""
-    if letters < 4:
+    if letters < 4 or not seen.steps:
         return
     from matplotlib.text import Text
 
     run, truth = lanes.side.run, lanes.side.name == "truth"
     other = seen.estimate if truth else seen.truth
     place = lanes.place(run["track"])
-    wide = (run["end"] - run["begin"] + 1) * room / max(seen.steps, 1)
+    (begin, end), point = seen.edges, (seen.edges[1][-1] - seen.edges[0][0]) / room
+    wide = (end[run["end"]] - begin[run["begin"]]) / point
     held = np.flatnonzero((run["other"] != NONE) & ~np.isnan(place) & (wide > letters))
     for k in held[np.argsort(-wide[held], kind="stable")][:NAMES]:
         name = literal(other.ids[run["other"][k]], 16)
         if len(name) * 0.66 * letters + 3 > wide[k]:
             continue
         text = Text(
-            run["begin"][k] - 0.5 + 2 * seen.steps / room, place[k], name, fontsize=letters,
-            va="center_baseline", color=INK, parse_math=False, zorder=3,
+            begin[run["begin"][k]] + 2 * point, place[k], name, fontsize=letters,
+            va="center_baseline", color="white" if truth else INK, parse_math=False, zorder=3,
             backgroundcolor="none" if truth else "white",
         )  # fmt: skip
         text.set_in_layout(False)

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.plots import figure
+from tgospa_eval.plots.clock import Clock
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import View, binned, parts_of, view
+from tgospa_eval.problem import Floats
 from tgospa_eval.summary import Summary
 
 if TYPE_CHECKING:
@@ -68,14 +70,16 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
     first, dearest = binned(sum(costs.values(), np.zeros(seen.steps)), style.bars)
-    edges = np.append(first, seen.steps) - 0.5
+    begin, end = seen.edges
+    begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
     base = np.zeros(len(first))
     handles = []
     for name, cost in costs.items() if seen.steps else ():
         # What costs nothing has no outline either.
         height = np.where(cost[dearest] > 0, cost[dearest], np.nan)
+        places, (top, foot) = _with_gaps(begin, end, base + height, base)
         bars = axis.stairs(
-            base + height, edges, baseline=base, fill=True, linewidth=_thin(style, len(first)),
+            top, places, baseline=foot, fill=True, linewidth=_thin(style, len(first)),
             label=name, **FILLS[name],
         )  # fmt: skip
         handles.append(bars)
@@ -84,7 +88,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     time_axis(axis, seen, style)
     together = first[1] - first[0] if len(first) > 1 else 1
     if together > 1:
-        axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the dearest of {together} steps")
+        axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the dearest of {together:,} steps")
     cost_unit = power(seen.data["unit"], seen.data["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
     titled(axis, style, "Cost of each step", seen.about)
@@ -96,12 +100,12 @@ def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_cumulative` of a view."""
     made, ((axis,),) = figure(style.width, style.low)
     names = [*parts, "total"]
-    x = np.arange(seen.steps)
+    dot = {"marker": "o", "markersize": 4} if seen.steps == 1 else {}  # one point is no line
     width = axis.spines["left"].get_linewidth() * 1.3  # of the style
     handles = [
         axis.plot(
-            x, seen.data["curve"][name], linewidth=width * (1.6 if name == "total" else 1),
-            **LINES[name], clip_on=False, label=name,
+            seen.at, seen.data["curve"][name], linewidth=width * (1.6 if name == "total" else 1),
+            **LINES[name], **dot, clip_on=False, label=name, zorder=2 + (name != "total") / 10,
         )[0]
         for name in names
     ]  # fmt: skip
@@ -115,20 +119,32 @@ def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     return made
 
 
+def _with_gaps(begin: Floats, end: Floats, *values: Floats) -> tuple[Floats, list[Floats]]:
+    """Edges of bars one after the other, and their values, with holes where there is nothing."""
+    gaps = np.flatnonzero(end[:-1] < begin[1:]) + 1
+    places = np.append(np.insert(begin, gaps, end[gaps - 1]), end[-1:])
+    return places, [np.insert(value, gaps, np.nan) for value in values]
+
+
 def time_axis(axis: "Axes", seen: View, style: Style, *, upright: bool = False) -> None:
-    """Steps with the times as names, from edge to edge."""
-    characters = (style.width - MARGIN) * 72 / (0.62 * _size(axis))
-    if upright:
-        axis.set_ylim(-0.5, max(seen.steps, 1) - 0.5)
-        axis.set_yticks(*seen.ticks(characters / 2), parse_math=False)
-        axis.set_ylabel(literal(seen.time_name, 40), parse_math=False)
-        return
-    axis.set_xlim(-0.5, max(seen.steps, 1) - 0.5)
-    axis.set_xticks(*seen.ticks(characters), parse_math=False)
-    axis.set_xlabel(literal(seen.time_name, 40), parse_math=False)
+    """From the first step to the last, with the times as names."""
+    begin, end = seen.edges
+    ends = (float(begin[0]), float(end[-1])) if seen.steps else (-0.5, 0.5)
+    name_times(axis, seen.time, ends, style.width / (2 if upright else 1), upright=upright)
     if not seen.steps:
-        axis.set_xticks([])
         axis.annotate("no steps", (0.5, 0.5), xycoords="axes fraction", ha="center")
+
+
+def name_times(
+    axis: "Axes", clock: Clock, ends: tuple[float, float], width: float, *, upright: bool = False
+) -> None:
+    """Ends, ticks and name of an axis of time in a picture of so many inches."""
+    characters = (width - MARGIN) * 72 / (0.62 * _size(axis))
+    places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
+    which = axis.yaxis if upright else axis.xaxis
+    (axis.set_ylim if upright else axis.set_xlim)(*ends)
+    which.set_ticks(places, names, parse_math=False)
+    which.set_label_text(literal(title, 60), parse_math=False)
 
 
 def _size(axis: "Axes") -> float:

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.palette import TRACKS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.shapes import outlines
 from tgospa_eval.plots.style import (
-    DARK,
     FALSE,
     INK,
     MISSED,
@@ -35,8 +35,21 @@ VECTOR = 40_000
 CROWDED = 400
 """Events from which on marks become smaller."""
 
+GROUPED = 1500
+"""Events from which on a mark stands for all of a kind that are near to each other."""
+
+CELLS = 48
+"""Places for such marks beside each other."""
+
+FAINT = 100
+"""Trajectories from which on lines are thinner and fainter, so that marks stand out."""
+
 STRETCH = 8
 """How much longer one axis may be for both to have one scale."""
+
+
+Mark = tuple[str, Floats, Floats, dict[str, Any]]
+"""Kind of event, places, looks."""
 
 
 def plot_plane(
@@ -138,20 +151,22 @@ def _lines(
     alone[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(alone)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
-    colour = np.insert(row["track"] % len(DARK), breaks, -1)
+    colour = np.insert(row["track"] % len(TRACKS), breaks, -1)
     made = None
-    for turn in range(1 if truth else len(DARK)):
+    for turn in range(1 if truth else len(TRACKS)):
         drawn = truth | (colour == turn) | (colour == -1)
         looks: dict[str, Any]
+        faint = min(1.0, (FAINT / len(side.ids)) ** 0.5)
         if truth:
             looks = {"color": SOFT, "linestyle": "-" if many else (0, (4, 2))}
         else:
-            looks = {"color": DARK[turn], "linestyle": "-"}
+            looks = {"color": TRACKS[turn], "linestyle": "-"}
         line = axis.plot(
             x[drawn], y[drawn], linewidth=thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
+            alpha=faint * (0.7 if many else 1),
             zorder=2 if truth else 2.1, rasterized=many, label=f"{side.name}/{turn}", **looks,
         )[0]  # fmt: skip
-        dots = alone & (truth | (row["track"] % len(DARK) == turn))
+        dots = alone & (truth | (row["track"] % len(TRACKS) == turn))
         if dots.any():
             axis.plot(
                 *(values[dots] for values in place), ".", color=looks["color"],
@@ -165,7 +180,7 @@ def _events(
     axis: "Axes", seen: View, places: dict[str, tuple[Floats, Floats]], style: Style
 ) -> dict[str, Any]:
     """Crosses, triangles and diamonds where something is wrong."""
-    marks: list[tuple[str, Floats, Floats, dict[str, Any]]] = []
+    marks: list[Mark] = []
     for side, name, looks in (
         (seen.truth, "missed", {"marker": "x", "color": MISSED}),
         (seen.estimate, "false", {"marker": "^", "color": FALSE, "markerfacecolor": "none"}),
@@ -180,6 +195,8 @@ def _events(
             diamond["markeredgecolor"] = "white"
         marks.append(("switch", places["truth"][0][row], places["truth"][1][row], diamond))
     count = sum(len(x) for _, x, _, _ in marks)
+    if count > GROUPED:
+        return _grouped(axis, marks, style)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
     return {
         name: axis.plot(
@@ -189,6 +206,40 @@ def _events(
         for name, x, y, looks in marks
         if len(x)
     }  # fmt: skip
+
+
+def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
+    """A mark for each kind and place, whose area is the number of events there."""
+    wide = _extent([x for _, x, _, _ in marks]) / CELLS
+    tall = _extent([y for _, _, y, _ in marks]) / CELLS
+    groups = {name: _near(x, y, wide, tall) for name, x, y, _ in marks if len(x)}
+    most = max(int(count.max()) for _, _, count in groups.values())
+    largest = 1.1 * ((style.width - 1.0) * 72 / CELLS) ** 2
+    handles = {}
+    for name, _, _, looks in marks:
+        if name not in groups:
+            continue
+        x, y, count = groups[name]
+        looks = {"marker": looks["marker"], "zorder": looks.get("zorder", 3)} | (
+            {"facecolors": "none", "edgecolors": looks["color"]}
+            if "markerfacecolor" in looks
+            else {"color": looks["color"]}
+        )
+        made = axis.scatter(
+            x, y, s=np.maximum(largest * count / most, largest / 40), label=name, alpha=0.8,
+            linewidths=0.7, rasterized=len(x) > VECTOR // 8, **looks,
+        )  # fmt: skip
+        handles[f"{name}, {count.min():,} to {count.max():,}"] = made
+    return handles
+
+
+def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Floats, Ints]:
+    """Middles and numbers of the points in each cell of a grid."""
+    cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
+    _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)  # NumPy 2.0 alone gives it two axes
+    middle = [np.bincount(cell, weights=values) / count for values in (x, y)]
+    return middle[0], middle[1], count
 
 
 def rows_of_switches(seen: View) -> Ints:

@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.plots.style import DARK, INK, Style
+from tgospa_eval.palette import TRACKS
+from tgospa_eval.plots.style import INK, Style
 from tgospa_eval.plots.views import TIME, Side, View
 from tgospa_eval.problem import Floats, Ints
 
@@ -42,7 +43,7 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
         middle = np.stack([side.axes[across][row], side.axes[up][row]], axis=1)
         kept = spaced(side.row["track"][row], middle, APART * reach)
         truth = side.name == "truth"
-        colours = np.array(DARK)[side.row["track"][row[kept]] % len(DARK)]
+        colours = np.array(TRACKS)[side.row["track"][row[kept]] % len(TRACKS)]
         thin = 0.9 if style.titles else 0.5
         made = PolyCollection(
             list(shapes[kept]), facecolors="none", edgecolors=INK if truth else colours,

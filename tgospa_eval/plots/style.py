@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.palette import LIGHT
 from tgospa_eval.plots import DOTS, MISSING, available
 from tgospa_eval.text import quoted
 
@@ -77,30 +78,24 @@ STYLES = {
 }
 """``--style``: a window or a page of notes, or one column of a journal without titles."""
 
-INK, SOFT = "#16191d", "#50575f"
-MISSED, FALSE = "#b83a00", "#6d35b0"
+INK, SOFT = LIGHT["ink"], LIGHT["soft"]
+MISSED, FALSE = LIGHT["missed"], LIGHT["false"]
 
 FILLS: Mapping[str, dict[str, Any]] = {
-    "localisation": {"facecolor": "#a9c9e8", "edgecolor": "#3f78ad"},
-    "missed": {"facecolor": "#fdece3", "edgecolor": MISSED, "hatch": "/////"},
-    "false": {"facecolor": "#f0e8fa", "edgecolor": FALSE, "hatch": "....."},
-    "switch": {"facecolor": INK, "edgecolor": INK},
+    "localisation": {"facecolor": LIGHT["localisation"], "edgecolor": LIGHT["localisation"]},
+    "missed": {"facecolor": "white", "edgecolor": MISSED, "hatch": "/////"},
+    "false": {"facecolor": "white", "edgecolor": FALSE, "hatch": "....."},
+    "switch": {"facecolor": LIGHT["switch"], "edgecolor": LIGHT["switch"]},
 }
 """Of the parts of the cost, told apart by their patterns where there are no colours."""
 
 LINES: Mapping[str, dict[str, Any]] = {
-    "localisation": {"color": "#3f78ad", "linestyle": (0, (1, 1))},
+    "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},
     "missed": {"color": MISSED, "linestyle": (0, (6, 2))},
     "false": {"color": FALSE, "linestyle": (0, (2, 2))},
     "switch": {"color": SOFT, "linestyle": (0, (8, 2, 2, 2))},
     "total": {"color": INK, "linestyle": "-"},
 }
-
-TRACKS = ("#77AADD", "#EEDD88", "#D9B38C", "#99DDFF", "#BBCC33", "#FFAABB", "#44BB99", "#C9B2E6")
-"""Of estimates, in turn: light, for their ids are written on them; after Tol's scheme "light"."""
-
-DARK = ("#33669A", "#8A7A1E", "#8C6239", "#2F8FB8", "#6F7A10", "#B5566C", "#1F7A63", "#7A58A8")
-"""The same for lines."""
 
 
 @contextmanager

@@ -4,7 +4,6 @@
 suit matplotlib. No artist, no choice of looks.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports.drawing import BOX, NONE, PARTS, document
+from tgospa_eval.reports.moments import edges, placed
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -91,44 +92,22 @@ class View:
     @cached_property
     def labels(self) -> list[str]:
         """The times in words."""
-        return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in self.data["times"]]
+        return words(self.data["times"])
 
     @cached_property
-    def shared(self) -> str:
-        """Of times that are texts what is the same in all, as the date."""
-        if not self.steps or not isinstance(self.data["times"][0], str):
-            return ""
-        first, last = self.labels[0], self.labels[-1]
-        same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
-        return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
+    def time(self) -> Clock:
+        """The axis of time."""
+        return Clock(axis=self.data["axis"], labels=self.labels)
 
-    @property
-    def time_name(self) -> str:
-        """What the axis of time is called."""
-        return f"time {self.shared}…" if self.shared else "time"
+    @cached_property
+    def at(self) -> Floats:
+        """Where each step is on it."""
+        return placed(self.data["times"], self.data["axis"])
 
-    def ticks(self, room: float) -> tuple[list[int], list[str]]:
-        """Steps to name on an axis that has room for so many characters, and their names."""
-        names = [label[len(self.shared) :] for label in self.labels]
-        longest = max(map(len, names), default=1) + 2
-        count = max(2, int(room / longest))
-        if self.steps <= count:
-            chosen = list(range(self.steps))
-        else:
-            chosen = self._round(count) or [
-                round(step) for step in nice(0, self.steps - 1, count) if step == round(step)
-            ]
-        return chosen, [names[step] for step in chosen]
-
-    def _round(self, count: int) -> list[int]:
-        """Steps at round times, if there are such."""
-        times = self.data["times"]
-        if isinstance(times[0], str) or isinstance(times[-1], str):
-            return []
-        wanted = nice(times[0], times[-1], count)
-        step_of = {f"{t:.12g}": k for k, t in enumerate(times)}
-        found = [step_of[f"{t:.12g}"] for t in wanted if f"{t:.12g}" in step_of]
-        return found if len(found) >= max(2, len(wanted) / 2) else []
+    @cached_property
+    def edges(self) -> tuple[Floats, Floats]:
+        """Where each step begins and ends on it."""
+        return edges(self.at)
 
 
 def view(result: Summary) -> View:
@@ -193,17 +172,6 @@ def is_box(columns: Sequence[str]) -> bool:
     return tuple(columns[: len(BOX)]) == BOX
 
 
-def nice(low: float, high: float, count: int) -> list[float]:
-    """Round numbers from low to high, about so many."""
-    if not high > low:
-        return [low]
-    raw = (high - low) / max(count, 1)
-    size = 10.0 ** math.floor(math.log10(raw))
-    size *= next(factor for factor in (1, 2, 5, 10) if factor * size >= raw * (1 - 1e-9))
-    first = math.ceil(low / size - 1e-9)
-    return [k * size for k in range(first, math.floor(high / size + 1e-9) + 1)]
-
-
 def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     """First steps of at most so many bins of equal length, and of each its dearest step."""
     together = max(1, -(-len(total) // most))
@@ -244,7 +212,7 @@ def _side(name: str, data: dict[str, Any], arrays: dict[str, Ints]) -> Side:
 def _axes(
     name: str, data: dict[str, Any], arrays: dict[str, Ints], step: Ints
 ) -> dict[str, Floats]:
-    """The columns, the centres of boxes, and the number of the step."""
+    """The columns, the centres of boxes, and the time."""
     found: dict[str, Floats] = {
         column: data["low"][k] + arrays[f"{name}/row/{k}"] * data["quantum"][k]
         for k, column in enumerate(data["columns"])
@@ -253,5 +221,5 @@ def _axes(
         found["centre x"] = found["left"] + found["width"] / 2
         found["centre y"] = found["top"] + found["height"] / 2
     if data["columns"]:
-        found[TIME] = step.astype(float)
+        found[TIME] = placed(data["times"], data["axis"])[step]
     return found

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.plots import figure
+from tgospa_eval.figures import number
+from tgospa_eval.plots import counted, figure
 from tgospa_eval.plots.style import FILLS, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import Side, View, parts_of, view
 from tgospa_eval.problem import Floats
@@ -50,8 +51,11 @@ def plot_worst(
 
 def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_worst` of a view."""
+    shared = seen.time.shared
     lists = {
-        "steps": _dearest(seen.data["costs"], seen.labels, style.worst, parts),
+        "steps": _dearest(
+            seen.data["costs"], [t[len(shared) :] for t in seen.labels], style.worst, parts
+        ),
         "truths": _dearest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
         "estimates": _dearest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
     }
@@ -65,7 +69,8 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         axes[0].get_gridspec().set_height_ratios(rows)
     for axis, (title, (names, costs)) in zip(axes, lists.items(), strict=True):
         _bars(axis, names, costs, style.worst if beside else max(len(names), 4), beside=beside)
-        axis.set_ylabel(title, fontweight="bold")
+        said = f"{title} {literal(shared)}…" if shared and title == "steps" else title
+        axis.set_ylabel(said, fontweight="bold", parse_math=False)
     unit = power(seen.data["unit"], seen.data["order"])
     axes[len(axes) // 2 if beside else -1].set_xlabel(f"cost{unit}", parse_math=False)
     if style.titles:
@@ -113,14 +118,19 @@ def _bars(
         end = end + cost
     for at, total in zip(place, end, strict=True):
         axis.annotate(
-            f" {total:.4g}", (total, at), va="center", fontsize="small", annotation_clip=False
+            f" {number(total, 4)}",
+            (total, at),
+            va="center",
+            fontsize="small",
+            annotation_clip=False,
         )
     axis.set_ylim(max(rows, 1) - 0.4, -0.6)
     axis.set_xlim(0, float(end.max(initial=0.0)) * (1.22 if beside else 1.1) or 1.0)
     axis.grid(visible=False, axis="y")
     axis.tick_params(axis="y", length=0)
     axis.locator_params(axis="x", nbins=4)
-    axis.set_yticks(place, [literal(name, 16) for name in names], parse_math=False)
+    counted(axis.xaxis)
+    axis.set_yticks(place, [literal(name, 20) for name in names], parse_math=False)
     if not names:
         axis.annotate("none", (0.5, 0.5), xycoords="axes fraction", ha="center", va="center")
         axis.set_xticks([])

@@ -15,6 +15,7 @@ from tgospa_eval.by_class import ByClass
 from tgospa_eval.evaluation import Result
 from tgospa_eval.problem import Floats, Ints
 from tgospa_eval.reports import spreads
+from tgospa_eval.reports.moments import EXACT, moments
 from tgospa_eval.summary import Summary, Table
 from tgospa_eval.weights import ONE
 
@@ -102,8 +103,10 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
+    times = [_time(t) for t in per_step["t"]]
     return {
-        "times": [_time(t) for t in per_step["t"]],
+        "times": times,
+        "axis": moments(times),
         "costs": {name: _rounded(per_step[name]) for name in PARTS},
         "counts": {
             name: _rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
@@ -327,7 +330,7 @@ def _switches(parts: list[Result]) -> Table:
 
 def _time(t: float | str) -> float | str:
     """A time as it was read; what is beyond the whole numbers of a browser is a text to it."""
-    return t if isinstance(t, int | float) and abs(t) < 1 << 53 else str(t)
+    return t if isinstance(t, int | float) and abs(t) < EXACT else str(t)
 
 
 def _rounded(values: list[float]) -> list[float]:

@@ -1,0 +1,20 @@
+"""How numbers are written for people, everywhere alike: 12,345.7. Files for programs do without."""
+
+THOUSANDS = 1e9
+"""Up to here a number is written out."""
+
+
+def number(value: float, digits: int = 6) -> str:
+    """The value with at most so many significant digits, and commas between thousands.
+
+    Whole digits in front of the point are all written, rounded.
+    """
+    value = float(f"{value:.{digits}g}")
+    if 10.0**digits <= abs(value) < THOUSANDS:
+        return f"{value:,.0f}"
+    return f"{value:,.{digits}g}"
+
+
+def count(amount: int, word: str, many: str = "") -> str:
+    """So many of something: 1 step, 1,200 steps."""
+    return f"{amount:,} {word if amount == 1 else many or word + 's'}"

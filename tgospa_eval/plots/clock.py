@@ -1,0 +1,133 @@
+"""Ticks of an axis of time at round times, and their names; what all share is said once."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from functools import cached_property
+from typing import Any
+
+from tgospa_eval.reports.moments import DAY
+
+CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
+"""Round numbers of seconds within a day."""
+
+DAYS = (1, 2, 5, 7, 14, 28, 91, 182, 364)
+FORMS = "%Y-%m-%d", "%Y"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """Names of times.
+
+    Parameters
+    ----------
+    axis : dict
+        Of `reports.moments`.
+    labels : sequence of str
+        The times of all steps in words.
+    """
+
+    axis: dict[str, Any]
+    labels: Sequence[str]
+
+    @cached_property
+    def shared(self) -> str:
+        """Of times that are texts with what all begin, as the date."""
+        if len(self.labels) < 2:
+            return ""
+        first, last = self.labels[0], self.labels[-1]
+        same = next((k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
+        return first[: max(first.rfind("T", 0, same), first.rfind(" ", 0, same)) + 1]
+
+    def ticks(self, low: float, high: float, room: float) -> tuple[list[float], list[str], str]:
+        """Places of ticks, their names, and the name of the axis; `room` is for characters."""
+        if len(self.labels) == 1:
+            return [(low + high) / 2], list(self.labels), "time"
+        make = {"number": _numbers, "stamp": _numbers, "date": self._dates, "step": self._steps}
+        for count in range(10, 1, -1):
+            places, names, title = make[self.axis["kind"]](low, high, count)
+            if len(places) * (max(map(len, names), default=0) + 2) <= room:
+                break
+        if self.axis["kind"] == "stamp":
+            title = f"time from {self.axis['origin']}"
+            names = [f"+{name}" if name != "0" else name for name in names]
+        return places, names, title
+
+    def _dates(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
+        """Round times of the day, or days; what they share of the date is in the name."""
+        places, size = _round_times(low, high, count)
+        origin = datetime.fromisoformat(self.axis["origin"])
+        try:
+            days = [origin + timedelta(days=at // DAY) for at in (*places, low, high)]
+        except OverflowError:  # beyond the year 9999
+            return self._steps(low, high, count)
+        one_day, one_year = (len({day.strftime(form) for day in days}) == 1 for form in FORMS)
+        form = "" if one_day else "%m-%d" if one_year else "%Y-%m-%d"
+        names = [
+            " ".join(filter(None, (day.strftime(form), _of_day(at % DAY, size))))
+            for at, day in zip(places, days, strict=False)
+        ]
+        said = f", {origin:%Y-%m-%d}" if one_day else f", {origin:%Y}" if one_year else ""
+        return places, names, f"time{said}"
+
+    def _steps(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
+        """Steps at round distances, evenly spaced."""
+        first, last = max(math.ceil(low), 0), min(math.floor(high), len(self.labels) - 1)
+        if last - first < count:
+            steps = list(range(first, last + 1))
+        else:
+            steps = [round(at) for at in nice(first, last, count) if at == round(at)]
+        names = [self.labels[step][len(self.shared) :] for step in steps]
+        said = f"time {self.shared}…" if self.shared else "time"
+        return [float(step) for step in steps], names, f"{said}, steps evenly spaced"
+
+
+def words(times: Sequence[Any]) -> list[str]:
+    """Times as they are written."""
+    return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in times]
+
+
+def _numbers(low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
+    """Round numbers; of large ones that are near to each other the difference to a round one."""
+    places, base = nice(low, high, count), 0.0
+    if max(abs(low), abs(high)) > max(1e5, 1e3 * (high - low)):
+        size = 10.0 ** math.ceil(math.log10(high - low)) if high > low else 1.0
+        base = math.floor(low / size) * size
+    names = [f"{place - base:.10g}" for place in places]
+    return places, names, f"time − {base:.0f}" if base else "time"
+
+
+def _round_times(low: float, high: float, count: int) -> tuple[list[float], float]:
+    """Places of ticks in seconds, and how far they are apart."""
+    raw = (high - low) / count * (1 - 1e-9)
+    if raw <= CLOCK[0] or raw > DAYS[-1] * DAY:
+        places = nice(low, high, count)
+        return places, places[1] - places[0] if len(places) > 1 else 1e-3
+    size = next(size for size in (*CLOCK, *(days * DAY for days in DAYS)) if size >= raw)
+    first, last = math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9)
+    return [k * size for k in range(first, last + 1)], size
+
+
+def _of_day(seconds: float, size: float) -> str:
+    """A time of the day with as many digits as ticks of this distance need; none for days."""
+    if size % DAY == 0:
+        return ""
+    digits = 0 if size >= 1 else min(math.ceil(-math.log10(size) - 1e-9), 9)
+    seconds = round(seconds, digits)
+    minutes, rest = divmod(seconds, 60)
+    text = f"{int(minutes // 60):02d}:{int(minutes % 60):02d}"
+    if size % 60 == 0:
+        return text
+    return f"{text}:{rest:0{3 + digits if digits else 2}.{digits}f}"
+
+
+def nice(low: float, high: float, count: int) -> list[float]:
+    """Round numbers from low to high, about so many."""
+    if not high > low:
+        return [low]
+    raw = (high - low) / max(count, 1)
+    size = 10.0 ** math.floor(math.log10(raw))
+    size *= next(factor for factor in (1, 2, 5, 10) if factor * size >= raw * (1 - 1e-9))
+    first = math.ceil(low / size - 1e-9)
+    return [k * size for k in range(first, math.floor(high / size + 1e-9) + 1)]
