@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-fallback bench lint docs clean
+.PHONY: demo test test-fallback fuzz bench lint docs clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
@@ -13,6 +13,11 @@ test: .venv/installed-test
 # What runs where there is no C compiler.
 test-fallback: .venv/installed-test
 	TGOSPA_EVAL_KERNEL=numpy $(BIN)/python -m pytest tests/test_solver_contract.py tests/test_properties.py tests/test_golden.py
+
+# Properties with new seeds, for about this long.
+SECONDS := 600
+fuzz: .venv/installed-test
+	$(BIN)/python tests/fuzz.py --seconds $(SECONDS)
 
 bench: .venv/installed
 	$(BIN)/python tests/benchmarks

@@ -15,7 +15,8 @@ from typing import Any
 PROGRAM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), ""
 )
-PATIENCE = 60.0
+PATIENCE = 600.0
+"""Seconds until something is taken to hang; no machine is so busy."""
 
 TRAMPOLINE = """
 import fcntl, os, sys
@@ -194,6 +195,6 @@ class Browser:
             self.call("Browser.close")
         except (AssertionError, OSError):
             self._process.terminate()
-        self._process.wait(10)
+        self._process.wait(PATIENCE)
         os.close(self._read)
         os.close(self._write)

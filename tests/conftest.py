@@ -1,23 +1,45 @@
 """Fixtures: files, the command line as a process, the command line in this process."""
 
+import importlib
 import os
+import pkgutil
 import random
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 import browser
 import pytest
-from browser import Browser
+from browser import PATIENCE, Browser
 from hypothesis import HealthCheck, settings
+
+import tgospa_eval
 
 os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
 
-# A machine that does something else beside must not fail a property.
-settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("unhurried")
+# The same examples in every run, however busy the machine; new ones by `make fuzz`.
+settings.register_profile(
+    "steady",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.register_profile(
+    "fuzz", settings.get_profile("steady"), derandomize=False, max_examples=500, print_blob=True
+)
+settings.load_profile("steady")
+
+# Hypothesis draws constants of the modules that it finds imported. All are, so that it draws the
+# same whichever tests ran before.
+for module in pkgutil.walk_packages(tgospa_eval.__path__, "tgospa_eval."):
+    if module.name != "tgospa_eval.__main__":
+        with suppress(ImportError):  # of an extra
+            importlib.import_module(module.name)
 
 QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
 
@@ -60,7 +82,7 @@ def run(tmp_path: Path, environment: dict[str, str]) -> Callable[..., Answer]:
         done = subprocess.run(
             [sys.executable, "-m", "tgospa_eval", *arguments],
             capture_output=True,
-            timeout=60,
+            timeout=PATIENCE,
             check=False,
             cwd=tmp_path,
             env=environment | (env or {}),

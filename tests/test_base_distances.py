@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from test_distances import WAYS, assert_as_by_brute_force, table
 
@@ -194,7 +194,6 @@ CUTOFFS = st.sampled_from([1e-9, 0.1, 0.5, 0.75, 0.9, 0.999, 1 - 1e-12, 1.0, 1.5
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     spread=st.sampled_from([1.0, 3.0, 300.0, 1e7, 1e60]),
@@ -219,7 +218,6 @@ def test_near_boxes_of_all_sizes(
 
 
 @pytest.mark.parametrize("way", WAYS)
-@settings(deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.integers(1, 4),

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
@@ -88,7 +88,6 @@ def test_plan_and_cross_covariance_of_the_worked_example() -> None:
     )
 
 
-@settings(deadline=None)
 @given(clouds(2), clouds(2), st.sampled_from([1, 2]))
 def test_distance_is_the_optimum_of_the_linear_programme(a: Cloud, b: Cloud, order: int) -> None:
     assert cloud_wasserstein(*a, *b, order=order) == pytest.approx(
@@ -96,7 +95,6 @@ def test_distance_is_the_optimum_of_the_linear_programme(a: Cloud, b: Cloud, ord
     )
 
 
-@settings(deadline=None)
 @given(clouds(1), clouds(1), st.sampled_from([1, 2]))
 def test_distance_on_a_line_is_that_in_the_plane(a: Cloud, b: Cloud, order: int) -> None:
     flat = [(np.column_stack((points, 0 * points)), weights) for points, weights in (a, b)]
@@ -106,7 +104,6 @@ def test_distance_on_a_line_is_that_in_the_plane(a: Cloud, b: Cloud, order: int)
 
 
 @pytest.mark.parametrize("order", [1, 2])
-@settings(deadline=None)
 @given(a=clouds(2), b=clouds(2), c=clouds(2))
 def test_distance_is_a_metric(a: Cloud, b: Cloud, c: Cloud, order: int) -> None:
     ab, bc, ac, ba = (
@@ -119,7 +116,6 @@ def test_distance_is_a_metric(a: Cloud, b: Cloud, c: Cloud, order: int) -> None:
     assert cloud_wasserstein(*a, *back, order=order) <= 1e-7
 
 
-@settings(deadline=None)
 @given(clouds(3), clouds(3))
 def test_bounds_and_the_identity_of_the_cross_covariance(a: Cloud, b: Cloud) -> None:
     first, second = (cloud_wasserstein(*a, *b, order=order) for order in (1, 2))
@@ -136,7 +132,6 @@ def test_bounds_and_the_identity_of_the_cross_covariance(a: Cloud, b: Cloud) -> 
     assert second**2 == pytest.approx(apart**2 + spread, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(clouds(2), clouds(2))
 def test_plans_have_the_weights_as_sums(a: Cloud, b: Cloud) -> None:
     plan = transport_plan(*a, *b)
@@ -334,7 +329,6 @@ def test_one_step_of_the_worked_examples() -> None:
     np.testing.assert_allclose(points, expected, atol=1e-8)
 
 
-@settings(deadline=None)
 @given(clouds(2, most=12), st.integers(1, 4), st.sampled_from(METHODS[:4]))
 def test_reduction_keeps_the_mean(cloud: Cloud, size: int, method: str) -> None:
     points, weights = reduce_cloud(*cloud, size, method=method)

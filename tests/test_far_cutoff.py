@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from claims import claim, judge, judged, reference_of, totals
 from far_scenes import WALKS, FarScene, far_scene
-from hypothesis import given, seed, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from strategies import ANY_ORDERS, far_scenes
 
@@ -23,7 +23,6 @@ from tgospa_eval.errors import ConfigError
 Write = Callable[[str, str], str]
 Run = Callable[..., Any]
 
-STEADY = settings(derandomize=True, deadline=None, print_blob=False)
 SLOW_TINY = 10_000
 
 SWAPPED_PAIR = (
@@ -186,39 +185,39 @@ def test_larger_scenes(family: str, index: int) -> None:
 # --- properties -----------------------------------------------------------------------------------
 
 
-@settings(STEADY, max_examples=150)
+@settings(max_examples=150)
 @given(scene=far_scenes())
 def test_bounds_hold(scene: FarScene) -> None:
     """The lower bound <= optimum <= upper bound; and called exact is what is within 1e-9."""
     check(scene)
 
 
-@settings(STEADY, max_examples=60)
+@settings(max_examples=60)
 @given(scene=far_scenes(orders=ANY_ORDERS, farthest=30.0))
 def test_bounds_hold_for_any_order_and_cutoff(scene: FarScene) -> None:
     check(scene)
 
 
-@settings(STEADY, max_examples=50)
+@settings(max_examples=50)
 @given(scene=far_scenes(most=5, steps=(5, 20)))
 def test_bounds_hold_in_contested_scenes(scene: FarScene) -> None:
     check(scene)
 
 
-@settings(STEADY, max_examples=8)
+@settings(max_examples=8)
 @given(scene=far_scenes(most=2, steps=(150, 400)))
 def test_bounds_hold_over_many_steps(scene: FarScene) -> None:
     check(scene)
 
 
-@settings(STEADY, max_examples=40)
+@settings(max_examples=40)
 @given(scene=far_scenes(farthest=2.0))
 def test_bounds_hold_near_the_cutoff(scene: FarScene) -> None:
     """The ordinary regime: no digit is lost there either."""
     check(scene)
 
 
-@settings(STEADY, max_examples=60)
+@settings(max_examples=60)
 @given(scene=far_scenes(most=4, steps=(1, 8)), shuffle=st.integers(0, 99))
 def test_brackets_of_one_instance_overlap(scene: FarScene, shuffle: int) -> None:
     """Sides exchanged, time reversed, tracks in another order: one optimum, in every bracket."""
@@ -237,7 +236,7 @@ def test_brackets_of_one_instance_overlap(scene: FarScene, shuffle: int) -> None
     assert max(lower for lower, _ in brackets) <= min(upper for _, upper in brackets)
 
 
-@settings(STEADY, max_examples=50)
+@settings(max_examples=50)
 @given(scene=far_scenes(kinds=("equal",), most=4), shuffle=st.integers(0, 99))
 def test_equal_sets_cost_nothing(scene: FarScene, shuffle: int) -> None:
     """The identity axiom, for any cutoff and order."""
@@ -250,7 +249,7 @@ def test_equal_sets_cost_nothing(scene: FarScene, shuffle: int) -> None:
 
 @pytest.mark.parametrize("solver", [Exact(), Sinkhorn(), Certified(time_limit=1e-3)])
 @pytest.mark.filterwarnings("default")  # whether libraries may warn is asked elsewhere
-@settings(STEADY, max_examples=15)
+@settings(max_examples=15)
 @given(scene=far_scenes())
 def test_bounds_hold_whoever_solves(solver: Any, scene: FarScene) -> None:
     """An approximation, or what a limit stopped, is not exact; its bounds hold all the same."""
@@ -274,8 +273,7 @@ def test_ten_thousand_tiny_instances(part: int) -> None:
 
 
 @pytest.mark.slow
-@seed(14)
-@settings(deadline=None, max_examples=3000)
+@settings(max_examples=3000)
 @given(scene=far_scenes(orders=ANY_ORDERS | st.sampled_from([1.0, 2.0, 3.0]), farthest=20.0))
 def test_bounds_hold_at_length(scene: FarScene) -> None:
     check(scene)

@@ -1,13 +1,14 @@
 """Whatever a file holds, a reader answers with a reading or with one of our errors.
 
 Bytes are changed in files that are right, and tables are edited; small and large files are read in
-two ways, which must give the same reading or the same message. A fast subset runs always, the
-long version with ``-m slow``. Hypothesis ends a run whose examples never end.
+two ways, which must give the same reading or the same message. The same few cases run always,
+new ones by ``make fuzz``.
 """
 
 import tracemalloc
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
-from tgospa_eval.formats import FORMATS, ReadOptions, bulk, read, table, text
-
-FAST, SLOW = 60, 10_000
-"""Cases of each of the ten tests; the slow ones are 10^5."""
+from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, bulk, read, table, text
 
 MEMORY = 50_000_000
 """Bytes beyond what the largest of these files, some kilobytes, may ever need."""
@@ -112,6 +110,7 @@ def edited_tables(draw: st.DrawFn, seed: bytes, delimiter: bytes) -> bytes:
     return b"\n".join(delimiter.join(fields) for fields in rows) + b"\n"
 
 
+@cache
 def seed_of(name: str) -> bytes:
     if name not in BINARY:
         return SEEDS[name].encode()
@@ -130,6 +129,14 @@ def seed_of(name: str) -> bytes:
     pytest.importorskip("pyarrow")
     frame.to_parquet(buffer)
     return buffer.getvalue()
+
+
+@cache
+def contents(name: str, edited: bool) -> st.SearchStrategy[bytes]:
+    """Files of a format that are nearly right."""
+    if edited:
+        return edited_tables(seed_of(name), b" " if name == "kitti" else b",")
+    return changed_bytes(seed_of(name))
 
 
 def answer(path: Path, options: ReadOptions, role: str, format_: str | None) -> tuple[object, ...]:
@@ -158,33 +165,6 @@ def answers(path: Path, options: ReadOptions, role: str, format_: str | None) ->
     assert found[0] == found[1]
 
 
-def fuzz(name: str, edited: bool, cases: int, folder: Path) -> None:
-    if edited and name == "parquet":
-        fuzz_frames(cases, folder)
-        return
-    seed, path = seed_of(name), folder / "any.txt"
-    delimiter = b" " if name == "kitti" else b","
-    contents = edited_tables(seed, delimiter) if edited else changed_bytes(seed)
-
-    @settings(
-        max_examples=cases,
-        deadline=None,
-        database=None,
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(
-        data=contents,
-        options=OPTIONS,
-        role=st.sampled_from(["truth", "estimate"]),
-        format_=st.sampled_from(["csv" if name == "quoted" else name, None]),
-    )
-    def run(data: bytes, options: ReadOptions, role: str, format_: str | None) -> None:
-        path.write_bytes(data)
-        answers(path, options, role, format_)
-
-    run()
-
-
 def column_of_a_frame(kind: str) -> st.SearchStrategy[Any]:
     """Arrow arrays of one type, five values of which some may be missing."""
     import pyarrow as pa
@@ -196,14 +176,16 @@ def column_of_a_frame(kind: str) -> st.SearchStrategy[Any]:
         "float32": (pa.float32(), st.floats(width=32)),
         "float64": (pa.float64(), st.floats()),
         "decimal": (pa.decimal128(9, 2), st.decimals(-99, 99, places=2)),
+        "large decimal": (pa.decimal256(76, 2), st.decimals(-(10**70), 10**70, places=2)),
         "bool": (pa.bool_(), st.booleans()),
         "text": (pa.string(), st.sampled_from(["", "1", "01", "1_0", "1e22", "a", "2024-01-01"])),
         "any text": (pa.large_string(), st.text(max_size=3)),
         "bytes": (pa.binary(), st.binary(max_size=2)),
         "seconds": (pa.timestamp("s"), st.integers(-(10**15), 10**15)),
-        "zoned": (pa.timestamp("us", "Europe/Berlin"), st.integers(0, 10**18)),
+        "zoned": (pa.timestamp("us", "Europe/Berlin"), st.integers(-(10**18), 10**18)),
+        "offset": (pa.timestamp("ns", "+05:00"), st.integers(2**63 - 10**14, 2**63 - 1)),
         "nanoseconds": (pa.timestamp("ns"), st.integers(0, 10**18)),
-        "date": (pa.date32(), st.integers(-(10**6), 10**6)),
+        "date": (pa.date32(), st.integers(-(10**6), 3 * 10**6)),
         "time": (pa.time64("ns"), st.integers(0, 10**12)),
         "duration": (pa.duration("ns"), st.integers(0, 10**12)),
         "null": (pa.null(), st.none()),
@@ -217,53 +199,73 @@ def column_of_a_frame(kind: str) -> st.SearchStrategy[Any]:
 
 
 KINDS = (
-    *("int8", "int64", "uint64", "float32", "float64", "decimal", "bool", "text", "any text"),
-    *("bytes", "seconds", "zoned", "nanoseconds", "date", "time", "duration", "null"),
+    *("int8", "int64", "uint64", "float32", "float64", "decimal", "large decimal"),
+    *(
+        "bool",
+        "text",
+        "any text",
+        "bytes",
+        "seconds",
+        "zoned",
+        "offset",
+        "nanoseconds",
+        "date",
+        "time",
+        "duration",
+        "null",
+    ),
     *("list", "pair", "struct", "map"),
 )
 
 
-def fuzz_frames(cases: int, folder: Path) -> None:
+CASES = [
+    (name, edited)
+    for name in (*FORMATS, "quoted")
+    for edited in (False, True)
+    if (name, edited) != ("parquet", True)  # as frames, below
+]
+
+
+@pytest.mark.parametrize(("name", "edited"), CASES)
+@settings(suppress_health_check=list(HealthCheck))
+@given(data=st.data(), options=OPTIONS, role=st.sampled_from(ROLES), guessed=st.booleans())
+def test_never_a_traceback(
+    name: str,
+    edited: bool,
+    tmp_path: Path,
+    data: st.DataObject,
+    options: ReadOptions,
+    role: str,
+    guessed: bool,
+) -> None:
+    path = tmp_path / "any.txt"
+    path.write_bytes(data.draw(contents(name, edited)))
+    answers(path, options, role, None if guessed else "csv" if name == "quoted" else name)
+
+
+@settings(suppress_health_check=list(HealthCheck))
+@given(data=st.data(), options=OPTIONS)
+def test_never_a_traceback_by_a_frame(
+    tmp_path: Path, data: st.DataObject, options: ReadOptions
+) -> None:
     """Parquet tables with columns of other types, with nulls, coded, or away."""
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     right = {"id": list("aabbc"), "t": [0, 1, 0, 1, 0], "x": [0.5, 1, 2, 3, 4], "y": [1.0] * 5}
     right |= {"class": ["1", "01", "1e22", "car", "1"]}
-    path = folder / "a.parquet"
-
-    @settings(
-        max_examples=cases, deadline=None, database=None, suppress_health_check=list(HealthCheck)
-    )
-    @given(data=st.data(), options=OPTIONS)
-    def run(data: st.DataObject, options: ReadOptions) -> None:
-        columns = {name: pa.array(values) for name, values in right.items()}
-        for name in data.draw(st.lists(st.sampled_from(list(right)), min_size=1, max_size=3)):
-            edit = data.draw(st.sampled_from(["type", "type", "type", "coded", "away"]))
-            if edit == "type":
-                columns[name] = data.draw(column_of_a_frame(data.draw(st.sampled_from(KINDS))))
-            elif edit == "coded":
-                with suppress(pa.ArrowException, KeyError):
-                    columns[name] = columns[name].dictionary_encode()
-            else:
-                columns.pop(name, None)
-        with suppress(pa.ArrowException):  # what cannot be written
-            pq.write_table(pa.table(columns), path)
-            answers(path, options, "truth", None)
-
-    run()
-
-
-CASES = [(name, edited) for name in (*FORMATS, "quoted") for edited in (False, True)]
-
-
-@pytest.mark.parametrize(("name", "edited"), CASES)
-def test_never_a_traceback(name: str, edited: bool, tmp_path: Path) -> None:
-    fuzz(name, edited, FAST, tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "edited"), CASES)
-def test_never_a_traceback_in_many_cases(name: str, edited: bool, tmp_path: Path) -> None:
-    fuzz(name, edited, SLOW, tmp_path)
+    path = tmp_path / "a.parquet"
+    columns = {name: pa.array(values) for name, values in right.items()}
+    for name in data.draw(st.lists(st.sampled_from(list(right)), min_size=1, max_size=3)):
+        edit = data.draw(st.sampled_from(["type", "type", "type", "coded", "away"]))
+        if edit == "type":
+            columns[name] = data.draw(column_of_a_frame(data.draw(st.sampled_from(KINDS))))
+        elif edit == "coded":
+            with suppress(pa.ArrowException, KeyError):
+                columns[name] = columns[name].dictionary_encode()
+        else:
+            columns.pop(name, None)
+    with suppress(pa.ArrowException):  # what cannot be written
+        pq.write_table(pa.table(columns), path)
+        answers(path, options, "truth", None)
 
 
 @pytest.mark.parametrize("name", ["motchallenge", "kitti"])

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import PATIENCE
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -380,7 +381,7 @@ def test_two_writers(gate: Invoke, environment: dict[str, str]) -> None:
     running = [
         subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) for _ in range(3)
     ]
-    assert [process.wait(60) for process in running] == [0, 0, 0]
+    assert [process.wait(PATIENCE) for process in running] == [0, 0, 0]
     assert [path.name for path in Path("two").iterdir()] == ["b.json"]
     assert json.loads(Path("two/b.json").read_text(encoding="utf-8"))["pairs"]
 

@@ -246,7 +246,6 @@ def test_bad_settings(record: type, setting: dict, part: str) -> None:
 # --- writers --------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)
 @given(
     st.lists(
         st.tuples(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
@@ -41,13 +41,13 @@ def test_every_solver_is_under_contract() -> None:
 
 
 @pytest.mark.parametrize("name", ["certified", "sinkhorn"])
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=150)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, c=st.sampled_from([1.0, 2.0, 3.0]))
 def test_small(name: str, sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, c: float):
     check(*sides, c, p, gamma, name)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH)
 def test_small_referee(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float) -> None:
     check(*sides, 2.0, p, gamma, "exact")
@@ -55,7 +55,7 @@ def test_small_referee(sides: tuple[np.ndarray, np.ndarray], p: float, gamma: fl
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["certified", "sinkhorn"])
-@settings(max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=1000)
 @given(sides=pairs_of_sets(most=5, most_steps=8), p=ORDERS, gamma=SWITCH)
 def test_many(name: str, sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float) -> None:
     check(*sides, 2.0, p, gamma, name)
@@ -164,7 +164,7 @@ def random_solution(states: States, seed: int) -> Solution:
     return Solution(weights=weights, prices=prices, status="nonsense")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(sides=pairs_of_sets(), gamma=SWITCH, seed=st.integers(0, 1000))
 def test_certificate_is_true_whatever_the_solver_says(
     sides: tuple[np.ndarray, np.ndarray], gamma: float, seed: int
@@ -181,7 +181,7 @@ def test_certificate_is_true_whatever_the_solver_says(
     assert breakdown.total <= bounds.upper <= breakdown.total * (1 + 1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(sides=pairs_of_sets(), seed=st.integers(0, 1000))
 def test_lower_bound_is_no_worse_than_a_plain_viterbi(
     sides: tuple[np.ndarray, np.ndarray], seed: int

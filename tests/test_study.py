@@ -63,9 +63,8 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
         env=environment,
         stdout=subprocess.DEVNULL,
     )
-    begin = time.monotonic()
     while not (killed / NAME).exists() or len(records(killed)) < 3:
-        assert time.monotonic() - begin < 60
+        assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(signal.SIGKILL)
     process.wait()

@@ -244,7 +244,6 @@ DECIMALS = st.one_of(
 ).filter(lambda text: math.isfinite(float(text)))
 
 
-@settings(deadline=None)
 @given(st.lists(DECIMALS, min_size=1, max_size=30))
 @example(["2.2250738585072011e-308", "1e23", "5e-324", "2.4703282292062328e-324", "-0.0"])
 @example(["9007199254740993", "9007199254740992.999999999999999999", "1.7976931348623157e308"])
@@ -315,7 +314,6 @@ def test_iso_times(write: Write, text: str, nanoseconds: int, clock: str) -> Non
     assert trajectories.labels.tolist() == [text]
 
 
-@settings(deadline=None)
 @given(st.datetimes(datetime(1700, 1, 1), datetime(2200, 1, 1)), st.integers(0, 999))
 def test_iso_times_agree_with_datetime(scratch: Path, moment: datetime, extra: int) -> None:
     text = f"{moment.isoformat(timespec='microseconds')}{extra:03d}"
@@ -724,7 +722,6 @@ def tables(draw: st.DrawFn) -> tuple[list[str], list[tuple[Any, ...]]]:
     return ["id", "t", *"xyz"[:size]], rows
 
 
-@settings(deadline=None)
 @given(
     content=tables(),
     delimiter=st.sampled_from(",;\t"),
@@ -773,7 +770,7 @@ ODD_FIELDS = st.sampled_from(
 )  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=300, suppress_health_check=list(HealthCheck))
 @given(
     rows=st.lists(
         st.tuples(ODD_FIELDS | st.integers(0, 30).map(str), st.integers(0, 9).map(str) | ODD_FIELDS,

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import PATIENCE
 
 from tgospa_eval import evaluate
 from tgospa_eval.reports.console import table
@@ -28,7 +29,7 @@ def on_terminal(arguments: list[str], folder: Path, env: dict[str, str]) -> str:
     )  # fmt: skip
     os.close(theirs)
     shown = b""
-    while select.select([ours], [], [], 60)[0]:
+    while select.select([ours], [], [], PATIENCE)[0]:
         try:
             part = os.read(ours, 1 << 16)
         except OSError:  # the other end is closed
@@ -37,7 +38,7 @@ def on_terminal(arguments: list[str], folder: Path, env: dict[str, str]) -> str:
             break
         shown += part
     os.close(ours)
-    assert process.wait(10) == 0
+    assert process.wait(PATIENCE) == 0
     return shown.decode().replace("\r\n", "\n")
 
 

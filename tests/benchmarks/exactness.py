@@ -21,8 +21,10 @@ from store import Store, Values
 
 sys.path.append(str(Path(__file__).parents[1]))  # the referee is that of the tests
 
-from claims import GAP, LIMIT, claim, judge, reference_of
+from claims import GAP, claim, judge, reference_of
 from far_scenes import FAMILIES, RANDOM, WALKS, far_scene
+
+from tgospa_eval import Certified
 
 __all__ = ("FAMILIES", "GAP", "LIMIT")
 
@@ -30,6 +32,9 @@ PART = "exactness"
 
 SHARES = {5: 0.05, 10: 0.012, 12: 0.002, 24: 0.002}
 """Scenes of a setting of walks for each scene of a random family, by the number of tracks."""
+
+LIMIT = 20.0
+"""Seconds for the certified solver on one scene."""
 
 EVERY = 30.0
 """Seconds between two lines of counts."""
@@ -63,7 +68,7 @@ def examine(family: str, seed: int, index: int) -> Values:
     scene = far_scene(family, seed, index)
     begin = time.perf_counter()
     try:
-        result = claim(scene)
+        result = claim(scene, Certified(time_limit=LIMIT, jobs=1))
     except Exception as error:  # whatever it is, it is counted and told
         return {"failed": f"{type(error).__name__}: {error}", "scene": str(scene)}
     seconds = time.perf_counter() - begin
