@@ -12,10 +12,12 @@ from strategies import scene
 
 from tgospa_eval import evaluate
 from tgospa_eval.alignment import GRIDS, Stamps, align, nearest
+from tgospa_eval.diagnosis import alignment_notices, diagnose
+from tgospa_eval.diagnosis.clock import find_shift
+from tgospa_eval.diagnosis.costs import StepCosts
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Parameters
-from tgospa_eval.remarks import find_shift, remarks
 from tgospa_eval.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -153,9 +155,7 @@ def test_settling_by_assignment() -> None:
     late = np.roll(estimate, 1, axis=0)
     parameters = Parameters(cutoff=2, order=1, switch_penalty=0)
     aligned = align(Trajectories.from_array(truth), Trajectories.from_array(late))
-    from tgospa_eval.remarks import _Costs
-
-    costs = _Costs(aligned.truth, aligned.estimate, parameters, EUCLIDEAN)
+    costs = StepCosts(aligned.truth, aligned.estimate, parameters, EUCLIDEAN)
     before = costs.lower.copy(), costs.upper.copy()
     costs.settle()
     assert (before[0] <= costs.lower + 1e-12).all()
@@ -208,5 +208,11 @@ def test_remarks_on_empty_sides() -> None:
     empty = side([])
     parameters = Parameters(cutoff=1, order=2, switch_penalty=0)
     for sides in ((empty, empty), (side([1, 2]), empty), (empty, side([1]))):
-        notices, _ = remarks(sides, align(*sides), Stamps(), parameters, EUCLIDEAN)
-        assert notices[0].startswith("0 of ")
+        aligned = align(*sides)
+        assert alignment_notices(aligned, Stamps())[0].startswith("0 of ")
+        codes = [
+            notice.code for notice in diagnose(sides, aligned, Stamps(), parameters, EUCLIDEAN)
+        ]
+        assert codes[: sum(not len(one.step) for one in sides)] == ["empty-side"] * len(
+            codes[: 2 if sides[0] is sides[1] else 1]
+        )

@@ -36,8 +36,9 @@ def test_counts(invoke: Run, write: Write) -> None:
     assert both["nearest"]["quantiles"]["95"] == pytest.approx(0.15 * 4 + 0.85 * 145**0.5)
     assert both["nearest"]["within_cutoff"] == 0.75
     repeated, few = document["warnings"]
-    assert "1 row repeats an (id, t)" in repeated
-    assert "only 75 %" in few
+    assert (repeated["code"], few["code"]) == ("duplicates", "steps-unmatched")
+    assert "1 row repeats an (id, t)" in repeated["text"]
+    assert "only 75 %" in few["text"]
     assert done.out == json.dumps(document, sort_keys=True, indent=1) + "\n"
 
 

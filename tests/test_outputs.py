@@ -75,6 +75,7 @@ def test_keys_of_the_json(sample: Result) -> None:
         "within_rounding",
         "localisation", "missed", "false", "switch", "counts", "normalised", "parameters", "sizes",
         "per_step", "switches", "worst", "solver", "timings", "input", "version",
+        "warnings", "files",
     }  # fmt: skip
     assert document["schema"] == "tgospa-eval/result/1"
     assert document["version"] == __version__
@@ -480,6 +481,8 @@ def test_attributes_bear_the_names_of_the_json(sample: Result) -> None:
         attribute = getattr(sample, name)
         if isinstance(attribute, pd.DataFrame):
             attribute = attribute.astype(object).where(attribute.notna(), None).to_dict("records")
+        if name == "warnings":
+            attribute = [notice.record() for notice in attribute]
         assert attribute == value, name
 
 

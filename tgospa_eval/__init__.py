@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from tgospa_eval.errors import ConfigError, InputError, SolverError, TgospaError
+    from tgospa_eval.errors import (
+        ConfigError,
+        InputError,
+        SolverError,
+        TgospaError,
+        TgospaWarning,
+    )
     from tgospa_eval.evaluation import Result
     from tgospa_eval.formats import read_trajectories
     from tgospa_eval.pipeline import evaluate
@@ -29,6 +35,7 @@ _HOME = {
     "SolverError": "errors",
     "Sweep": "points",
     "TgospaError": "errors",
+    "TgospaWarning": "errors",
     "Trajectories": "trajectories",
     "evaluate": "pipeline",
     "read_trajectories": "formats",
@@ -45,6 +52,7 @@ __all__ = [
     "SolverError",
     "Sweep",
     "TgospaError",
+    "TgospaWarning",
     "Trajectories",
     "__version__",
     "evaluate",

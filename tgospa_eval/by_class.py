@@ -147,6 +147,7 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
         },
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
+        warnings=tuple(dict.fromkeys(notice for part in parts for notice in part.warnings)),
     )
 
 

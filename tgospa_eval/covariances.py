@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.notices import Notice
 
 Floats = NDArray[np.float64]
 
@@ -206,7 +207,7 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
 
 def accept(
     packed: Floats, where: Callable[[int], str], *, fix: bool = False
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Notice]]:
     """Covariances as they enter the distance, and what to say of those that were changed.
 
     Parameters
@@ -254,17 +255,23 @@ def accept(
     if len(mended):
         what = "covariance was" if len(mended) == 1 else "covariances were"
         notices.append(
-            f"{len(mended)} {what} replaced by the nearest positive semi-definite one "
-            f"(--fix-cov), the first at {where(int(mended[0]))}"
+            Notice(
+                text=f"{len(mended)} {what} replaced by the nearest positive semi-definite one "
+                f"(--fix-cov), the first at {where(int(mended[0]))}"
+            )
         )
     clamped = np.flatnonzero((ratio < 0) & ~refused & ~negative)
     if len(clamped):
         worst = int(clamped[np.argmin(ratio[clamped])])
         what = "covariance is" if len(clamped) == 1 else "covariances are"
         notices.append(
-            f"warning: {len(clamped)} {what} not quite positive semi-definite, by up to "
-            f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that is "
-            "was taken; more digits in the file avoid that"
+            Notice(
+                code="covariance-repaired",
+                text=f"{len(clamped)} {what} not quite positive semi-definite, by up to "
+                f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that "
+                "is was taken",
+                remedy="more digits in the file avoid that",
+            )
         )
     return answer, notices
 
@@ -283,7 +290,7 @@ def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, N
 
 def from_matrices(
     matrices: Floats, where: Callable[[int], str], *, fix: bool = False
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Notice]]:
     """As `accept`, of matrices (R, d, d); those that are not symmetric are refused, too."""
     packed = pack(matrices)
     deviation = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))

@@ -4,6 +4,8 @@ TgospaError
     ConfigError    options, configuration files, arguments of functions (exit 2)
     InputError     the content of an input file or table (exit 3)
     SolverError    a solver failed and left no usable answer (exit 4)
+
+TgospaWarning is what Python warns with: the data look wrong, or were repaired.
 """
 
 from tgospa_eval.text import visible
@@ -72,6 +74,10 @@ def check_size(what: str, count: int) -> None:
             f"{count} {what} are too many, {MOST} are possible; evaluate the scene in parts, "
             "or with a smaller cutoff"
         )
+
+
+class TgospaWarning(UserWarning):
+    """Something looks wrong, and no number says so: see `Result.warnings`."""
 
 
 class SolverError(TgospaError, RuntimeError):

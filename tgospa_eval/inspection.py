@@ -1,5 +1,6 @@
 """What was read, in numbers: counts, extents, overlaps. Prints nothing."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,13 @@ from numpy.typing import NDArray
 
 from tgospa_eval import __version__
 from tgospa_eval.alignment import SECOND, Alignment, Stamps
+from tgospa_eval.diagnosis import diagnose
+from tgospa_eval.diagnosis.clock import median
+from tgospa_eval.diagnosis.costs import SAMPLE
 from tgospa_eval.distances import Distance
 from tgospa_eval.formats import Reading
+from tgospa_eval.notices import Notice
 from tgospa_eval.problem import Floats, Parameters
-from tgospa_eval.remarks import SAMPLE, median, remarks
 from tgospa_eval.trajectories import Ints, Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"
@@ -55,20 +59,27 @@ def inspect(
             "time_tolerance": stamps.tolerance,
             **settings,
         },
-        "warnings": [
-            f"{path}: {count} {'row repeats' if count == 1 else 'rows repeat'} an (id, t), which "
-            "evaluate refuses without --on-duplicate"
-            for path, reading in files
-            if (count := reading.left_out.get("duplicate", 0))
-        ],
     }
+    warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
     for name, (path, reading) in zip(("truth", "estimate"), files, strict=False):
         document[name] = {"path": path, **describe(reading)}
     if aligned is not None:
         sides = files[0][1].trajectories, files[1][1].trajectories
         document["both"] = compare(sides, aligned, parameters.cutoff, distance)
-        document["warnings"] += remarks(sides, aligned, stamps, parameters, distance)[1]
-    return document
+        warnings += diagnose(sides, aligned, stamps, parameters, distance)
+    return {**document, "warnings": [notice.record() for notice in warnings]}
+
+
+def _about(reading: Reading) -> Iterator[Notice]:
+    """What is wrong with one file by itself."""
+    yield from reading.warnings
+    count = reading.left_out.get("duplicate", 0)
+    if count:
+        yield Notice(
+            code="duplicates",
+            text=f"{count} {'row repeats' if count == 1 else 'rows repeat'} an (id, t)",
+            remedy="evaluate refuses them without --on-duplicate",
+        )
 
 
 def describe(reading: Reading) -> dict[str, Any]:

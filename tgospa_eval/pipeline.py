@@ -1,5 +1,8 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -8,12 +11,22 @@ from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps
 from tgospa_eval.certificate import certify
 from tgospa_eval.compiled import KERNEL
+from tgospa_eval.diagnosis import diagnose
+from tgospa_eval.diagnosis.scale import default_notice
 from tgospa_eval.distances import Distance, Pairs
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation import Proof, Result
-from tgospa_eval.preparation import Prepared, as_distance, as_solver, as_trajectories, prepare
+from tgospa_eval.notices import Notice, as_argument
+from tgospa_eval.preparation import (
+    Prepared,
+    as_distance,
+    as_solver,
+    as_trajectories,
+    fit,
+    prepare,
+)
 from tgospa_eval.problem import Floats, Parameters, check_underflow
-from tgospa_eval.result import Solution
+from tgospa_eval.result import Bounds, Solution
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
@@ -84,6 +97,11 @@ def evaluate(
     Result
         Value, bracket, decomposition, tables.
 
+    Warns
+    -----
+    TgospaWarning
+        Something looks wrong with the data: see `Result.warnings`.
+
     Raises
     ------
     ConfigError
@@ -98,21 +116,45 @@ def evaluate(
             as_trajectories(side, name, measure)
             for side, name in ((truth, "truth"), (estimate, "estimate"))
         ]
-    defaults = measure.defaults
-    return evaluate_trajectories(
+    given = {"cutoff": cutoff, "switch_penalty": switch_penalty}
+    defaults = dict(zip(given, measure.defaults, strict=True))
+    chosen = {name: defaults[name] if value is None else value for name, value in given.items()}
+    parameters = Parameters(order=order, **chosen)
+    solver, stamps = as_solver(solver), Stamps(tolerance=time_tolerance, grid=grid)
+    unchosen = [name for name, value in given.items() if value is None]
+    found = look((sides[0], sides[1]), measure, stamps, parameters, unchosen)
+    result = evaluate_trajectories(
         *sides,
-        parameters=Parameters(
-            cutoff=defaults[0] if cutoff is None else cutoff,
-            order=order,
-            switch_penalty=defaults[1] if switch_penalty is None else switch_penalty,
-        ),
+        parameters=parameters,
         distance=measure,
-        solver=as_solver(solver),
-        stamps=Stamps(tolerance=time_tolerance, grid=grid),
+        solver=solver,
+        stamps=stamps,
         unit=unit,
         stopwatch=stopwatch,
         curve=curve,
     )
+    result = replace(result, warnings=(*found, *result.warnings))
+    for notice in result.warnings:
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=2)
+    return result
+
+
+def look(
+    sides: tuple[Trajectories, Trajectories],
+    distance: Distance,
+    stamps: Stamps,
+    parameters: Parameters,
+    defaults: Sequence[str] = (),
+) -> list[Notice]:
+    """Warnings about two sides, in the words of Python; `defaults` name what nobody chose."""
+    fitted, aligned = fit(*sides, distance, stamps)
+    found = diagnose(sides, aligned, stamps, parameters, fitted, as_argument)
+    if defaults:
+        notice = default_notice(
+            aligned, fitted, parameters, defaults, as_argument, others=bool(found)
+        )
+        found += [notice] if notice.code else []
+    return found
 
 
 def evaluate_trajectories(
@@ -238,6 +280,19 @@ def prove(
         input=prepared.input,
         version=__version__,
         scene=prepared.scene,
+        warnings=_within_rounding(bounds, gap),
+    )
+
+
+def _within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
+    if not bounds.within_rounding(gap):
+        return ()
+    return (
+        Notice(
+            code="within-rounding",
+            text="the value is within the rounding of the distances: only its bounds are known",
+            remedy="coordinates with a nearby origin keep more digits",
+        ),
     )
 
 

@@ -5,6 +5,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.notices import Notice
 from tgospa_eval.summary import Table
 
 if TYPE_CHECKING:
@@ -72,6 +73,8 @@ class Sweep:
         trajectories and steps; rows and digests; seconds by stage.
     version : str
         Version of the package that made it.
+    warnings : tuple of Notice
+        What looks wrong with the data.
     """
 
     parameter: str
@@ -81,6 +84,7 @@ class Sweep:
     input: dict[str, Any]
     timings: dict[str, float]
     version: str
+    warnings: tuple[Notice, ...] = ()
 
     def __repr__(self) -> str:
         first, last = self.points[0].value, self.points[-1].value
@@ -139,6 +143,7 @@ class Sweep:
             "sizes": self.sizes,
             "input": self.input,
             "timings": self.timings,
+            "warnings": [notice.record() for notice in self.warnings],
         }
 
     def to_json(self) -> str:

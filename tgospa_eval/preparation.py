@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.alignment import Stamps, align
+from tgospa_eval.alignment import Alignment, Stamps, align
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError
@@ -211,6 +211,26 @@ def measure(
         scene=scene,
     )
     return measured, pairs
+
+
+def fit(
+    truth: Trajectories,
+    estimate: Trajectories,
+    distance: Distance,
+    stamps: Stamps,
+    names: tuple[str, str] = ("truth", "estimate"),
+) -> tuple[Distance, Alignment]:
+    """The distance with what it takes from the data, and both sides on the same steps.
+
+    Raises
+    ------
+    ConfigError, InputError
+        Columns, states or times do not fit each other or the distance; `names` are for messages.
+    """
+    check_columns(truth, estimate, names)
+    check_states(truth, estimate, distance, names)
+    aligned = align(truth, estimate, stamps, names)
+    return distance.fitted(aligned.truth, aligned.estimate), aligned
 
 
 def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:

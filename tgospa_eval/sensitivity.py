@@ -5,6 +5,7 @@ what is in the middle between two solved values, and so on: each starts from wha
 either side say of it (`tgospa_eval.solvers.offers`), and is proven by itself.
 """
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -16,10 +17,10 @@ from tgospa_eval import __version__
 from tgospa_eval.alignment import Stamps
 from tgospa_eval.compiled import kernels
 from tgospa_eval.distances import Distance, Pairs
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation import Result
 from tgospa_eval.merging import merge_runs
-from tgospa_eval.pipeline import prove, solver_settings
+from tgospa_eval.pipeline import look, prove, solver_settings
 from tgospa_eval.points import Point, Sweep
 from tgospa_eval.preparation import Measured, as_distance, as_solver, as_trajectories, measure
 from tgospa_eval.problem import Floats, Parameters
@@ -75,6 +76,11 @@ def sweep(
     Sweep
         Points in the order of the values.
 
+    Warns
+    -----
+    TgospaWarning
+        As `evaluate`, for a value in the middle.
+
     Raises
     ------
     ConfigError, InputError
@@ -99,16 +105,22 @@ def sweep(
             f"numbers; {' and '.join(swept) or 'none'} is a sequence"
         )
     name = swept[0]
-    return sweep_trajectories(
+    parameters = in_order(name, [float(value) for value in given.pop(name)], given)
+    stamps = Stamps(tolerance=time_tolerance, grid=grid)
+    found = look((sides[0], sides[1]), chosen, stamps, parameters[len(parameters) // 2])
+    made = sweep_trajectories(
         *sides,
-        parameters=in_order(name, [float(value) for value in given.pop(name)], given),
+        parameters=parameters,
         parameter=name,
         distance=chosen,
         solver=as_solver(solver),
-        stamps=Stamps(tolerance=time_tolerance, grid=grid),
+        stamps=stamps,
         unit=unit,
         stopwatch=stopwatch,
     )
+    for notice in found:
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=2)
+    return replace(made, warnings=tuple(found))
 
 
 def in_order(

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.notebook import card
+from tgospa_eval.notices import Notice
 from tgospa_eval.problem import POWER, Floats, Parameters
 from tgospa_eval.result import Bounds, Breakdown, Curve
 
@@ -89,6 +90,10 @@ class Summary(ABC):
         distance has such parts.
     traced : Curve, optional
         Costs of the steps up to each step, if they were asked for.
+    warnings : tuple of Notice
+        What looks wrong, with `code`, `text` and `remedy`.
+    files : dict
+        Paths of truth and estimate as they were given; None of what was no file.
     """
 
     proof: Costs
@@ -101,6 +106,8 @@ class Summary(ABC):
     version: str
     split: tuple[float, float] | None = None
     traced: Curve | None = None
+    warnings: tuple[Notice, ...] = ()
+    files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
 
     def __repr__(self) -> str:
         return (
@@ -365,6 +372,8 @@ class Summary(ABC):
             "timings": self.timings,
             "input": self.input,
             "version": self.version,
+            "warnings": [notice.record() for notice in self.warnings],
+            "files": self.files,
         }
 
     def to_json(self) -> str:
@@ -410,6 +419,7 @@ class Summary(ABC):
             title=self.claim,
             proof=self.proven,
             notes=(
+                *map(str, self.warnings),
                 f"{sizes['truth']} truths, {sizes['estimates']} estimates, {sizes['steps']} steps",
                 f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
                 f"gamma = {self.quantity(parameters.switch_penalty)}",

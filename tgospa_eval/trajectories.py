@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class Trajectories:
 
         packed, notices = from_matrices(covariance, "covariance of row {}".format)
         for notice in notices:
-            warnings.warn(notice.removeprefix("warning: "), stacklevel=4)
+            warnings.warn(notice.sentence, TgospaWarning, stacklevel=4)
         return np.ascontiguousarray(packed.T)
 
     def _check_clouds(self, clouds: "Clouds") -> None:

@@ -14,7 +14,7 @@ from tgospa_eval.cli.scene import settings as scene_settings
 from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.simulate import command as simulate
 from tgospa_eval.cli.streams import emit, say
-from tgospa_eval.cli.work import default_notice, pair_remarks, say_if_slow, told
+from tgospa_eval.cli.work import about, pair_notices, slow_notice, teller, told
 from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
@@ -25,6 +25,7 @@ from tgospa_eval.comparison.study import document as summary
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.assemble import natural
+from tgospa_eval.notices import Notice
 from tgospa_eval.pipeline import solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.preparation import Prepared, prepare
@@ -66,7 +67,8 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
     stopwatch = Stopwatch()
 
     def work() -> Document:
-        prepared = Pairs(settings, options, given, stopwatch).prepared(truth, estimate)
+        pairs = Pairs(settings, options, given, stopwatch)
+        prepared = pairs.prepared(truth, estimate)
         chosen, left_out = list(solvers), {}
         states = takes_long(prepared)
         if "solvers" not in given and states is not None:
@@ -88,7 +90,7 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
                 ("preparation", "solve/preparation"),
             )
         }
-        return document(found, prepared, left_out, once)
+        return document(found, prepared, left_out, once) | {"warnings": pairs.warnings}
 
     answer = run(work, stopwatch, show=not options["quiet"])
     show(answer, options, {}, solver_pictures)
@@ -146,6 +148,7 @@ def compare_estimates(
             for k, (name, mine) in enumerate(zip(names, found, strict=True))
         ]
         answer = ranking(entrants, [of_truth for of_truth, _ in runs], result.settings)
+        answer["warnings"] = pairs.warnings
         best = answer["estimates"][0]["name"]
         tables = {"per_step.csv": csv_text(steps_table(entrants, best))}
         return answer, tables, steps_costs(entrants)
@@ -195,8 +198,8 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
         runs=options["runs"],
     )
     stopwatch = Stopwatch()
-    if not options["quiet"]:
-        say_if_slow()
+    for notice in slow_notice():
+        teller(quiet=options["quiet"])(notice)
     with nullcontext() if folder is None else Log(folder, study.settings) as log:
 
         def work() -> Document:
@@ -345,13 +348,15 @@ class Pairs:
         self, settings: Settings, options: dict[str, Any], given: set[str], stopwatch: Stopwatch
     ) -> None:
         self.settings, self.stopwatch = settings, stopwatch
-        self.quiet, self.jobs = options["quiet"], options["jobs"]
+        self.tell, self.jobs = teller(quiet=options["quiet"]), options["jobs"]
         self.given = {name: name in given for name in GIVEN}
-        self.told: set[str] = set()
+        self.told: set[Notice] = set()
         self.last: tuple[str, Reading] | None = None
-        if not self.quiet:
+        self.warnings: list[dict[str, str]] = []
+        if not options["quiet"]:
             stopwatch.tell = say
-            say_if_slow()
+        for notice in slow_notice():
+            self._tell_once(notice)
 
     def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
         """The problem of two files; `named` notices say which estimate they are about."""
@@ -362,11 +367,9 @@ class Pairs:
         settings, paths = self.settings, (truth, estimate)
         settings.check(sides, paths)
         distance, aligned = settings.fit(sides, paths)
-        if not self.quiet:
-            for text in pair_remarks(sides, aligned, distance, settings):
-                self._say_once(f"{estimate}: {text}" if named else text)
-            if not all(self.given.values()):
-                self._say_once(default_notice(aligned, distance, settings, self.given), "default")
+        for notice in pair_notices(sides, aligned, distance, settings, self.given):
+            is_default = notice.text.startswith("default ") and not notice.code
+            self._tell_once(notice.about(estimate) if named and not is_default else notice)
         del aligned
         return prepare(
             sides[0].trajectories,
@@ -383,15 +386,16 @@ class Pairs:
 
     def _read(self, path: str, side: int) -> Reading:
         found = self.settings.read_side(path, side, ROLES[side])
-        for notice in () if self.quiet else found.notices:
-            self._say_once(f"{path}: {notice}")
+        for notice in about(path, found):
+            self._tell_once(notice)
         return found
 
-    def _say_once(self, text: str, key: str | None = None) -> None:
-        key = key or text
-        if key not in self.told:
-            self.told.add(key)
-            say(text)
+    def _tell_once(self, notice: Notice) -> None:
+        if notice not in self.told:
+            self.told.add(notice)
+            self.tell(notice)
+            if notice.code:
+                self.warnings.append(notice.record())
 
 
 def make_solvers(options: dict[str, Any], names: str) -> list[Solver]:

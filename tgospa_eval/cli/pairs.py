@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -19,6 +20,7 @@ from tgospa_eval.gate.outcome import Change, Outcome, Report, change, compare
 from tgospa_eval.gate.rules import STATUS, Finding, Rule, Verdict, worst
 from tgospa_eval.gate.suite import ALONE, Pair, Suite
 from tgospa_eval.gate.suite import load as load_suite
+from tgospa_eval.notices import Notice
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.reports.gate import GATE_REPORTS
 from tgospa_eval.summary import Summary
@@ -175,16 +177,17 @@ def _outcome(given: Given, pair: Pair, entry: Entry, rules: list[Rule], path: st
     begin = time.monotonic()
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...]
+    warnings: tuple[Notice, ...] = ()
     try:
         result, _ = _evaluate(given, pair, entry, path)
     except TgospaError as error:
         verdict, status, notes = Verdict.ERROR, error.exit_status, (str(error),)
     else:
         verdict, findings, notes = compare(result, entry, rules)
-        status = STATUS[verdict]
+        status, warnings = STATUS[verdict], result.warnings
     return Outcome(
         name=pair.name, truth=pair.truth, estimate=pair.estimate, verdict=verdict, status=status,
-        findings=findings, notes=notes, seconds=time.monotonic() - begin,
+        findings=findings, notes=notes, seconds=time.monotonic() - begin, warnings=warnings,
     )  # fmt: skip
 
 
@@ -204,7 +207,8 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
             raise type(error)(f"{prefix}{error}") from None
         entry = new[pair.name] = make_entry(result, kept)
         changes, notes = change(before, entry), tuple(_remarks(before, entry, result))
-        outcomes.append(_updated(pair, time.monotonic() - begin, changes, notes))
+        made = _updated(pair, time.monotonic() - begin, changes, notes)
+        outcomes.append(replace(made, warnings=result.warnings))
     removed = ("removed: it is not in the suite",)
     outcomes += [
         _updated(Pair(name=name, truth="", estimate=""), 0.0, (), removed)

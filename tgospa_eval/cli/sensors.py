@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +12,7 @@ from tgospa_eval.cli.particles import reduction
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.streams import emit, say
+from tgospa_eval.cli.work import about, teller
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
@@ -198,10 +200,10 @@ def _read(
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
         raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None
-    if not options["quiet"]:
-        for path, side, option in zip(paths, sides, formats, strict=True):
-            for notice in side.notices:
-                say(f"{path}: {notice.replace('--estimate-format', option)}")
+    tell = teller(quiet=options["quiet"])
+    for path, side, option in zip(paths, sides, formats, strict=True):
+        for notice in about(path, side):
+            tell(replace(notice, text=notice.text.replace("--estimate-format", option)))
     return sides
 
 

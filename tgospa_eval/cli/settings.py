@@ -3,15 +3,16 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tgospa_eval.alignment import Alignment, Stamps, align
+from tgospa_eval.alignment import Alignment, Stamps
 from tgospa_eval.cli.distance import DistanceOptions
 from tgospa_eval.cli.places import check_places
 from tgospa_eval.cli.streams import say
 from tgospa_eval.distances import Distance
-from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.asked import columns_of_each
+from tgospa_eval.preparation import fit
 from tgospa_eval.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
@@ -146,15 +147,15 @@ class Settings:
         truth, estimate = (side.trajectories for side in sides)
         names = (paths[0], paths[1])
         check_columns(truth, estimate, names)
-        distance = self.measure.distance(truth.columns)
-        check_states(truth, estimate, distance, names)
-        aligned = align(truth, estimate, self.stamps, names)
+        distance, aligned = fit(
+            truth, estimate, self.measure.distance(truth.columns), self.stamps, names
+        )
         if aligned.union and not len(aligned.truth.times):
             raise ConfigError(
                 f"--grid {self.stamps.grid}: no step is left, none of {aligned.union} counts; "
                 "if the clocks differ, see --time-tolerance"
             )
-        return distance.fitted(aligned.truth, aligned.estimate), aligned
+        return distance, aligned
 
 
 def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:

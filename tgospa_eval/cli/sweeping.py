@@ -1,6 +1,7 @@
 """``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from tgospa_eval.cli.options import OF_PICTURES
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import make_settings, make_solver
 from tgospa_eval.cli.streams import emit, say
-from tgospa_eval.cli.work import read_sides, told, wanted_pictures
+from tgospa_eval.cli.work import read_sides, teller, told, wanted_pictures
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.sweep import sweep_pictures
 from tgospa_eval.points import Sweep
@@ -73,19 +74,21 @@ def sweep_files(
     if options["output"] is not None:
         probe_folder(options["output"], SWEEP, force=options["force"])
         wanted = wanted_pictures(options)
-    stopwatch, tell = Stopwatch(), None if options["quiet"] else say
-    if tell is not None:
+    stopwatch = Stopwatch()
+    if not options["quiet"]:
         stopwatch.tell = say
 
     def work() -> Sweep:
         known = {**given, name: True}
-        sides, distance = read_sides(paths, settings, solver, known, tell, stopwatch)
+        tell = teller(quiet=options["quiet"])
+        sides, distance, warnings = read_sides(paths, settings, solver, known, tell, stopwatch)
         truth, estimate = sides
-        return sweep_trajectories(
+        found = sweep_trajectories(
             truth.trajectories, estimate.trajectories, parameters=parameters, parameter=name,
             distance=distance, solver=solver, stamps=settings.stamps, unit=settings.unit,
             settings=settings.recorded, inputs=(told(truth), told(estimate)), stopwatch=stopwatch,
         )  # fmt: skip
+        return replace(found, warnings=warnings)
 
     found = run(work, stopwatch, show=not options["quiet"])
     _show(found, options, wanted)

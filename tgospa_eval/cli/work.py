@@ -1,9 +1,9 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
-import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import Settings, make_settings, make_solver
 from tgospa_eval.cli.streams import emit, on_terminal, say
 from tgospa_eval.compiled import KERNEL
+from tgospa_eval.diagnosis import alignment_notices, diagnose
+from tgospa_eval.diagnosis.scale import default_notice
 from tgospa_eval.distances import Distance
-from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
+from tgospa_eval.notices import Notice
 from tgospa_eval.pipeline import check_curve, evaluate_trajectories
-from tgospa_eval.remarks import remarks
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import write_folder
 from tgospa_eval.reports.folders import RESULT, probe_folder
@@ -34,12 +35,26 @@ if TYPE_CHECKING:
     from tgospa_eval.plots.report import Pictures
 
 
+Tell = Callable[[Notice], None]
+"""What to do with a notice, or a warning."""
+
+
+def teller(*, quiet: bool, say: Callable[[str], None] = say) -> Tell:
+    """Prints notices, and warnings even where the user wants quiet."""
+
+    def tell(notice: Notice) -> None:
+        if notice.code or not quiet:
+            say(str(notice))
+
+    return tell
+
+
 def evaluate_files(
     truth: str,
     estimate: str,
     options: dict[str, Any],
     given: dict[str, bool],
-    tell: Callable[[str], None] = say,
+    say: Callable[[str], None] = say,
 ) -> tuple[Summary, bool]:
     """Read, evaluate, and say whether the asked accuracy was reached.
 
@@ -51,8 +66,8 @@ def evaluate_files(
         Values of the options.
     given : dict
         Whether cutoff and switch penalty were given, or are defaults.
-    tell : callable
-        What to do with notices; by default they go to stderr.
+    say : callable
+        What to do with a line for the user; by default it goes to stderr.
 
     Raises
     ------
@@ -72,29 +87,39 @@ def evaluate_files(
     if not quiet:
         stopwatch.tell = say
 
+    tell = teller(quiet=quiet, say=say)
+
     def work() -> Summary:
-        said = None if quiet else tell
-        sides, distance = read_sides((truth, estimate), settings, solver, given, said, stopwatch)
+        sides, distance, warnings = read_sides(
+            (truth, estimate), settings, solver, given, tell, stopwatch
+        )
         if wanted is not None:
             with _named_options():
                 wanted.check(sides[0].trajectories.columns)
-        return evaluate_sides(
+        result = evaluate_sides(
             sides, distance, settings, solver, stopwatch, curve=options.get("curve", False)
+        )
+        for notice in result.warnings:
+            tell(notice)
+        return replace(
+            result,
+            warnings=(*warnings, *result.warnings),
+            files={"truth": truth, "estimate": estimate},
         )
 
     result = run(work, stopwatch, show=not quiet)
     if options["verbose"]:
         for text in _progress(result, stopwatch):
-            tell(text)
+            say(text)
     if result.certified and not result.finished:
         missed = np.count_nonzero(~result.traced.met(result.gap)) if result.traced else 0
-        tell(f"accuracy not reached at {missed} steps of the curve, asked was {result.gap:g}")
+        say(f"accuracy not reached at {missed} steps of the curve, asked was {result.gap:g}")
     elif not result.finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
         narrowest = ""
         if result.gap < NARROWEST:
             narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
-        tell(
+        say(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}{narrowest}"
         )
@@ -106,10 +131,12 @@ def read_sides(
     settings: Settings,
     solver: Solver,
     given: dict[str, bool],
-    tell: Callable[[str], None] | None,
+    tell: Tell,
     stopwatch: Stopwatch,
-) -> tuple[tuple[Reading, ...], Distance]:
-    """Both files and the distance between their states; tells what the user should know of them.
+) -> tuple[tuple[Reading, ...], Distance, tuple[Notice, ...]]:
+    """Both files, the distance between their states, and warnings.
+
+    What the user should know of them is told.
 
     Raises
     ------
@@ -119,17 +146,14 @@ def read_sides(
     with stopwatch.span("read"):
         sides = settings.read(*paths)
     distance, aligned = settings.fit(sides, paths)
-    if tell is not None:
-        for path, side in zip(paths, sides, strict=True):
-            for notice in side.notices:
-                tell(f"{path}: {notice}")
-        for text in pair_remarks(sides, aligned, distance, settings):
-            tell(text)
-        if solver.name != "exact":
-            say_if_slow(tell)
-        if not all(given.values()):
-            tell(default_notice(aligned, distance, settings, given))
-    return sides, distance
+    notices = [
+        *(notice for path, side in zip(paths, sides, strict=True) for notice in about(path, side)),
+        *pair_notices(sides, aligned, distance, settings, given),
+        *(slow_notice() if solver.name != "exact" else ()),
+    ]
+    for notice in notices:
+        tell(notice)
+    return sides, distance, tuple(notice for notice in notices if notice.code)
 
 
 def evaluate_sides(
@@ -200,10 +224,20 @@ def inspect_files(
     return run(work, Stopwatch(), show=not options["quiet"])
 
 
-def say_if_slow(tell: Callable[[str], None] = say) -> None:
-    """Print a notice where the kernels were not built."""
+def slow_notice() -> Iterator[Notice]:
+    """A notice where the kernels were not built."""
     if KERNEL == "numpy":
-        tell("no compiled kernels, slower: installing with a C compiler at hand builds them")
+        yield Notice(
+            text="no compiled kernels, slower: installing with a C compiler at hand builds them"
+        )
+
+
+def about(path: str, side: Reading) -> Iterator[Notice]:
+    """What the user should know of one file."""
+    for text in side.notices:
+        yield Notice(text=f"{path}: {text}")
+    for notice in side.warnings:
+        yield notice.about(path)
 
 
 def told(reading: Reading) -> dict[str, Any]:
@@ -211,22 +245,28 @@ def told(reading: Reading) -> dict[str, Any]:
     return {"rows": reading.rows, "format": reading.format, "left_out": reading.left_out}
 
 
-def pair_remarks(
-    sides: tuple[Reading, ...], aligned: Alignment, distance: Distance, settings: Settings
-) -> Iterator[str]:
+def pair_notices(
+    sides: tuple[Reading, ...],
+    aligned: Alignment,
+    distance: Distance,
+    settings: Settings,
+    given: dict[str, bool],
+) -> Iterator[Notice]:
     """What the user should know of the choice of the distance, and of the two files together."""
-    yield from notices(distance, aligned.truth.columns, settings.parameters.cutoff)
-    for name, side in zip(("truth", "estimate"), sides, strict=True):
-        if side.rows and not len(side.trajectories.step):
-            yield f"warning: no row of the {name} takes part"
+    for text in notices(distance, aligned.truth.columns, settings.parameters.cutoff):
+        yield Notice(text=text)
     truth, estimate = (side.trajectories for side in sides)
     if "gaussian" in distance.kinds:
-        yield from _about_points(truth.kind == "point", estimate.kind == "point")
-    said, warnings = remarks(
-        (truth, estimate), aligned, settings.stamps, settings.parameters, distance
-    )
-    yield from said
-    yield from (f"warning: {text}" for text in warnings)
+        for text in _about_points(truth.kind == "point", estimate.kind == "point"):
+            yield Notice(text=text)
+    stamps, parameters = settings.stamps, settings.parameters
+    for text in alignment_notices(aligned, stamps):
+        yield Notice(text=text)
+    found = diagnose((truth, estimate), aligned, stamps, parameters, distance)
+    yield from found
+    defaults = [name for name, is_given in given.items() if not is_given]
+    if defaults:
+        yield default_notice(aligned, distance, parameters, defaults, others=bool(found))
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
@@ -238,21 +278,6 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
             "the truth has no covariances: against points a smaller reported covariance always "
             "costs less, whether it is right or not"
         )
-
-
-def default_notice(
-    aligned: Alignment, distance: Distance, settings: Settings, given: dict[str, bool]
-) -> str:
-    """One line about the defaults in use, with the scale of the data beside it."""
-    names = {"cutoff": ("cutoff c", "-c"), "switch_penalty": ("switch penalty gamma", "-g")}
-    defaults = [name for name, is_given in given.items() if not is_given]
-    used = " and ".join(
-        f"{names[name][0]} = {getattr(settings.parameters, name):g}" for name in defaults
-    )
-    nearest = median_nearest(aligned.truth, aligned.estimate, distance)
-    known = nearest is not None and math.isfinite(nearest)
-    scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
-    return f"default {used}{scale}; choose with {' and '.join(names[name][1] for name in defaults)}"
 
 
 def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tgospa_eval import covariances
 from tgospa_eval.distances.base import Distance, Floats, Pairs
 from tgospa_eval.distances.vector import Norm
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Ints, Trajectories
 
@@ -223,7 +223,7 @@ def _factors(matrices: ArrayLike | None, d: int) -> Floats:
 
     packed, notices = covariances.from_matrices(found.reshape(math.prod(stack), d, d), where)
     for notice in notices:
-        warnings.warn(notice.removeprefix("warning: "), stacklevel=3)
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
     return covariances.factor(packed).reshape(len(packed), *stack)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.clouds import LARGEST, UNEVEN, are_normalised
-from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.errors import ConfigError, TgospaWarning, real_number
 from tgospa_eval.text import quoted
 
 Floats = NDArray[np.float64]
@@ -69,6 +69,7 @@ def as_cloud(
     if abs(total * largest - 1) > UNEVEN:
         warnings.warn(
             f"{name}: the weights sum to {total * largest:g}, not 1: normalised",
+            TgospaWarning,
             stacklevel=depth + 1,
         )
     return points, given if are_normalised(total * largest, len(given)) else scaled / total

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
+from tgospa_eval.notices import Notice
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
@@ -41,6 +42,8 @@ class Reading:
         Rows of the file, the header not counted.
     notices : tuple of str
         One sentence each.
+    warnings : tuple of Notice
+        What was repaired.
     left_out : dict
         How many rows do not take part, by the rule or option that left them out.
     format : str
@@ -58,6 +61,7 @@ class Reading:
     trajectories: Trajectories
     rows: int
     notices: tuple[str, ...] = field(default=())
+    warnings: tuple[Notice, ...] = ()
     left_out: dict[str, int] = field(default_factory=dict)
     format: str = "csv"
     classes: tuple[str, ...] = ()
@@ -66,13 +70,11 @@ class Reading:
     lacking: dict[str, str] = field(default_factory=dict)
 
     def warn(self) -> Trajectories:
-        """The trajectories, with a Python warning for each notice that is a warning."""
+        """The trajectories, with a Python warning for each of its own."""
         import warnings
 
-        for notice in self.notices:
-            text = notice.removeprefix("warning: ")
-            if text != notice:
-                warnings.warn(text, stacklevel=3)
+        for notice in self.warnings:
+            warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
         return self.trajectories
 
     def of_class(self, name: str) -> Trajectories:

@@ -13,6 +13,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import Times, more
+from tgospa_eval.notices import Notice
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
@@ -141,10 +142,12 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     if len(used) < len(track_ids):
         track_used = (np.cumsum(has_rows) - 1)[track_used]
     notices = chosen.notices
-    covariance = None
+    covariance: Floats | None = None
+    warnings: tuple[Notice, ...] = ()
     if roles.spread is not None and clouds is None:
         covariance, said = _covariances(rows, taken, roles.spread, options)
-        notices += said
+        warnings = tuple(notice for notice in said if notice.code)
+        notices += [notice.text for notice in said if not notice.code]
     trajectories = Trajectories(
         step=step_used,
         track=track_used,
@@ -173,6 +176,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         trajectories=trajectories,
         rows=len(state),
         notices=tuple(notices),
+        warnings=warnings,
         left_out=chosen.left_out,
         format=format,
         classes=classes,
@@ -231,7 +235,7 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
 
 def _covariances(
     rows: Rows, taken: Ints, spread: "Spread", options: "ReadOptions"
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Notice]]:
     """The covariances of some rows, and what to say of them."""
     from tgospa_eval.formats.spread import Cells, covariances_of
 

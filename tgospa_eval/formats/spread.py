@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tgospa_eval.covariances import LARGEST, accept, size_of, symmetric
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.times import more
+from tgospa_eval.notices import Notice
 from tgospa_eval.trajectories import Floats, Ints
 
 BEYOND = 1e-3
@@ -132,7 +133,7 @@ class Cells:
 
 def covariances_of(
     cells: Cells, spread: Spread, *, missing: str, fix: bool
-) -> tuple[Floats, list[str]]:
+) -> tuple[Floats, list[Notice]]:
     """Lower triangles (R, d (d + 1) / 2) of the rows, and what to say of them.
 
     Parameters
@@ -154,7 +155,7 @@ def covariances_of(
     notices = []
     if spread.absent:
         what = "column" if len(spread.absent) == 1 else "columns"
-        notices.append(f"no {what} {', '.join(spread.absent)}: taken as 0")
+        notices.append(Notice(text=f"no {what} {', '.join(spread.absent)}: taken as 0"))
     blank = {column: np.isnan(values) for column, values in cells.values.items()}
     without = np.all(list(blank.values()), axis=0)
     partly = np.any(list(blank.values()), axis=0) & ~without
@@ -178,7 +179,9 @@ def covariances_of(
             )
         count = int(np.count_nonzero(without))
         state = "state has" if count == 1 else "states have"
-        notices.append(f"{count} {state} no covariance: compared as points (--missing-cov zero)")
+        notices.append(
+            Notice(text=f"{count} {state} no covariance: compared as points (--missing-cov zero)")
+        )
     packed = np.zeros((len(spread.entries), len(without)))
     for k, (i, j, label) in enumerate(spread.labels()):
         entry = spread.entries[k]

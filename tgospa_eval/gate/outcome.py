@@ -17,6 +17,7 @@ from tgospa_eval.gate.rules import (
     name_of,
     worst,
 )
+from tgospa_eval.notices import Notice
 from tgospa_eval.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
@@ -53,6 +54,8 @@ class Outcome:
         What the user should know: reasons, remedies.
     seconds : float
         Time of reading and solving.
+    warnings : tuple of Notice
+        What looks wrong with the data.
     """
 
     name: str
@@ -64,9 +67,10 @@ class Outcome:
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
+    warnings: tuple[Notice, ...] = ()
 
     @property
-    def warnings(self) -> tuple[Finding, ...]:
+    def warned(self) -> tuple[Finding, ...]:
         """Rules of ``--warn-on`` that are broken, or not known to be kept."""
         return tuple(f for f in self.findings if f.warning)
 

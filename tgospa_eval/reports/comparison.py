@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from tgospa_eval.notices import Notice
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.summary import Table
@@ -77,6 +78,7 @@ def solvers_page(document: Document) -> Page:
             ),
         ],
         remarks=list(_solver_remarks(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
 
@@ -193,6 +195,7 @@ def estimates_page(document: Document) -> Page:
             *_against_sheets(document),
         ],
         remarks=list(_estimate_remarks(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
 

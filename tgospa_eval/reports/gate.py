@@ -136,6 +136,7 @@ def _pair(outcome: Outcome) -> dict[str, Any]:
         "verdict": outcome.verdict,
         "status": outcome.status,
         "notes": list(outcome.notes),
+        "warnings": [notice.record() for notice in outcome.warnings],
         "rules": [_finding(finding) for finding in outcome.findings],
         "changes": {one.path: {"old": one.old, "new": one.new} for one in outcome.changes},
         "seconds": outcome.seconds,
@@ -181,7 +182,7 @@ def markdown_lines(report: Report) -> Iterator[str]:
         yield from _cells(outcome, updated=updated)
     yield ""
     for outcome in report.outcomes:
-        for note in outcome.notes:
+        for note in (*outcome.notes, *map(str, outcome.warnings)):
             yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
     if report.advice:
         yield f"\nTo make the whole baseline anew, if that is right: {markdown_code(report.advice)}"

@@ -28,7 +28,9 @@ CUT = "\n*The rest does not fit into a step summary; see the log or the JUnit re
 def annotations(report: Report) -> Iterator[str]:
     """Workflow commands: an error for each pair that does not pass, a warning if one warns."""
     errors = [_error(outcome) for outcome in report.outcomes if outcome.status]
-    warnings = [_warning(outcome) for outcome in report.outcomes if outcome.warnings]
+    warnings = [
+        _warning(outcome) for outcome in report.outcomes if outcome.warned or outcome.warnings
+    ]
     for kind, found in (("error", errors), ("warning", warnings)):
         shown = found if len(found) <= MOST else found[: MOST - 1]
         for name, text in shown:
@@ -44,8 +46,9 @@ def _error(outcome: Outcome) -> tuple[str, str]:
 
 
 def _warning(outcome: Outcome) -> tuple[str, str]:
-    broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warnings)
-    return title(outcome), f"broken or undecided, for a warning only: {broken}"
+    broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warned)
+    said = [f"broken or undecided, for a warning only: {broken}"] if broken else []
+    return title(outcome), "\n".join((*said, *(notice.sentence for notice in outcome.warnings)))
 
 
 def _command(kind: str, heading: str, text: str) -> str:

@@ -64,6 +64,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         total=f"{result.total:.6g}",
         per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
+        warnings=result.warnings,
         seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         parameters=_flat(result.parameters),
         inputs={name: _flat(told) for name, told in result.input.items()},

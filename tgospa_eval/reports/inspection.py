@@ -5,6 +5,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
+from tgospa_eval.notices import Notice
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.text import visible
 
@@ -39,7 +40,8 @@ def table(document: Document) -> str:
         blocks.append(list(_both(document["both"], document["parameters"])))
     said = [(file["path"], text) for file in files for text in file["notices"]]
     blocks.append([line for path, text in said for line in _wrap(f"{path}: {text}")])
-    blocks.append([line for text in document["warnings"] for line in _wrap(f"warning: {text}")])
+    warnings = (str(Notice(**record)) for record in document["warnings"])
+    blocks.append([line for text in warnings for line in _wrap(text)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
 

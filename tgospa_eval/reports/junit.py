@@ -4,7 +4,7 @@ A rule that is broken is a failure, what could not be judged an error; a warning
 Written by hand: to import a library for XML takes as long as a small evaluation.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from tgospa_eval.gate.outcome import Outcome, Report, texts
 from tgospa_eval.gate.rules import Verdict
@@ -38,9 +38,10 @@ def junit(report: Report) -> str:
 def _cases(outcome: Outcome) -> Iterator[str]:
     """A case for each rule, or one for what could not be judged; the first has the time."""
     text = "\n".join(outcome.notes)
+    warnings = list(map(str, outcome.warnings))
     if not outcome.findings:
         result = _result("error", outcome.verdict, text) if outcome.status else ""
-        yield _case(outcome, "gate", outcome.seconds, result)
+        yield _case(outcome, "gate", outcome.seconds, result + _output(warnings))
     for number, finding in enumerate(outcome.findings):
         verdict = said(finding)
         mark = "" if finding.now.proven else " (split, not proven)"
@@ -48,14 +49,15 @@ def _cases(outcome: Outcome) -> Iterator[str]:
         about = f"{finding.rule.path} is between {lower} and {upper}, allowed is {limit}{mark}"
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
-        result = ""
+        result, lines = "", [] if number else warnings
         if finding.rule.warns and verdict != Verdict.PASS:
-            result = f"<system-out>{xml(f'{verdict}: {about}')}</system-out>"
+            lines = [f"{verdict}: {about}", *lines]
         elif verdict == Verdict.FAIL:
             result = _result("failure", verdict, text, about)
         elif verdict != Verdict.PASS:
             result = _result("error", verdict, text, about)
-        yield _case(outcome, finding.rule.text, 0.0 if number else outcome.seconds, result)
+        seconds = 0.0 if number else outcome.seconds
+        yield _case(outcome, finding.rule.text, seconds, result + _output(lines))
 
 
 def _case(outcome: Outcome, name: str, seconds: float, result: str) -> str:
@@ -67,6 +69,11 @@ def _case(outcome: Outcome, name: str, seconds: float, result: str) -> str:
 def _result(kind: str, verdict: str, text: str, message: str = "") -> str:
     about = {"type": verdict, "message": message or text.partition("\n")[0]}
     return f"<{kind}{_attributes(about)}>{xml(text)}</{kind}>"
+
+
+def _output(lines: Iterable[str]) -> str:
+    text = "\n".join(lines)
+    return f"<system-out>{xml(text)}</system-out>" if text else ""
 
 
 def _attributes(values: dict[str, str]) -> str:

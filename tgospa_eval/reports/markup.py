@@ -31,6 +31,8 @@ def markdown(result: Summary) -> str:
     lines = [f"**{title}** ({_parameters(result)})", "", "| cost | | share % | count |"]
     lines.append("|---|---:|---:|---:|")
     lines += [f"| {' | '.join(row)} |" for row in _rows(result)]
+    for notice in result.warnings:
+        lines += ["", f"> {escape.markdown(str(notice))}"]
     return "\n".join(lines) + "\n"
 
 
@@ -38,6 +40,7 @@ def latex(result: Summary) -> str:
     """A booktabs table with a comment that says how the number was proven."""
     lines = [
         escape.latex_comment(f"{headline(result)} ({_parameters(result)})"),
+        *(escape.latex_comment(str(notice)) for notice in result.warnings),
         r"\begin{tabular}{lrrr}",
         r"\toprule",
         r"cost & & share (\%) & count \\",

@@ -46,6 +46,8 @@ class Page:
         What was compared.
     sheets : sequence of Sheet
         Tables.
+    warnings : sequence of str
+        What looks wrong with the data; on a terminal it is on stderr already.
     remarks : sequence of str
         Sentences below.
     kind : str
@@ -57,6 +59,7 @@ class Page:
     sheets: Sequence[Sheet]
     remarks: Sequence[str] = ()
     kind: str = ""
+    warnings: Sequence[str] = ()
 
 
 def as_text(page: Page) -> str:
@@ -80,6 +83,7 @@ def as_markdown(page: Page) -> str:
             bold = [(k, at) in sheet.bold and bool(cell) for at, cell in enumerate(row)]
             lines.append(_pipes(f"**{c}**" if b else c for c, b in zip(cells, bold, strict=True)))
         blocks.append("\n".join(lines))
+    blocks += [f"> {markdown(line)}" for line in page.warnings]
     if page.remarks:
         blocks.append("\n".join(f"- {markdown(line)}" for line in page.remarks))
     return "\n\n".join(blocks) + "\n"
@@ -87,7 +91,7 @@ def as_markdown(page: Page) -> str:
 
 def as_latex(page: Page) -> str:
     """Tables of the package booktabs; the words are comments."""
-    words = [*filter(None, [page.kind]), page.title, *page.lines, *page.remarks]
+    words = [*filter(None, [page.kind]), page.title, *page.warnings, *page.lines, *page.remarks]
     blocks = ["\n".join(map(latex_comment, words))]
     for sheet in page.sheets:
         lines = [rf"\begin{{tabular}}{{l{'r' * (len(sheet.head) - 1)}}}", r"\toprule"]

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from tgospa_eval.notices import Notice
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.summary import Table
@@ -48,6 +49,7 @@ def sweep_page(document: Document) -> Page:
             )
         ],
         remarks=list(_remarks(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
 

@@ -1,0 +1,77 @@
+"""What looks wrong with two sides before anything is solved: clocks, units, axes. Prints nothing.
+
+A warning changes no number. It is raised only where undoing the fault would at least halve the
+per-step GOSPA cost, or where a side cannot mean what it seems to.
+"""
+
+import numpy as np
+
+from tgospa_eval.alignment import Alignment, Stamps
+from tgospa_eval.diagnosis.clock import clock_warnings
+from tgospa_eval.diagnosis.sides import side_warnings
+from tgospa_eval.diagnosis.states import state_warnings
+from tgospa_eval.distances import Distance
+from tgospa_eval.notices import Notice, Spelling, as_option
+from tgospa_eval.problem import Parameters
+from tgospa_eval.trajectories import Trajectories
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
+def diagnose(
+    sides: tuple[Trajectories, Trajectories],
+    aligned: Alignment,
+    stamps: Stamps,
+    parameters: Parameters,
+    distance: Distance,
+    spell: Spelling = as_option,
+) -> list[Notice]:
+    """Warnings about two sides.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate as read.
+    aligned : Alignment
+        The same, aligned.
+    stamps : Stamps
+        How.
+    parameters : Parameters
+        Cutoff and order of the per-step GOSPA cost.
+    distance : Distance
+        Base distance.
+    spell : callable
+        How settings are written in remedies: `as_option` or `as_argument`.
+    """
+    rough = distance.rough
+    found = side_warnings(sides)
+    clock = clock_warnings(sides, aligned, stamps, parameters, rough, spell)
+    found += clock
+    if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
+        found += state_warnings((aligned.truth, aligned.estimate), parameters, rough, spell)
+    return found
+
+
+def alignment_notices(aligned: Alignment, stamps: Stamps, spell: Spelling = as_option) -> list[str]:
+    """What aligning two sides took: steps of both, stamps that were joined, rows left out."""
+    alone = aligned.union - aligned.common
+    at = "what exists at the other is missed or false"
+    if alone > 1:
+        at = f"what exists at the other {alone} is missed or false"
+    counted = stamps.grid == "union" and alone and aligned.common
+    notices = [
+        f"{aligned.common} of {aligned.union} steps are in both files" + (f"; {at}" * bool(counted))
+    ]
+    if aligned.joined:
+        one = "pair of stamps was" if aligned.joined == 1 else "pairs of stamps were"
+        notices.append(
+            f"{aligned.joined} {one} joined, at most {stamps.tolerance:.15g} apart "
+            f"({spell('time_tolerance', '')})"
+        )
+    if any(aligned.left_out):
+        steps = aligned.union - len(aligned.truth.times)
+        notices.append(
+            f"{steps} {'step' if steps == 1 else 'steps'} left out ({spell('grid', stamps.grid)}), "
+            f"with {aligned.left_out[0]} rows of the truth and {aligned.left_out[1]} of the "
+            "estimate"
+        )
+    return notices
