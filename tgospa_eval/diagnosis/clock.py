@@ -216,8 +216,8 @@ def _clock_warning(clock: Clock, kind: str) -> Notice:
         code="clock-shift",
         text=f"the clock of the estimate seems to {_said(clock, kind)}: without that the per-step "
         f"GOSPA cost of {clock.steps} steps falls by {100 * clock.saving:.0f} % or more",
-        remedy="write the stamps of both files by one clock; a latency of the tracker is rightly an "
-        "error",
+        remedy="write the stamps of both files by one clock; a latency of the tracker is "
+        "rightly an error",
     )
 
 
