@@ -1,5 +1,6 @@
 """The pictures of a result: what is handed to the artists, the files, and odd data."""
 
+import io
 import subprocess
 import sys
 from collections.abc import Callable
@@ -274,6 +275,44 @@ def test_worst() -> None:
     assert [text.get_text() for text in made.axes[2].get_yticklabels()] == ["0", "1", "2"]
     none = plot_worst(evaluate(np.zeros((2, 1, 2)), np.zeros((2, 1, 2))), style="paper")
     assert words(none).count("none") == 3
+
+
+# --- in a notebook --------------------------------------------------------------------------------
+
+
+def test_a_result_shows_itself(tmp_path: Path) -> None:
+    import matplotlib as mpl
+    from matplotlib.image import imread
+
+    result = swap()
+    for draw in ALL:
+        made = getattr(result, draw.__name__)(style="paper")
+        data, size = made._repr_png_()
+        tall, wide, _ = imread(io.BytesIO(data)).shape
+        assert (wide, tall) == pytest.approx((2 * size["width"], 2 * size["height"]), abs=1)
+    with mpl.rc_context({"font.size": 30, "hatch.linewidth": 9}):
+        assert made._repr_png_()[0] == data  # the settings of the user are not those of the picture
+    assert labels(result.plot_costs(components=["missed"])) >= {"missed"}
+    assert result.plot_plane(columns=("t", "y")).axes[0].get_xlabel() == "time"
+    assert "<canvas" in result.to_html()
+    result.save(tmp_path / "saved")
+    result.save(tmp_path / "saved")  # its own folder
+    names = {path.name for path in (tmp_path / "saved").iterdir()}
+    assert names >= {"result.json", "report.html", "lanes.png", "per_step.csv"}
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").touch()
+    with pytest.raises(ConfigError, match=r"^folder .*mine: is not empty; .* force=True"):
+        result.save(tmp_path / "mine")
+
+
+def test_dir_shows_what_is_public() -> None:
+    result = swap()
+    names = dir(result)
+    assert set(result.to_dict()) - {"schema"} <= set(names)
+    assert {"per_truth", "plot_lanes", "to_json", "save"} <= set(names)
+    assert not [name for name in names if name.startswith("_") or name.endswith("_table")]
+    assert not {"proof", "scene", "labels", "settings", "gap", "traced"} & set(names)
+    assert all(hasattr(result, name) for name in names)
 
 
 # --- odd data -------------------------------------------------------------------------------------

@@ -1,16 +1,14 @@
 """What a notebook shows of a result: HTML of plain values, with styles inside. Knows no result.
 
-Colours are legible on light and on dark paper, for a notebook does not say which it has.
+The bars stand on white, for a notebook does not say whether its paper is light or dark.
 """
 
 from collections.abc import Sequence
 
-COLOURS = {
-    "localisation": "#5b8fc7",
-    "missed": "#d9622b",
-    "false": "#9a6bd6",
-    "switch": "currentColor",
-}
+from tgospa_eval.figures import number
+from tgospa_eval.palette import LIGHT
+
+COLOURS = {name: LIGHT[name] for name in ("localisation", "missed", "false", "switch")}
 WIDTH, HEIGHT = 560, 56
 BARS = 140
 
@@ -70,7 +68,7 @@ def _swatch(name: str) -> str:
     colour = COLOURS.get(name)
     return (
         f'<span style="display:inline-block;width:.8em;height:.8em;margin-right:.45em;'
-        f'background:{colour}"></span>'
+        f'background:{colour};border:1px solid #888"></span>'
         if colour
         else ""
     )
@@ -102,12 +100,13 @@ def _chart(costs: dict[str, list[float]], ends: tuple[str, str]) -> str:
                 path += f"M{x:.1f} {y:.1f}h{wide * 0.85:.1f}v{tall:.1f}h{-wide * 0.85:.1f}z"
         if path:
             paths += f'<path d="{path}" fill="{COLOURS[name]}"/>'
-    said = f"cost of each step from {ends[0]} to {ends[1]}, at most {high:.6g}"
+    said = f"cost of each step from {ends[0]} to {ends[1]}, at most {number(high)}"
     if together > 1:
         said += f"; each bar is the dearest of {together}"
     return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" style="width:100%;display:block" role="img" '
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
+        'style="width:100%;display:block;background:#fff" '
         f'aria-label="{escape(said)}">{paths}<path d="M0 {HEIGHT}h{WIDTH}" '
-        f'stroke="currentColor" opacity=".4"/></svg>'
+        f'stroke="#888"/></svg>'
         f'<div style="opacity:.75;font-size:.85em">{escape(said)}</div>'
     )

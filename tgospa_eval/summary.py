@@ -13,6 +13,7 @@ from tgospa_eval.notebook import card
 from tgospa_eval.notices import Notice
 from tgospa_eval.problem import POWER, Floats, Parameters
 from tgospa_eval.result import Bounds, Breakdown, Curve
+from tgospa_eval.showing import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +65,7 @@ class Costs:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Summary(ABC):
+class Summary(Shown, ABC):
     """What reports need: one evaluation, or the sum of several over the same steps.
 
     Parameters
@@ -420,7 +421,8 @@ class Summary(ABC):
             proof=self.proven,
             notes=(
                 *map(str, self.warnings),
-                f"{sizes['truth']} truths, {sizes['estimates']} estimates, {sizes['steps']} steps",
+                f"{sizes['truth']:,} truths, {sizes['estimates']:,} estimates, "
+                f"{sizes['steps']:,} steps",
                 f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
                 f"gamma = {self.quantity(parameters.switch_penalty)}",
             ),

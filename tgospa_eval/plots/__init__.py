@@ -77,10 +77,11 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     """An empty figure of inches, and its axes as a (rows, columns) array."""
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+
+    from tgospa_eval.plots.shown import ShownFigure
 
     grid = 0.75 * rcParams["grid.linewidth"]
-    made = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
     FigureCanvasAgg(made)
     axes = made.subplots(rows, columns, squeeze=False)
     for axis in axes.flat:

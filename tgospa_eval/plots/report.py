@@ -1,13 +1,15 @@
 """The pictures of a result folder: which, in what formats, as files."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.plots import FILES, written
+from tgospa_eval.plots import FILES, available, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
+from tgospa_eval.reports.files import write_folder
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -83,6 +85,15 @@ def result_pictures(result: Summary, wanted: Pictures) -> dict[str, bytes]:
             for kind in wanted.formats:  # each anew: a layout remembers the one before
                 files[f"{name}.{kind}"] = written(make(), kind, style.dots)
     return files
+
+
+def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> None:
+    """`Result.save`: the result folder, with what the extras that are installed can draw."""
+    pictures = result_pictures(result, Pictures()) if available() else {}
+    try:
+        write_folder(result, os.fspath(folder), force=force, more=pictures, option="folder")
+    except ConfigError as error:
+        raise ConfigError(str(error).replace("--force", "force=True")) from None
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -40,6 +40,7 @@ def write_folder(
     force: bool,
     names: tuple[str, str] = ("truth", "estimate"),
     more: Mapping[str, bytes] | None = None,
+    option: str = "--output",
 ) -> tuple[Written, tuple[str, ...]]:
     """Write the result folder.
 
@@ -55,6 +56,8 @@ def write_folder(
         What truth and estimate are called in the report.
     more : mapping of str to bytes, optional
         Further files by name.
+    option : str
+        What the folder is called in messages.
 
     Returns
     -------
@@ -68,7 +71,7 @@ def write_folder(
     ConfigError
         The folder cannot be written.
     """
-    check_folder(folder, RESULT, force=force)
+    check_folder(folder, RESULT, force=force, option=option)
     texts: dict[str, str | bytes] = {
         "result.json": result.to_json(),
         "per_step.csv": per_step_csv(result),
@@ -89,7 +92,8 @@ def write_folder(
         from tgospa_eval.reports.html import page
 
         texts["report.html"] = page(result, names)
-    return write_texts(texts | dict(more or {}), folder, RESULT, force=force), missing
+    everything = texts | dict(more or {})
+    return write_texts(everything, folder, RESULT, force=force, option=option), missing
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:
