@@ -13,6 +13,8 @@ import pandas as pd
 import pytest
 from conftest import Answer
 
+import tgospa_eval
+
 Invoke = Callable[..., Answer]
 
 EVIL = (
@@ -227,6 +229,26 @@ def test_gate(invoke: Invoke, scene: dict[str, str], monkeypatch: pytest.MonkeyP
     for element in junit.iter():
         for value in (element.text or "", *element.attrib.values()):
             check_visible(value)
+
+
+def test_simulate(invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CI", "1")
+    answer = invoke("simulate", NAME, "--steps", "5")
+    assert answer.status == 0
+    assert answer.out.count("\n") == 2
+    check_visible(answer.out + answer.err)
+
+
+def test_warnings_in_python(scene: dict[str, str]) -> None:
+    frames = [pd.read_parquet(Path(scene[role]).absolute()) for role in ("truth", "estimate")]
+    for frame in frames:
+        frame.columns = ["id", "t", "x", "y", "class", "note"]
+    frames[1].loc[:, ["x", "y"]] *= 1000
+    with pytest.warns(tgospa_eval.TgospaWarning) as caught:
+        result = tgospa_eval.evaluate(*frames, 5, 2, 2, unit=EVIL)
+    for text in (*map(str, (item.message for item in caught)), str(result), repr(result)):
+        check_visible(text)
+    assert "<img" not in result._repr_html_()
 
 
 WRONG = {

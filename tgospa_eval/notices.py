@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from tgospa_eval.text import visible
+
 Spelling = Callable[[str, object], str]
 """How a setting is written to whoever reads the remedy: name and value."""
 
@@ -14,6 +16,8 @@ SHORT = {"cutoff": "-c", "switch_penalty": "-g"}
 @dataclass(frozen=True, kw_only=True)
 class Notice:
     """A sentence for the user; with a code it is a warning, which every output shows.
+
+    What it quotes is made visible, as in an error.
 
     Parameters
     ----------
@@ -28,6 +32,10 @@ class Notice:
     text: str
     code: str = ""
     remedy: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("text", "remedy"):
+            object.__setattr__(self, name, visible(getattr(self, name)))
 
     def __str__(self) -> str:
         return f"warning: {self.sentence}" if self.code else self.sentence

@@ -24,6 +24,7 @@ from tgospa_eval.notices import Notice
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.reports.gate import GATE_REPORTS
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import clipped
 
 
 def run_gate(
@@ -161,7 +162,7 @@ def _evaluate(
     """The result of a pair, and the options that made it."""
     resolved = given.resolve(pair, entry, path)
     defaults = {name: name in resolved["given"] for name in ("cutoff", "switch_penalty")}
-    prefix = f"{pair.name}: " if given.options["suite"] else ""
+    prefix = f"{clipped(pair.name)}: " if given.options["suite"] else ""
     result, finished = evaluate_files(
         pair.truth, pair.estimate, resolved["values"], defaults, _sayer(prefix)
     )
@@ -203,7 +204,7 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
         try:
             result, kept = _evaluate(given, pair, before, path)
         except TgospaError as error:
-            prefix = f"{pair.name}: " if given.options["suite"] else ""
+            prefix = f"{clipped(pair.name)}: " if given.options["suite"] else ""
             raise type(error)(f"{prefix}{error}") from None
         entry = new[pair.name] = make_entry(result, kept)
         changes, notes = change(before, entry), tuple(_remarks(before, entry, result))

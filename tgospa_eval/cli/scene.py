@@ -12,6 +12,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.write import WRITERS
 from tgospa_eval.reports.folders import probe_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
+from tgospa_eval.text import visible
 from tgospa_eval.trajectories import Trajectories
 
 DISTANCES = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
@@ -41,11 +42,12 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
         for name, side, role in zip(names, (truth, estimate), ("truth", "estimate"), strict=True)
     }
     write_texts(texts, folder, force=options["force"], option=OPTION)
-    emit(
+    lines = (
         f"{folder}: {scene.scenario}, {scene.steps} steps; {_size(truth, 'truth')} in {names[0]}, "
-        f"{_size(estimate, 'estimate')} in {names[1]}\n"
-        f"{_command(folder, names, options, tracker)}\n"
+        f"{_size(estimate, 'estimate')} in {names[1]}",
+        _command(folder, names, options, tracker),
     )
+    emit("".join(f"{visible(line)}\n" for line in lines))
 
 
 def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
