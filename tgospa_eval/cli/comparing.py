@@ -29,16 +29,12 @@ from tgospa_eval.notices import Notice
 from tgospa_eval.pipeline import solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.preparation import Prepared, prepare
-from tgospa_eval.reports.comparison import (
-    Document,
-    json_text,
-    opposed,
-    pairs_table,
-    render,
-    study_report,
-)
+from tgospa_eval.reports.comparison import json_text, render
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder, write_texts
+from tgospa_eval.reports.phrases import Document
+from tgospa_eval.reports.ranking import opposed, pairs_table
+from tgospa_eval.reports.study import study_report
 from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn

@@ -121,20 +121,20 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
     )
     count = step["steps_differing"]
     yield (
-        f"at {count:.6g} of {sum(document['steps']) / len(document['steps']):.6g} steps the "
-        "assignment found for TGOSPA is another than the cheapest of the step by itself"
+        f"at {count:.4g} of {sum(document['steps']) / len(document['steps']):.6g} steps TGOSPA "
+        "found another assignment than the cheapest of that step alone"
         if count
-        else "TGOSPA assigns every step as it would be by itself"
+        else "TGOSPA found the assignment of every step that is the cheapest of that step alone"
     )
     for rule, name in RULES.items():
         made, halves = step[rule]["switches"], step[rule]["halves"]
-        told = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.6g}"
+        told = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.4g}"
         if made:
             told += ": it charges what the cheapest assignments happen to need"
         if halves:
             told += (
-                f", and {halves / 2:.6g} for {_count(halves, 'change')} from a track to none or "
-                "back, as at every miss; TGOSPA holds a pair through a miss for nothing"
+                f", and {halves / 2:.4g} for {_count(halves, 'change')} from a track to none or "
+                "back, as at every miss; TGOSPA keeps the pair through a miss at no cost"
             )
         yield told
     if step["stone_soup"] != step["mathworks"]:
@@ -152,4 +152,4 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
 
 def _count(number: float, word: str) -> str:
     ending = "" if number == 1 else ("es" if word.endswith("ch") else "s")
-    return f"{number:.6g} {word}{ending}"
+    return f"{number:.4g} {word}{ending}"

@@ -1,0 +1,58 @@
+"""Words and numbers that all documents of `compare` are told in."""
+
+from typing import Any
+
+Document = dict[str, Any]
+
+PARTS = ("localisation", "missed", "false", "switch")
+EXACT = 1e-9
+"""Relative errors below count as none, and differ from machine to machine."""
+
+RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
+STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
+"""What to type for what a page is not."""
+
+SPLIT = (
+    "split, not proven: localisation, missed, false and switch are those of the assignment that "
+    "was found; the brackets hold for TGOSPA and the total"
+)
+
+
+def number(value: float | None, form: str) -> str:
+    """A number, or a dash."""
+    return "-" if value is None else f"{value:{form}}"
+
+
+def error_of(value: float | None) -> str:
+    """A relative error, in powers of ten."""
+    if value is None:
+        return "-"
+    return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
+
+
+def unit_of(parameters: Document) -> str:
+    """The unit behind a number, if there is one."""
+    return f" {parameters['unit']}" if parameters["unit"] else ""
+
+
+def size_of(sizes: Document) -> str:
+    """How large a problem is."""
+    return (
+        f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
+        f"{counted(sizes['steps'], 'step')}; {counted(sizes['states'], 'reduced state')} in "
+        f"{counted(sizes['components'], 'component')}"
+    )
+
+
+def parameters_of(parameters: Document) -> str:
+    """Parameters of the metric, and the distance."""
+    unit = unit_of(parameters)
+    return (
+        f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
+        f"gamma = {parameters['switch_penalty']:g}{unit}, {parameters['distance']}"
+    )
+
+
+def counted(number: int, word: str) -> str:
+    """How many there are."""
+    return f"{number:,} {word}" + ("" if number == 1 else "s")

@@ -1,0 +1,312 @@
+"""A ranking of estimates, or one beside per-step GOSPA, as a page and as tables."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+from tgospa_eval.notices import Notice
+from tgospa_eval.reports.phrases import (
+    PARTS,
+    RANK,
+    SPLIT,
+    STUDY,
+    Document,
+    counted,
+    parameters_of,
+    unit_of,
+)
+from tgospa_eval.reports.sheets import Page, Sheet
+from tgospa_eval.summary import Table
+
+RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
+
+ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
+"""Verdicts as the tables have them."""
+
+PROOFS = {
+    "less": "proven: the upper bound of the one is below the lower bound of the other",
+    "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
+    "not separated": "open: the bounds of both overlap",
+}
+"""What the verdicts mean."""
+
+TIES = (
+    "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
+    "their ids; other tie rules may count other switches"
+)
+
+
+def estimates_page(document: Document) -> Page:
+    """Several estimates of one truth, or one with per-step GOSPA beside it."""
+    estimates, parameters = document["estimates"], document["parameters"]
+    return Page(
+        kind=_what(document),
+        title=_order(document),
+        lines=[_runs(document), parameters_of(parameters)],
+        sheets=[
+            _paper_sheet(document, places=True),
+            *_pair_sheets(document),
+            Sheet(
+                head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
+                rows=[
+                    (
+                        item["name"],
+                        _between(item["lower_bound"], item["tgospa"]),
+                        _between(item["total_lower"], item["total"]),
+                        *(f"{item[name]:.5g}" for name in PARTS),
+                    )
+                    for item in estimates
+                ],
+            ),
+            *_against_sheets(document),
+        ],
+        remarks=list(_estimate_remarks(document)),
+        warnings=[str(Notice(**record)) for record in document["warnings"]],
+    )
+
+
+def estimates_paper(document: Document) -> Page:
+    """What goes into a paper: roots per step, RMS over runs."""
+    page = estimates_page(document)
+    return replace(page, sheets=[_paper_sheet(document)], remarks=())
+
+
+def estimates_table(document: Document) -> Table:
+    """A row for each estimate, plain numbers."""
+    items = document["estimates"]
+    table: Table = {"name": [item["name"] for item in items]}
+    table |= {f"place_{end}": [item["place"][k] for item in items]
+              for k, end in enumerate(("best", "worst"))}  # fmt: skip
+    for name in items[0]["normalised"]:
+        table[f"normalised_{name}"] = [item["normalised"][name] for item in items]
+    for name in ("tgospa", "lower_bound", "total", "total_lower", *PARTS):
+        table[name] = [item[name] for item in items]
+    for name in items[0]["counts"]:
+        table[f"count_{name}"] = [item["counts"][name] for item in items]
+    if items[0]["per_step_gospa"] is not None:
+        steps = [item["per_step_gospa"] for item in items]
+        table["gospa_total"] = [step["total"] for step in steps]
+        for rule in RULES:
+            for name in ("switches", "halves", "total", "mean"):
+                table[f"{rule}_{name}"] = [step[rule][name] for step in steps]
+    return table
+
+
+def pairs_table(document: Document) -> Table:
+    """A row for each pair of estimates: the second less the first, costs per step."""
+    pairs = document["pairs"]
+    own = ("first", "second", "verdict", "opposed")
+    table: Table = {name: [pair[name] for pair in pairs] for name in own}
+    for k, end in enumerate(("lower", "upper")):
+        table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
+    table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
+    for group, names in (
+        ("steps", ("better", "worse")),
+        ("per_run", ("mean", "standard_error", "first_less", "second_less")),
+    ):
+        for name in names:
+            table[f"{group}_{name}"] = [pair[group][name] for pair in pairs]
+    return table
+
+
+def _order(document: Document) -> str:
+    estimates, unit = document["estimates"], unit_of(document["parameters"])
+    if len(estimates) == 1:
+        item = estimates[0]
+        value = _between(item["lower_bound"], item["tgospa"])
+        mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
+        return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
+    names = [item["name"] for item in estimates]
+    verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
+    groups = [names[:1]]
+    for pair in itertools.pairwise(names):
+        if verdicts[pair] == "equal":
+            groups[-1].append(pair[1])
+        else:
+            groups.append([pair[1]])
+    proven = {
+        **dict.fromkeys(itertools.combinations(names, 2), "less"),
+        **{pair: "equal" for group in groups for pair in itertools.combinations(group, 2)},
+    }
+    if verdicts == proven and len(groups) == 1:
+        return f"Proven to be equal by TGOSPA per step: {' = '.join(names)}"
+    if verdicts == proven:
+        order = ", ".join(map(" = ".join, groups))
+        return f"Proven order by TGOSPA per step, best first: {order}"
+    best = _best(document)
+    if best:
+        return (
+            f"Proven best by TGOSPA per step: {' = '.join(names[k] for k in best)}; the order of "
+            "the others is not proven throughout"
+        )
+    tied = [name for name, item in zip(names, estimates, strict=True) if item["place"][0] == 1]
+    return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
+
+
+def _best(document: Document) -> list[int]:
+    """Which estimates are proven to be better than all others, or equal to such."""
+    places = [item["place"] for item in document["estimates"]]
+    best = [k for k, place in enumerate(places) if place == [1, 1]]
+    return best if len(best) < len(places) else []
+
+
+def _what(document: Document) -> str:
+    """What this is, and what to type for what it is not."""
+    count = len(document["estimates"])
+    if count > 1:
+        return f"Ranking of {count} estimates; {STUDY}"
+    if document["estimates"][0]["per_step_gospa"] is not None:
+        return f"TGOSPA beside per-step GOSPA for one estimate; {RANK}"
+    return f"Mean over the runs of one estimate; {RANK}"
+
+
+def _runs(document: Document) -> str:
+    steps = sorted(set(document["steps"]))
+    length = (
+        counted(steps[0], "step")
+        if len(steps) == 1
+        else f"{steps[0]:,} to {counted(steps[-1], 'step')}"
+    )
+    if document["runs"] == 1:
+        return f"truth {document['truth'][0]}; {length} at which something exists"
+    return (
+        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} each at "
+        "which something exists; costs are means over runs, roots are taken last"
+    )
+
+
+def _shortened(paths: list[str]) -> str:
+    return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
+
+
+def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
+    """What is ranked, and its parts; with places where there are several."""
+    runs, order = document["runs"], document["parameters"]["order"]
+    places = places and len(document["estimates"]) > 1
+    mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
+    return Sheet(
+        head=(
+            f"per step{mean}",
+            *(["place"] if places else []),
+            *("TGOSPA", "localisation", "missed", "false", "switch"),
+        ),
+        rows=[
+            (
+                item["name"],
+                *([_place(item, document["pairs"])] if places else []),
+                _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
+                *(f"{item['normalised'][name]:.4g}" for name in PARTS),
+            )
+            for item in document["estimates"]
+        ],
+        bold=frozenset((row, k) for row in _best(document) for k in range(2 + places)),
+    )
+
+
+def _pair_sheets(document: Document) -> Iterator[Sheet]:
+    """Differences to the first estimate, costs per step."""
+    first = document["estimates"][0]["name"]
+    pairs = [pair for pair in document["pairs"] if pair["first"] == first]
+    if not pairs:
+        return
+    several = document["runs"] > 1
+    head = ["cost/step", "order", "local.", "missed", "false", "switch", "steps -/+"]
+    yield Sheet(
+        head=(f"vs {first}", *head, *(["runs -/+"] if several else [])),
+        rows=[
+            (
+                pair["second"],
+                "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
+                ORDERS[pair["verdict"]],
+                *(f"{pair['per_step'][name]:+.3g}" for name in PARTS),
+                f"{pair['steps']['better']}/{pair['steps']['worse']}",
+                *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
+                  if several else []),
+            )
+            for pair in pairs
+            for low, high in [pair["per_step"]["total"]]
+        ],
+    )  # fmt: skip
+
+
+def opposed(document: Document) -> Iterator[str]:
+    """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
+    for pair in document["pairs"]:
+        if pair["opposed"]:
+            yield (
+                f"warning: {pair['first']} is before {pair['second']} by TGOSPA per step, in "
+                "which each run counts the same, but has the larger mean total, in which long runs "
+                "count more"
+            )
+
+
+def _against_sheets(document: Document) -> Iterator[Sheet]:
+    """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
+    order = document["parameters"]["order"]
+    rows = []
+    for item in document["estimates"]:
+        step = item["per_step_gospa"]
+        if step is None:
+            return
+        name = f"{item['name']}: " if len(document["estimates"]) > 1 else ""
+        rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
+        rows.append((f"{name}GOSPA, summed", step["total"], None, None))
+        for rule, title in RULES.items():
+            rows.append((
+                f"{name}{title}", step[rule]["total"], step[rule]["switches"], step[rule]["mean"]
+            ))  # fmt: skip
+    yield Sheet(
+        head=("sum over steps of values^p", "total", "root", "switches", "mean of steps"),
+        rows=[
+            (
+                name,
+                f"{total:.6g}",
+                f"{total ** (1 / order):.6g}",
+                "" if count is None else f"{count:.6g}",
+                "" if mean is None else f"{mean:.5g}",
+            )
+            for name, total, count, mean in rows
+        ],
+    )
+
+
+def _estimate_remarks(document: Document) -> Iterator[str]:
+    estimates = document["estimates"]
+    for item in estimates:
+        for number, made in enumerate(item["runs"], start=1):
+            if not made["finished"]:
+                run = f" run {number}" if document["runs"] > 1 else ""
+                yield f"{item['name']}{run}: {made['status']}"
+    if len(estimates) > 1:
+        found = {pair["verdict"] for pair in document["pairs"]}
+        yield "; ".join(
+            [
+                *(text for verdict, text in PROOFS.items() if verdict in found),
+                "steps -/+: at how many the estimate costs less or more than the first",
+            ]
+        )
+    yield SPLIT
+    yield from opposed(document)
+    name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
+    for sentence in estimates[0].get("differences", ()):
+        yield name + sentence
+    if estimates[0]["per_step_gospa"] is not None:
+        yield TIES
+
+
+def _between(low: float, high: float, sign: str = "") -> str:
+    """One number if both are the same as they are shown, else both."""
+    texts = [f"{value:{sign}.6g}" for value in (low, high)]
+    return texts[1] if texts[0] == texts[1] else " to ".join(texts)
+
+
+def _place(item: Document, pairs: list[Document]) -> str:
+    """The range of places that are possible, or the only one, with = if it is shared."""
+    best, worst = item["place"]
+    if best < worst:
+        return f"{best}-{worst}"
+    shared = any(
+        pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
+        for pair in pairs
+    )
+    return f"{best}=" if shared else f"{best}"
