@@ -292,7 +292,7 @@ def test_runs_are_averaged_before_the_root(write: Write, invoke: Invoke, tmp_pat
     folder = tmp_path.as_posix()
     (tmp_path / "10").rename(tmp_path / "x")
     patterns = [f"{folder}/[12]/{name}.csv" for name in ("gt", "a", "b")]  # no pattern of ours
-    assert "no such file" in invoke("compare", *patterns).err
+    assert "is a pattern, not a file" in invoke("compare", *patterns).err
     (tmp_path / "x").rename(tmp_path.parent / f"{tmp_path.name}-10")
     patterns = [f"{folder}/*/{name}.csv" for name in ("gt", "a", "b")]
     answer = invoke("compare", *patterns, "-c", "5", "-g", "1", "-q", "--format", "json")
