@@ -11,6 +11,7 @@ from importlib import import_module
 import click
 
 from tgospa_eval import __version__, files
+from tgospa_eval.cli.guard import guarded
 from tgospa_eval.cli.streams import check_stdout, check_written, say, say_lines
 from tgospa_eval.errors import ConfigError, TgospaError
 
@@ -26,6 +27,9 @@ VERBS = {
 """Module and summary of each verb; the module's command is called `command`."""
 
 INTERRUPTED = 130
+NO_MEMORY = ("annot allocate memory", "failed to map segment", "bad_alloc", "start new thread")
+"""What systems, loaders of libraries and Python say where there is none left."""
+
 INTERNAL = 4
 """Of faults of ours, as of solvers: neither passed nor failed, nothing is known."""
 
@@ -148,12 +152,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # a small evaluation.
     atexit.register(gc.freeze)
     files.announce = say
-    try:
-        status = _run(arguments)
-    except Exception as error:
-        status = INTERNAL
-        _say_internal(error)
-    sys.exit(status)
+
+    def work() -> int:
+        try:
+            return _run(arguments)
+        except Exception as error:
+            _say_internal(error)
+            return INTERNAL
+
+    sys.exit(guarded(work, INTERRUPTED) if arguments is None else work())
 
 
 def _run(arguments: Sequence[str] | None) -> int:
@@ -177,14 +184,30 @@ def _run(arguments: Sequence[str] | None) -> int:
     except (KeyboardInterrupt, click.Abort):
         say("interrupted")
         os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
-    except OSError as error:  # where nobody thought of it, still no fault of ours
-        where = "" if error.filename is None else f"{error.filename}: "
-        say(f"{where}{files.reason(error)}")
-        status = ConfigError.exit_status
-    except MemoryError:
-        say("out of memory; a smaller cutoff leaves fewer pairs")
-        status = INTERNAL
+    except (OSError, MemoryError, ImportError, RuntimeError) as error:
+        status = _say_lacking(error)
     return status or 0
+
+
+def _say_lacking(error: Exception) -> int:
+    """What the system does not give is no fault of ours, even if unforeseen; the status."""
+    if _is_of_memory(error):
+        say("out of memory; a smaller cutoff leaves fewer pairs")
+        return INTERNAL
+    if not isinstance(error, OSError):
+        raise error
+    where = "" if error.filename is None else f"{error.filename}: "
+    say(f"{where}{files.reason(error)}")
+    return ConfigError.exit_status
+
+
+def _is_of_memory(error: BaseException | None) -> bool:
+    """Whether an error, or one behind it, is for want of memory, as libraries need some as well."""
+    while error is not None:
+        if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _invoke(arguments: list[str] | None) -> int | None:

@@ -333,6 +333,6 @@ def can_transport() -> bool:
 def _pot() -> Any:
     try:
         from ot import lp  # here: slow to import, and an extra
-    except ImportError:
+    except ModuleNotFoundError:
         raise ConfigError(NEEDED) from None
     return lp

@@ -28,7 +28,7 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     try:
         import pyarrow as pa  # here: the extra may be missing, and other formats do without
         import pyarrow.parquet as pq
-    except ImportError:
+    except ModuleNotFoundError:
         raise ConfigError(
             f"{path}: Parquet files need the extra parquet: pip install 'tgospa-eval[parquet]'"
         ) from None
@@ -55,6 +55,8 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     except InputError:
+        raise
+    except MemoryError:
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None

@@ -52,7 +52,7 @@ def parquet_bytes(trajectories: Trajectories) -> bytes:
     try:
         import pyarrow as pa  # here: the extra may be missing
         import pyarrow.parquet as pq
-    except ImportError:
+    except ModuleNotFoundError:
         raise ConfigError(
             "Parquet files need the extra parquet: pip install 'tgospa-eval[parquet]'"
         ) from None

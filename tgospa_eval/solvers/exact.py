@@ -157,6 +157,7 @@ class _Programme:
 
 def _build(states: States) -> _Programme:
     """Maximise gain w - price |D w| over w >= 0 with every slot at most full; of one block."""
+    import clarabel  # noqa: F401  or cvxpy takes one that finds no memory for one that is missing
     import cvxpy as cp  # here: importing it takes longer than most evaluations
 
     gain, pair = states.gain, states.pair

@@ -1,0 +1,66 @@
+"""Under a limit of memory (``ulimit -v``) a child does the work.
+
+Compiled code that gets no memory aborts, or exits with a status of its own choosing, which might be
+that of a regression; this one is left to say so.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+
+from tgospa_eval.cli.streams import say
+
+FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
+"""Ends of programs that do without their memory; other signals come from others."""
+
+PASSED_ON = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def guarded(work: Callable[[], int], interrupted: int) -> int:
+    """Do the work; its status, or 4 if it ended without one.
+
+    Parameters
+    ----------
+    work : callable
+        Gives the status.
+    interrupted : int
+        The status with which it may end of itself.
+    """
+    limit = _limit()
+    if limit is None:
+        return work()
+    done, mark = os.pipe()
+    try:
+        child = os.fork()
+    except OSError:
+        return work()
+    if child == 0:
+        os.setpgid(0, 0)  # a terminal interrupts the parent alone, which passes it on
+        status = work()
+        os.write(mark, b"\n")
+        return status
+    os.close(mark)
+    for name in PASSED_ON:
+        signal.signal(getattr(signal, name), lambda number, _: os.kill(child, number))
+    finished = os.read(done, 1)
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if finished or status == interrupted:
+        return status
+    if status < 0 and signal.Signals(-status).name not in FATAL:
+        with suppress(OSError):  # of the two that have no handler
+            signal.signal(-status, signal.SIG_DFL)
+        os.kill(os.getpid(), -status)
+    say(f"out of memory: {limit >> 20} MiB are allowed (ulimit -v), which is too little")
+    return 4
+
+
+def _limit() -> int | None:
+    """Bytes that the process may take, if there is a limit."""
+    if sys.platform == "win32":
+        return None
+    import resource
+
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if soft == resource.RLIM_INFINITY else soft
