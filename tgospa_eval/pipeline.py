@@ -12,7 +12,7 @@ from tgospa_eval.alignment import Stamps
 from tgospa_eval.certificate import certify
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.diagnosis import diagnose
-from tgospa_eval.diagnosis.scale import default_notice
+from tgospa_eval.diagnosis.scale import default_notice, explained
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation import Proof, Result
@@ -151,7 +151,7 @@ def look(
     found = diagnose(sides, aligned, stamps, parameters, fitted, as_argument)
     if defaults:
         notice = default_notice(
-            aligned, fitted, parameters, defaults, as_argument, others=bool(found)
+            aligned, fitted, parameters, defaults, as_argument, others=explained(found)
         )
         found += [notice] if notice.code else []
     return found

@@ -252,7 +252,7 @@ CONFIG_FILE = click.option(
     show_default="tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml, in this folder",
     help="Read settings from a TOML file; the keys are the names of these options.",
 )  # fmt: skip
-QUIET = _general("-q", "--quiet", is_flag=True, help="Print no notices.")
+QUIET = _general("-q", "--quiet", is_flag=True, help="Print no notices; warnings stay.")
 
 PICTURES = (
     _output(

@@ -15,7 +15,7 @@ from tgospa_eval.cli.settings import Settings, make_settings, make_solver
 from tgospa_eval.cli.streams import emit, on_terminal, say
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.diagnosis import alignment_notices, diagnose
-from tgospa_eval.diagnosis.scale import default_notice
+from tgospa_eval.diagnosis.scale import default_notice, explained
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
@@ -266,7 +266,7 @@ def pair_notices(
     yield from found
     defaults = [name for name, is_given in given.items() if not is_given]
     if defaults:
-        yield default_notice(aligned, distance, parameters, defaults, others=bool(found))
+        yield default_notice(aligned, distance, parameters, defaults, others=explained(found))
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:

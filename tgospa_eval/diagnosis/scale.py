@@ -50,3 +50,8 @@ def default_notice(
         text=f"default {used}{scale}",
         remedy="choose with " + " and ".join(spell(name, "") for name in defaults),
     )
+
+
+def explained(found: Sequence[Notice]) -> bool:
+    """Whether a warning says why states are far from each other."""
+    return any(notice.code != "nothing-near" for notice in found)

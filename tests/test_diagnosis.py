@@ -1,0 +1,180 @@
+"""Warnings about units, axes, origins, clocks, sides: where they should be, and nowhere else."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tgospa_eval import TgospaWarning, evaluate, read_trajectories, sweep
+from tgospa_eval.alignment import Stamps, align
+from tgospa_eval.diagnosis import diagnose
+from tgospa_eval.distances import DISTANCES
+from tgospa_eval.notices import Notice
+from tgospa_eval.problem import Parameters
+from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
+from tgospa_eval.trajectories import Trajectories
+
+Run = Callable[..., Any]
+Write = Callable[[str, str], str]
+Sides = tuple[Trajectories, Trajectories]
+
+
+@pytest.fixture(scope="module")
+def sample(quickstart: tuple[str, str]) -> Sides:
+    """Sound data."""
+    return read_trajectories(quickstart[0]), read_trajectories(quickstart[1])
+
+
+def found(truth: Trajectories, estimate: Trajectories, cutoff: float = 10.0) -> list[Notice]:
+    parameters = Parameters(cutoff=cutoff, order=2, switch_penalty=5)
+    aligned = align(truth, estimate)
+    return diagnose((truth, estimate), aligned, Stamps(), parameters, DISTANCES["euclidean"])
+
+
+def moved(side: Trajectories, change: Callable[[np.ndarray], Any]) -> Trajectories:
+    return replace(side, state=change(np.array(side.state)))
+
+
+STATES: dict[str, tuple[str, Callable[[np.ndarray], Any], str]] = {
+    "km": ("unit-scale", lambda x: x / 1000, "1000 times too small"),
+    "m": ("unit-scale", lambda x: x * 1000, "1000 times too large"),
+    "feet": ("unit-scale", lambda x: x / 0.3048, "3.28084 times too large"),
+    "swapped": ("axis-swap", lambda x: x[:, ::-1], "--estimate-columns x=y,y=x"),
+    "turned": ("axis-swap", lambda x: x[:, ::-1] * [1, -1], "with x negated"),
+    "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated: "),
+    "image": ("axis-sign", lambda x: np.add(x * [1, -1], [0, 480]), "about another origin"),
+    "far": ("offset", lambda x: np.add(x, [5e5, 5e6]), "displaced by (5e+05, 5e+06) in x,y"),
+    "biased": ("offset", lambda x: np.add(x, [3, 4]), "displaced by (2.987, 3.927) in x,y"),
+}
+
+
+@pytest.mark.parametrize("fault", STATES)
+def test_states(sample: Sides, fault: str) -> None:
+    code, change, said = STATES[fault]
+    (notice,) = found(sample[0], moved(sample[1], change))
+    assert notice.code == code
+    assert said in str(notice)
+    assert "the per-step GOSPA cost of 53 steps falls by" in notice.text
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: t + 2, "be 2 ahead"),
+        (lambda t: t - 1_700_000_000, "be 1700000000 behind"),
+        (lambda t: t * 1000, "count in milliseconds where that of the truth counts in seconds"),
+        (lambda t: t * 10**9, "count in nanoseconds"),
+        (lambda t: t / 1000, "count in seconds where that of the truth counts in milliseconds"),
+    ],
+)
+def test_clocks(sample: Sides, change: Callable[[np.ndarray], Any], said: str) -> None:
+    truth, estimate = sample
+    notices = found(truth, replace(estimate, times=change(estimate.times)))
+    (shift,) = (notice for notice in notices if notice.code == "clock-shift")
+    assert said in shift.text
+
+
+def test_epoch_in_milliseconds(sample: Sides) -> None:
+    truth, estimate = (replace(side, times=side.times + 1_700_000_000) for side in sample)
+    notices = found(truth, replace(estimate, times=estimate.times * 1000))
+    assert [notice.code for notice in notices] == ["steps-unmatched", "clock-shift"]
+
+
+def test_longitude_and_latitude_exchanged() -> None:
+    rng = np.random.default_rng(1)
+    start = rng.uniform([47, 8], [47.2, 8.2], (4, 2))
+    states = start + np.arange(30)[:, None, None] * 1e-3
+    sides = [Trajectories.from_array(one, ("lat", "lon")) for one in (states, states[..., ::-1])]
+    with pytest.warns(TgospaWarning, match="lat and lon of the estimate seem exchanged"):
+        result = evaluate(*sides, cutoff=50.0, distance="haversine")
+    assert [notice.code for notice in result.warnings] == ["axis-swap"]
+    assert "estimate_columns" not in result.warnings[0].remedy  # Python has no such option
+
+
+def test_sides() -> None:
+    one = Trajectories.from_array(np.zeros((4, 1, 2)))
+    none = Trajectories.from_array(np.full((4, 1, 2), np.nan))
+
+    def codes(a: Trajectories, b: Trajectories) -> list[str]:
+        return [notice.code for notice in found(a, b)]
+
+    assert codes(one, none) == ["empty-side"]
+    assert codes(none, none) == ["empty-side", "empty-side"]
+    detections = replace(one, track=np.arange(4), ids=np.array(["1", "2", "3", "4"], object))
+    assert codes(one, detections) == ["single-rows"]
+    assert codes(one, moved(one, lambda x: x + 1000.0)) == ["nothing-near"]
+    two = Trajectories.from_array(np.zeros((2, 2, 2)))
+    assert codes(two, replace(two, ids=np.array(["7", "7.0"], object))) == ["id-types"]
+
+
+TRACKERS = {
+    "noisy": Tracker(noise=5.0),
+    "poor": Tracker(noise=3.0, detection=0.5, false_rate=1.0),
+    "late": Tracker(noise=1.0, confirmation=15),
+    "mixed": Tracker(noise=1.0, merges=0.8, swaps=0.5, near=20.0, fragmentation=0.1),
+}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_no_warning_about_sound_data(scenario: str) -> None:
+    for seed, tracker in enumerate(TRACKERS.values()):
+        for targets, steps in ((1, 30), (5, 60), (20, 40)):
+            scene = Scene(scenario=scenario, targets=targets, steps=steps)
+            sides = simulate(scene, tracker, np.random.default_rng(seed))
+            empty = [] if len(sides[1].step) else ["empty-side"]  # confirmed later than it lives
+            for cutoff in (3.0, 10.0, 50.0):
+                assert [notice.code for notice in found(*sides, cutoff)] == empty
+
+
+def test_warnings_travel(invoke: Run, write: Write, sample: Sides) -> None:
+    """An off-by-one of the clock: on stderr with -q as well, and in every format and file."""
+    lines = [
+        f"{side.ids[k]},{side.times[s] + shift},{x!r},{y!r}"
+        for side, shift in zip(sample, (0, 1), strict=True)
+        for s, k, (x, y) in zip(side.step, side.track, side.state.tolist(), strict=True)
+    ]
+    size = len(sample[0].step)
+    truth = write("t.csv", "\n".join(["id,t,x,y", *lines[:size]]))
+    late = write("e.csv", "\n".join(["id,t,x,y", *lines[size:]]))
+    given = truth, late, "-c", "10", "-g", "5", "-q"
+    said = "the estimate seems late by a step (1) or more"
+    done = invoke(*given, "--format", "json", "-o", "result")
+    assert done.err.startswith(f"warning: {said}")
+    document = json.loads(done.out)
+    (warning,) = document["warnings"]
+    assert set(warning) == {"code", "text", "remedy"}
+    assert warning["code"] == "clock-shift"
+    assert document["files"] == {"truth": truth, "estimate": late}
+    for kind in ("markdown", "latex"):
+        assert said in invoke(*given, "--format", kind).out.replace("\\", "")
+    assert said in Path("result/report.html").read_text(encoding="utf-8")
+    assert said in invoke(*given, "--sweep", "cutoff=5,10", "--format", "json").out
+    assert said in invoke("compare", *given, "--format", "json").out
+    assert said in invoke("inspect", truth, late, "-q", "--format", "json").out
+    gate = "gate", *given, "--baseline", "b.json"
+    invoke(*gate, "--update-baseline")
+    done = invoke(*gate, "--github", "--junit", "j.xml", "--format", "json")
+    (pair,) = json.loads(done.out)["pairs"]
+    assert (pair["verdict"], pair["warnings"]) == ("pass", [warning])
+    assert "::warning title=" in done.err
+    assert said in Path("j.xml").read_text(encoding="utf-8")
+
+
+def test_python_warns(sample: Sides) -> None:
+    truth, estimate = sample
+    late = replace(estimate, times=estimate.times + 1)
+    with pytest.warns(TgospaWarning, match="late by a step") as caught:
+        result = evaluate(truth, late, cutoff=10.0, switch_penalty=5.0)
+    assert caught[0].filename == __file__
+    assert [notice.code for notice in result.warnings] == ["clock-shift"]
+    assert json.loads(result.to_json())["warnings"] == [result.warnings[0].record()]
+    assert "late by a step" in result._repr_html_()
+    with pytest.warns(TgospaWarning, match="late by a step"):
+        assert len(sweep(truth, late, cutoff=[5, 10], switch_penalty=5.0).warnings) == 1
+    with pytest.warns(TgospaWarning, match="choose with cutoff"):
+        result = evaluate(np.zeros((3, 1, 2)), np.full((3, 1, 2), 30.0))
+    assert "default-parameters" in [notice.code for notice in result.warnings]
