@@ -66,6 +66,27 @@ def test_classes(invoke: Run, write: Write) -> None:
     assert document["parameters"]["by"] == "class"
 
 
+def test_wide_cells_go_on_below(invoke: Run, write: Write) -> None:
+    wide = "id,TimeStamp,lat,lon\na,5.800000000000001,-48.123456781,-122.123456781\n"
+    truth = write(
+        "t.csv", wide + "b,6.8,-48.123456789,-122.123456782\nb,7.8,-48.1,-122.123456789\n"
+    )
+    answer = invoke("inspect", truth, write("e.csv", wide), "--distance", "haversine")
+    lines = answer.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "  first t          5.8                           5.8" in lines
+    at = next(k for k, line in enumerate(lines) if line.startswith("lon"))
+    assert lines[at : at + 2] == [
+        "lon                -122.123456789 to             -122.123457",
+        "                   -122.123456781",
+    ]
+    assert "headers            t=TimeStamp                   t=TimeStamp" in lines
+    assert "both have rows at t = 5.8 only" in lines
+    assert "  nearer than the cutoff c = 10 m: 100.0 %" in lines
+    for number in ("1 rows", "1 steps", "1 truths"):
+        assert number not in answer.out
+
+
 def test_empty_files(invoke: Run, write: Write) -> None:
     empty = write("e.csv", "id,t,x,y\n")
     for arguments in ((empty,), (empty, empty), (write("t.csv", TRUTH), empty)):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.notices import Notice
+from tgospa_eval.words import counted
 
 Floats = NDArray[np.float64]
 
@@ -253,21 +254,21 @@ def accept(
     notices = []
     mended = np.flatnonzero(refused | negative)
     if len(mended):
-        what = "covariance was" if len(mended) == 1 else "covariances were"
+        what = counted(len(mended), "covariance was", "covariances were")
         notices.append(
             Notice(
-                text=f"{len(mended)} {what} replaced by the nearest positive semi-definite one "
+                text=f"{what} replaced by the nearest positive semi-definite one "
                 f"(--fix-cov), the first at {where(int(mended[0]))}"
             )
         )
     clamped = np.flatnonzero((ratio < 0) & ~refused & ~negative)
     if len(clamped):
         worst = int(clamped[np.argmin(ratio[clamped])])
-        what = "covariance is" if len(clamped) == 1 else "covariances are"
+        what = counted(len(clamped), "covariance is", "covariances are")
         notices.append(
             Notice(
                 code="covariance-repaired",
-                text=f"{len(clamped)} {what} not quite positive semi-definite, by up to "
+                text=f"{what} not quite positive semi-definite, by up to "
                 f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that "
                 "is was taken",
                 remedy="more digits in the file avoid that",

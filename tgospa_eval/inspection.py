@@ -16,6 +16,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.notices import Notice
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.trajectories import Ints, Trajectories
+from tgospa_eval.words import counted
 
 SCHEMA = "tgospa-eval/inspect/1"
 
@@ -77,7 +78,7 @@ def _about(reading: Reading) -> Iterator[Notice]:
     if count:
         yield Notice(
             code="duplicates",
-            text=f"{count} {'row repeats' if count == 1 else 'rows repeat'} an (id, t)",
+            text=f"{counted(count, 'row repeats', 'rows repeat')} an (id, t)",
             remedy="evaluate refuses them without --on-duplicate",
         )
 
@@ -96,6 +97,7 @@ def describe(reading: Reading) -> dict[str, Any]:
         "trajectories": len(side.ids),
         "steps": len(side.times),
         "columns": list(side.columns),
+        "headers": dict(reading.headers),
         "time": _clock(side),
         "length": spread(count),
         "holes": {

@@ -40,6 +40,7 @@ from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.text import quoted
 from tgospa_eval.timing import Stopwatch
+from tgospa_eval.words import counted
 
 GIVEN = ("cutoff", "switch_penalty")
 UNUSED = {"by": None, "seed": None}
@@ -207,8 +208,8 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
             return summary(study, carry_out(study, known, keep, tell), machine())
 
         if not options["quiet"] and log is not None and log.known:
-            count = len(log.known)
-            say(f"{log.path}: {count} {'scene is' if count == 1 else 'scenes are'} there, going on")
+            scenes = counted(len(log.known), "scene is", "scenes are")
+            say(f"{log.path}: {scenes} there, going on")
         answer = run(work, stopwatch, show=not options["quiet"])
         show(answer, options, {}, study_pictures)
     for targets, steps, number, *pair in answer["contradictions"]:
@@ -219,7 +220,7 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
     made = [made for size in answer["sizes"] for made in size["solvers"]]
     late = sum(item["unfinished"] + item["failed"] for item in made)
     if late:
-        say(f"failed, or accuracy not reached: {late} {'run' if late == 1 else 'runs'} of solvers")
+        say(f"failed, or accuracy not reached: {counted(late, 'run')} of solvers")
     return not answer["contradictions"] and not late
 
 

@@ -14,6 +14,7 @@ from tgospa_eval.reports.folders import probe_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.text import visible
 from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.words import counted
 
 DISTANCES = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""
@@ -71,12 +72,8 @@ def settings(options: dict[str, Any]) -> tuple[Scene, Tracker]:
 
 
 def _size(side: Trajectories, what: str) -> str:
-    clouds = "" if side.clouds is None else f" of {_count(len(side.clouds.points), 'particle')}"
-    return f"{_count(len(side.ids), what)} with {_count(len(side.step), 'row')}{clouds}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+    clouds = "" if side.clouds is None else f" of {counted(len(side.clouds.points), 'particle')}"
+    return f"{counted(len(side.ids), what)} with {counted(len(side.step), 'row')}{clouds}"
 
 
 def _command(folder: str, names: tuple[str, str], options: dict[str, Any], tracker: Tracker) -> str:

@@ -14,6 +14,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.notices import Notice, Spelling, as_option
 from tgospa_eval.problem import Parameters
 from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.words import counted, in_both
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
@@ -57,21 +58,18 @@ def alignment_notices(aligned: Alignment, stamps: Stamps, spell: Spelling = as_o
     at = "what exists at the other is missed or false"
     if alone > 1:
         at = f"what exists at the other {alone} is missed or false"
-    counted = stamps.grid == "union" and alone and aligned.common
-    notices = [
-        f"{aligned.common} of {aligned.union} steps are in both files" + (f"; {at}" * bool(counted))
-    ]
+    costly = stamps.grid == "union" and alone and aligned.common
+    notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
-        one = "pair of stamps was" if aligned.joined == 1 else "pairs of stamps were"
+        pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
         notices.append(
-            f"{aligned.joined} {one} joined, at most {stamps.tolerance:.15g} apart "
-            f"({spell('time_tolerance', '')})"
+            f"{pairs} joined, at most {stamps.tolerance:.15g} apart ({spell('time_tolerance', '')})"
         )
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)
         notices.append(
-            f"{steps} {'step' if steps == 1 else 'steps'} left out ({spell('grid', stamps.grid)}), "
-            f"with {aligned.left_out[0]} rows of the truth and {aligned.left_out[1]} of the "
+            f"{counted(steps, 'step')} left out ({spell('grid', stamps.grid)}), with "
+            f"{counted(aligned.left_out[0], 'row')} of the truth and {aligned.left_out[1]} of the "
             "estimate"
         )
     return notices

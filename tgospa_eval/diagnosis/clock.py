@@ -26,6 +26,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.notices import Notice, Spelling
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.trajectories import Ints, Trajectories
+from tgospa_eval.words import counted
 
 FEW = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""
@@ -125,11 +126,11 @@ def _near_misses(
     if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
         most = max(most - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * most)
     named = _rounded_up(most / unit)
-    pairs = "pair of stamps is" if len(close) == 1 else "pairs of stamps are"
+    pairs = counted(len(close), "pair of stamps is", "pairs of stamps are")
     alone = aligned.union - aligned.common
     return Notice(
         code="stamps-near",
-        text=f"{len(close)} {pairs} nearly the same, of {alone} stamps that one file only has, at "
+        text=f"{pairs} nearly the same, of {alone} stamps that one file only has, at "
         f"most {named} apart where the median step is {min(steps) / unit:.6g}",
         remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
     )

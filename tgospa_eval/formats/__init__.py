@@ -56,6 +56,8 @@ class Reading:
         Classes of all rows of the file, if they were asked for.
     lacking : dict of str to str
         Of `ReadOptions.shared` what the file lacks, and what to say if every file does.
+    headers : dict of str to str
+        Headers of the columns whose names are others.
     """
 
     trajectories: Trajectories
@@ -68,6 +70,7 @@ class Reading:
     klass: Ints | None = None
     named: tuple[str, ...] = ()
     lacking: dict[str, str] = field(default_factory=dict)
+    headers: dict[str, str] = field(default_factory=dict)
 
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each of its own."""

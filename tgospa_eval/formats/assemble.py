@@ -16,6 +16,7 @@ from tgospa_eval.formats.times import Times, more
 from tgospa_eval.notices import Notice
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -129,10 +130,8 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
             raise InputError(_duplicate(taken, again, key, rows))
         drop = again + 1 if options.on_duplicate == "first" else again
         taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
-        verb = "rows repeat" if len(again) > 1 else "row repeats"
-        chosen.notices.append(
-            f"{len(again)} {verb} an (id, t): the {options.on_duplicate} one was taken"
-        )
+        rows_repeat = counted(len(again), "row repeats", "rows repeat")
+        chosen.notices.append(f"{rows_repeat} an (id, t): the {options.on_duplicate} one was taken")
         chosen.left_out["duplicate"] = len(again)
 
     # From the sorted keys: cheaper than gathering two columns from all over the table.
@@ -167,8 +166,8 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         classes, klass = tuple(rows.classes[0][present]), np.searchsorted(present, number)
         if "" in classes:
             count = int(np.count_nonzero(klass == classes.index("")))
-            what = "row has" if count == 1 else "rows have"
-            chosen.notices.append(f'{count} {what} no class: evaluated as a class named ""')
+            rows_have = counted(count, "row has", "rows have")
+            chosen.notices.append(f'{rows_have} no class: evaluated as a class named ""')
     if roles.centres:
         notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
     notices = [*roles.notices(clouds=clouds is not None), *notices]
@@ -183,6 +182,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         klass=klass,
         named=() if rows.classes is None else tuple(rows.classes[0]),
         lacking=roles.lacking,
+        headers=roles.called,
     )
 
 
@@ -201,7 +201,7 @@ class _Choice:
         count = before - int(np.count_nonzero(self.mask))
         if count:
             self.left_out[rule] = count
-            self.notices.append(f"{count} {'rows' if count > 1 else 'row'} {sentence}")
+            self.notices.append(f"{counted(count, 'row')} {sentence}")
 
     def all(self) -> bool:
         """Whether nothing was left out."""

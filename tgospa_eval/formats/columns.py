@@ -52,6 +52,8 @@ class Roles:
         Whether covariances were asked for.
     headers : tuple of str
         All headers.
+    fixed : bool
+        They are names of ours, for columns of a format without headers.
     lacking : dict of str to str
         Of the columns that another file may have: those that this one lacks, and what to say if
         every file does.
@@ -70,6 +72,7 @@ class Roles:
     spread: "Spread | None" = None
     asked: bool = False
     headers: tuple[str, ...] = ()
+    fixed: bool = False
     lacking: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -80,6 +83,17 @@ class Roles:
         if self.weight is not None:
             columns.append(self.weight)
         return tuple(dict.fromkeys([*columns, *(self.spread.columns if self.spread else ())]))
+
+    @property
+    def called(self) -> dict[str, str]:
+        """Headers of ids, times and states that bear another name; none of a format without."""
+        if self.fixed:
+            return {}
+        states = dict(zip(self.names, self.state, strict=True))
+        single = {name: mix[0][0] for name, mix in states.items() if len(mix) == 1}
+        places = {"id": self.id, "t": self.time} | single
+        found = {name: self.headers[column] for name, column in places.items()}
+        return {name: header for name, header in found.items() if header.casefold() != name}
 
     def notices(self, *, clouds: bool) -> Iterator[str]:
         """Columns that are passed over, and what becomes of covariances.
@@ -231,6 +245,7 @@ def find_roles(
         spread=spread,
         asked=options.covariance and not options.clouds,
         headers=tuple(names),
+        fixed=fixed,
         lacking=lacking,
     )
 

@@ -11,6 +11,7 @@ from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import BLANK, more
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.assemble import Rows
@@ -84,14 +85,12 @@ class Particles:
             what = (one if len(clouds) == 1 else many).format(len(clouds.points))
             found.append(f"{len(clouds)} {what}; whole: --distance cloud-wasserstein")
         if self.uneven:
-            have = "clouds have" if self.uneven > 1 else "cloud has"
+            have = counted(self.uneven, "cloud has", "clouds have")
             found.append(
-                f"{self.uneven} {have} weights that do not sum to 1 (the farthest to "
-                f"{self.worst:g}): normalised"
+                f"{have} weights that do not sum to 1 (the farthest to {self.worst:g}): normalised"
             )
         if self.idle:
-            particles = "particles" if self.idle > 1 else "particle"
-            found.append(f"{self.idle} {particles} of weight 0 left out")
+            found.append(f"{counted(self.idle, 'particle')} of weight 0 left out")
         return found
 
 

@@ -16,6 +16,7 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.text import Block, Places, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -137,7 +138,7 @@ def _blocks(
     if wrong:
         line_number, found = wrong[0]
         raise InputError(
-            f"{path}, line {line_number}: {found} {'field' if found == 1 else 'fields'}, "
+            f"{path}, line {line_number}: {counted(found, 'field')}, "
             f"line {first} has {width}{more(len(wrong))}; give every row as many"
         )
 

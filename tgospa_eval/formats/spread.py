@@ -16,6 +16,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.times import more
 from tgospa_eval.notices import Notice
 from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.words import counted
 
 BEYOND = 1e-3
 """By what the size of a correlation may exceed 1: rounding in a file."""
@@ -178,9 +179,9 @@ def covariances_of(
                 "points"
             )
         count = int(np.count_nonzero(without))
-        state = "state has" if count == 1 else "states have"
+        states = counted(count, "state has", "states have")
         notices.append(
-            Notice(text=f"{count} {state} no covariance: compared as points (--missing-cov zero)")
+            Notice(text=f"{states} no covariance: compared as points (--missing-cov zero)")
         )
     packed = np.zeros((len(spread.entries), len(without)))
     for k, (i, j, label) in enumerate(spread.labels()):

@@ -18,6 +18,7 @@ from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import find_roles
 from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -151,7 +152,7 @@ def _refuse(wrong: list[tuple[int, int]], width: int, path: str) -> None:
     if wrong:
         line, found = wrong[0]
         raise InputError(
-            f"{path}, line {line}: {found} {'field' if found == 1 else 'fields'}, "
+            f"{path}, line {line}: {counted(found, 'field')}, "
             f"the header has {width}{more(len(wrong))}; give every row one field per column"
         )
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tgospa_eval.text import visible
+from tgospa_eval.words import counted
 
 Table = dict[str, list[Any]]
 Document = dict[str, Any]
@@ -31,7 +32,7 @@ def association_text(document: Document) -> str:
     counts = document["counts"]
     lines = [
         f"{counts['associated']} associated, {counts['alone_a']} of A and {counts['alone_b']} of B "
-        f"alone, in {_count(counts['steps'], 'step')}",
+        f"alone, in {counted(counts['steps'], 'step')}",
         f"sum {document['total']:.6g}: distances, and {document['parameters']['cutoff'] / 2:g} for "
         "each state that stays alone",
         "",
@@ -53,7 +54,7 @@ def reduction_text(document: Document) -> str:
     }
     rows = [(name, value["median"], value["max"]) for name, value in shown.items() if value]
     lines = [
-        f"{_count(counts['clouds'], 'cloud')}, {_count(counts['particles'], 'particle')} -> "
+        f"{counted(counts['clouds'], 'cloud')}, {counted(counts['particles'], 'particle')} -> "
         f"{counts['kept']}",
         "",
     ]
@@ -88,10 +89,6 @@ def _columns(header: Sequence[str], rows: list[tuple[Any, ...]]) -> list[str]:
     if len(rows) > ROWS:
         lines.append(f"and {len(rows) - ROWS} more; all of them: --format csv")
     return lines
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _cell(value: object) -> str:

@@ -1,6 +1,7 @@
 """What was read, as a table of 80 columns or as JSON."""
 
 import json
+import math
 import textwrap
 from collections.abc import Iterator
 from typing import Any
@@ -8,14 +9,16 @@ from typing import Any
 from tgospa_eval.notices import Notice
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.text import visible
+from tgospa_eval.words import counted, in_both
 
 Document = dict[str, Any]
+Row = tuple[str, list[str]]
 
 NAME = 18
 """Width of the first column."""
 
-CELL = 30
-"""Width of the columns of the files."""
+CELL = 28
+"""Least width of the columns of the files; two of them and a gap of 2 fit in a line."""
 
 LEFT_OUT = {
     "blank": "no position",
@@ -35,7 +38,7 @@ def json_text(document: Document) -> str:
 def table(document: Document) -> str:
     """The document in words, for someone who sees it for the first time."""
     files = [document[name] for name in ("truth", "estimate") if name in document]
-    blocks = [list(_files(files))]
+    blocks = [_columns(list(_files(files)))]
     if "both" in document:
         blocks.append(list(_both(document["both"], document["parameters"])))
     said = [(file["path"], text) for file in files for text in file["notices"]]
@@ -45,118 +48,152 @@ def table(document: Document) -> str:
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
 
-def _files(files: list[Document]) -> Iterator[str]:
-    """A row for each property, a column for each file."""
-    yield _row("", [f"{name}" for name in ("truth", "estimate")[: len(files)]])
-    yield _row("file", [_tail(file["path"]) for file in files])
-    yield _row("format", [file["format"] for file in files])
-    yield _row("rows", [str(file["rows"]) for file in files])
+def _columns(rows: list[Row]) -> list[str]:
+    """Rows as lines: a cell that is too wide for its column goes on below."""
+    count = len(rows[0][1])
+    room = WIDTH - NAME - 1 - 2 * (count - 1)
+    widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
+    if sum(widths) > room:
+        widths = [room] if count == 1 else [CELL] * count
+    lines = []
+    for name, cells in rows:
+        parts = [
+            textwrap.wrap(cell, width, break_on_hyphens=False) or [""]
+            for cell, width in zip(cells, widths, strict=True)
+        ]
+        for k in range(max(map(len, parts))):
+            shown = [part[k] if k < len(part) else "" for part in parts]
+            line = "  ".join(f"{text:<{width}}" for text, width in zip(shown, widths, strict=True))
+            lines.append(f"{clip('' if k else name, NAME):<{NAME}} {line}".rstrip())
+    return lines
+
+
+def _files(files: list[Document]) -> Iterator[Row]:
+    """A row for each property, a cell for each file."""
+    yield "", ["truth", "estimate"][: len(files)]
+    yield "file", [_tail(file["path"]) for file in files]
+    yield "format", [file["format"] for file in files]
+    if any(file["headers"] for file in files):
+        yield "headers", [_headers(file["headers"]) for file in files]
+    yield "rows", [str(file["rows"]) for file in files]
     for rule in dict.fromkeys(rule for file in files for rule in file["left_out"]):
         counts = [str(file["left_out"].get(rule, 0)) for file in files]
-        yield _row(f"  {LEFT_OUT.get(rule, rule)}", counts)
-    yield _row("trajectories", [str(file["trajectories"]) for file in files])
-    yield _row("  length", [_range(file["length"], "rows") for file in files])
-    yield _row("  with holes", [_holes(file["holes"]) for file in files])
-    yield _row("steps", [str(file["steps"]) for file in files])
-    yield _row("  objects at", [_range(file["objects"], "") for file in files])
+        yield f"  {LEFT_OUT.get(rule, rule)}", counts
+    yield "trajectories", [str(file["trajectories"]) for file in files]
+    yield "  length", [_range(file["length"], "row", "rows") for file in files]
+    yield "  with holes", [_holes(file["holes"]) for file in files]
+    yield "steps", [str(file["steps"]) for file in files]
+    yield "  objects at", [_range(file["objects"]) for file in files]
     if any("particles" in file for file in files):
         one = {"min": 1.0, "median": 1.0, "max": 1.0}
-        yield _row("  particles", [_range(file.get("particles", one), "") for file in files])
-    yield _row("  first t", [_plain(file["time"]["first"]) for file in files])
-    yield _row("  last t", [_plain(file["time"]["last"]) for file in files])
-    second = " s" if any(file["time"]["kind"] != "number" for file in files) else ""
-    yield _row("  t to next t", [_range(file["time"]["step"], second.strip()) for file in files])
+        yield "  particles", [_range(file.get("particles", one)) for file in files]
+    yield "  first t", [_moment(file["time"]["first"]) for file in files]
+    yield "  last t", [_moment(file["time"]["last"]) for file in files]
+    second = "s" if any(file["time"]["kind"] != "number" for file in files) else ""
+    yield "  t to next t", [_range(file["time"]["step"], second, second) for file in files]
     for column in files[0]["columns"]:
-        yield _row(column, [_interval(file["extent"].get(column)) for file in files])
+        yield column, [_interval(file["extent"].get(column)) for file in files]
         if any("deviation" in file for file in files):
             deviations = [file.get("deviation", {}).get(column) for file in files]
-            yield _row("  std", [_range(spread, "", digits=3) for spread in deviations])
+            yield "  std", [_range(spread, digits=3) for spread in deviations]
     for name in dict.fromkeys(name for file in files for name in file["classes"]):
-        parts = [file["classes"].get(name) for file in files]
-        yield _row(f"class {name}", [_class(part) for part in parts])
+        yield f"class {name}", [_class(file["classes"].get(name)) for file in files]
+
+
+def _headers(headers: dict[str, str]) -> str:
+    """Where columns are that are called otherwise in the file."""
+    return ", ".join(f"{name}={clip(header, CELL)}" for name, header in headers.items()) or "-"
 
 
 def _class(part: Document | None) -> str:
     if part is None:
         return "none"
-    rows = "row" if part["rows"] == 1 else "rows"
-    tracks = "trajectory" if part["trajectories"] == 1 else "trajectories"
-    return f"{part['rows']} {rows}, {part['trajectories']} {tracks}"
+    tracks = counted(part["trajectories"], "trajectory", "trajectories")
+    return f"{counted(part['rows'], 'row')}, {tracks}"
 
 
 def _holes(holes: Document) -> str:
     if not holes["trajectories"]:
         return "none"
-    return f"{holes['trajectories']}, {steps_of(holes['steps'])}, longest {holes['longest']}"
+    return f"{holes['trajectories']}, {counted(holes['steps'], 'step')}, longest {holes['longest']}"
 
 
 def _both(both: Document, parameters: Document) -> Iterator[str]:
     steps = both["steps"]
-    yield f"{steps['common']} of {steps['union']} steps are in both files" + (
+    yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
     )
     for side, rows in both["left_out"].items():
         if rows:
-            yield f"{rows} rows of the {side} left out (--grid {parameters['grid']})"
-    time = both["time"]
-    yield "both have rows from " + (
-        f"t = {_plain(time['first'])} to {_plain(time['last'])}, {steps_of(time['steps'])}"
-        if time
-        else "no common stretch of time"
-    )
+            yield f"{counted(rows, 'row')} of the {side} left out (--grid {parameters['grid']})"
+    yield from _wrap(_stretch(both["time"]))
     for column, extent in both["extent"].items():
-        yield f"  {column:<{NAME}}" + (
+        yield f"  {clip(column, NAME):<{NAME}}" + (
             f"{_interval(extent)} in both" if extent else "the ranges do not overlap"
         )
     nearest = both["nearest"]
     if nearest is None:
         yield "no step has both a truth and an estimate: no distances"
         return
-    unit = f" {parameters['unit']}" if parameters["unit"] else ""
+    unit = parameters["unit"] or ("m" if parameters["distance"] == "haversine" else "")
+    truths = counted(nearest["truths"], "truth")
     yield ""
-    yield f"distance from a truth to the nearest estimate of its step, {nearest['truths']} truths"
+    yield f"distance from a truth to the nearest estimate of its step, {truths}"
     quantiles = nearest["quantiles"]
     yield "  share of truths" + "".join(f"{f'{q} %':>11}" for q in quantiles)
     yield "  distance up to " + "".join(f"{_number(value):>11}" for value in quantiles.values())
     share = 100 * nearest["within_cutoff"]
-    yield f"  nearer than the cutoff c = {nearest['cutoff']:g}{unit}: {share:.1f} %"
+    cutoff = f"{nearest['cutoff']:g} {unit}".strip()
+    yield f"  nearer than the cutoff c = {cutoff}: {share:.1f} %"
 
 
-def steps_of(count: int) -> str:
-    """A number of steps."""
-    return f"{count} step" + ("" if count == 1 else "s")
+def _stretch(time: Document | None) -> str:
+    """The time that both files cover."""
+    if time is None:
+        return "no stretch of time is in both files"
+    if time["steps"] == 1:
+        return f"both have rows at t = {_moment(time['first'])} only"
+    ends = f"{_moment(time['first'])} to {_moment(time['last'])}"
+    return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
 
 
-def _row(name: str, cells: list[str]) -> str:
-    return (
-        f"{clip(name, NAME):<{NAME}} " + "".join(f"{cell:<{CELL - 2}}  " for cell in cells)
-    ).rstrip()
-
-
-def _range(spread: Document | None, unit: str, digits: int = 6) -> str:
-    """Smallest to largest, and the median between them."""
+def _range(spread: Document | None, one: str = "", many: str = "", digits: int = 6) -> str:
+    """Smallest to largest, and the median between them, with a noun or unit."""
     if spread is None:
         return "-"
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
     text = low if low == high else f"{low} to {high}, median {middle}"
-    return f"{text} {unit}".strip()
+    return f"{text} {one if text == '1' else many}".strip()
 
 
 def _interval(extent: Document | None) -> str:
-    return "-" if extent is None else f"{_number(extent['min'])} to {_number(extent['max'])}"
+    """From where to where, with digits enough to tell the ends apart."""
+    if extent is None:
+        return "-"
+    low, high = extent["min"], extent["max"]
+    size, wide = max(abs(low), abs(high)), high - low
+    digits = 6 if low < high else 9
+    if 0 < wide < size and wide / size > 0:
+        digits = min(max(6, 4 - math.floor(math.log10(wide / size))), 15)
+    ends = _number(low, digits), _number(high, digits)
+    return ends[0] if low == high else " to ".join(ends)
 
 
 def _number(value: float | None, digits: int = 6) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
-def _plain(value: Any) -> str:
-    return "-" if value is None else str(value)
+def _moment(value: Any) -> str:
+    """A time as read, without the last digits of sums of decimals: 5.8, not 5.800000000000001."""
+    if not isinstance(value, float):
+        return "-" if value is None else str(value)
+    exact, short = repr(value), f"{value:.14g}"
+    return short if len(short) < len(exact) - 3 else exact
 
 
 def _tail(path: str) -> str:
     """The end of a path, which tells files apart."""
-    return path if len(path) < CELL else "..." + path[4 - CELL :]
+    return path if len(path) <= CELL else "..." + path[3 - CELL :]
 
 
 def _wrap(text: str) -> list[str]:

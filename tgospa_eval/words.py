@@ -1,0 +1,23 @@
+"""Words of messages and reports: counts with their nouns."""
+
+
+def counted(number: int, one: str, many: str = "", *, form: str = "") -> str:
+    """A count with its noun: 1 row, 2 rows; `many` where that takes more than an s.
+
+    Parameters
+    ----------
+    number : int
+        The count.
+    one : str
+        The noun for one of them, with what follows: ``"row has"``.
+    many : str
+        The same for any other number, ``"rows have"``.
+    form : str
+        How the number is written, as of `format`.
+    """
+    return f"{number:{form}} {one if number == 1 else many or one + 's'}"
+
+
+def in_both(common: int, union: int) -> str:
+    """How many of all steps both files have."""
+    return f"{common} of {union} {'step is' if union == 1 else 'steps are'} in both files"
