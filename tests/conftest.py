@@ -18,7 +18,10 @@ from hypothesis import HealthCheck, settings
 
 import tgospa_eval
 
-os.environ.pop("FORCE_COLOR", None)  # CI may set it, and the plain table would not be plain
+# What a shell or a CI may set, and tables would look otherwise.
+for name in ("FORCE_COLOR", "NO_COLOR", "COLORTERM", "COLUMNS", "LINES"):
+    os.environ.pop(name, None)
+os.environ["TERM"] = "xterm-256color"
 
 # The same examples in every run, however busy the machine; new ones by `make fuzz`.
 settings.register_profile(

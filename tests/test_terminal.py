@@ -42,16 +42,10 @@ def on_terminal(arguments: list[str], folder: Path, env: dict[str, str]) -> str:
     return shown.decode().replace("\r\n", "\n")
 
 
-@pytest.fixture
-def plain(environment: dict[str, str]) -> dict[str, str]:
-    kept = ("NO_COLOR", "FORCE_COLOR", "COLORTERM")
-    return {k: v for k, v in environment.items() if k not in kept} | {"TERM": "xterm-256color"}
-
-
 def test_a_terminal_gets_graphs_of_80_columns(
-    quickstart: tuple[str, str], tmp_path: Path, plain: dict[str, str]
+    quickstart: tuple[str, str], tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    shown = on_terminal([*quickstart, "-c", "10", "-g", "5"], tmp_path, plain)
+    shown = on_terminal([*quickstart, "-c", "10", "-g", "5"], tmp_path, environment)
     assert "\x1b[1;32mTGOSPA = 42.5352" in shown
     lines = COLOUR.sub("", shown).splitlines()
     assert max(map(len, lines)) <= 80
@@ -63,9 +57,9 @@ def test_a_terminal_gets_graphs_of_80_columns(
 
 @pytest.mark.parametrize("name", ["NO_COLOR", "TERM"])
 def test_colours_can_be_declined(
-    quickstart: tuple[str, str], tmp_path: Path, plain: dict[str, str], name: str
+    quickstart: tuple[str, str], tmp_path: Path, environment: dict[str, str], name: str
 ) -> None:
-    env = plain | ({"NO_COLOR": "1"} if name == "NO_COLOR" else {"TERM": "dumb"})
+    env = environment | ({"NO_COLOR": "1"} if name == "NO_COLOR" else {"TERM": "dumb"})
     shown = on_terminal(list(quickstart), tmp_path, env)
     assert not re.search(r"\x1b\[[0-9;]*3[0-7]m", shown)
 
