@@ -33,7 +33,7 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.register_profile(
-    "fuzz", settings.get_profile("steady"), derandomize=False, max_examples=500, print_blob=True
+    "fuzz", settings.get_profile("steady"), derandomize=False, max_examples=200, print_blob=True
 )
 settings.load_profile("steady")
 

@@ -56,8 +56,9 @@ def main() -> int:
     failed: list[str] = []
     processes = os.cpu_count() or 1
     with ThreadPoolExecutor(processes) as pool:
-        for _ in range(processes):
-            pool.submit(explore, take, end, failed)
+        running = [pool.submit(explore, take, end, failed) for _ in range(processes)]
+    for future in running:
+        future.result()
     for line in failed:
         print(f"FOUND A FAULT; once more: {line}")
     return 1 if failed else 0
