@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import PATIENCE
 
 from tgospa_eval import files
 from tgospa_eval.comparison.log import Log
@@ -154,7 +155,7 @@ def test_a_study_on_a_full_disk(tmp_path: Path, environment: dict[str, str]) -> 
     command = [sys.executable, "-m", "tgospa_eval", *STUDY, "-o", "study"]
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, preexec_fn=_full, capture_output=True,
-        text=True, timeout=60, check=False,
+        text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("study/runs.jsonl: cannot be written: ")

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from browser import PATIENCE
 
 SMALL, LARGE = 150 << 20, 64 << 30
 
@@ -17,7 +18,7 @@ def limited(most: int, *command: str, env: dict[str, str]) -> "subprocess.Comple
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (most, most)),
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=PATIENCE,
         check=False,
     )
 
