@@ -452,6 +452,7 @@ def test_tables_have_80_columns_and_every_cell(write: Write, invoke: Invoke) -> 
         out = invoke("compare", truth, *paths, "-c", "123456.7", "-q", *extra).out
         assert max(map(len, out.splitlines())) <= 80
         assert out.count("  proven") + out.count("  open") == 2
+        assert re.search(r"^  vs \.\.\.(long)*\w*0 ", out, re.MULTILINE)
 
 
 @given(

@@ -170,5 +170,8 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 
 def _short(text: str, width: int) -> str:
-    """The end of a name that is too long: paths differ there."""
-    return text if len(text) <= width else "..." + text[len(text) - width + 3 :]
+    """The end of a name that is too long: paths differ there. A heading "vs NAME" keeps its vs."""
+    if len(text) <= width:
+        return text
+    begin = "vs " if text.startswith("vs ") else ""
+    return f"{begin}..." + text[len(text) - width + len(begin) + 3 :]
