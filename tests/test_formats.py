@@ -475,7 +475,9 @@ def test_columns_per_file(invoke: Run, write: Write) -> None:
     named = invoke(truth, estimate, "--columns", "t=when,id=TrackNr").err
     for path in (truth, estimate):
         assert f'{path}, line 1: no header "TrackNr" for id' in named
-    assert "did you mean --estimate-columns id=TrackId?" in named
+    assert "did you mean --estimate-columns t=when,id=TrackId?" in named
+    said = invoke(truth, estimate, "--columns", "id=TrackID,t=when").err
+    assert f'{truth}: id is read from column "id": it has no header as named by --columns' in said
     # A header that this file must have.
     done = invoke(truth, estimate, "--estimate-columns", "t=when", "--truth-columns", "id=TrackId")
     assert (done.status, len(done.err.splitlines())) == (3, 1)

@@ -32,8 +32,9 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
             _files("--a-format", "truth_format", help="Format of A: csv, parquet, motchallenge, "
                    "kitti or npz."),
             _files("--b-format", "estimate_format", help="Format of B, one of the same."),
-            _files("--a-columns", "truth_columns", metavar="NAMES", help="--columns for A alone."),
-            _files("--b-columns", "estimate_columns", metavar="NAMES",
+            option("--a-columns", "truth_columns", section="Files", metavar="NAMES",
+                   help="--columns for A alone."),
+            option("--b-columns", "estimate_columns", section="Files", metavar="NAMES",
                    help="--columns for B alone."),
             _output("--format", "format_", type=click.Choice(("table", "json", "csv")),
                     default="table", show_default=True, help="What to print."),

@@ -89,17 +89,27 @@ class Roles:
         """Headers of ids, times and states that bear another name; none of a format without."""
         if self.fixed:
             return {}
-        states = dict(zip(self.names, self.state, strict=True))
-        single = {name: mix[0][0] for name, mix in states.items() if len(mix) == 1}
-        places = {"id": self.id, "t": self.time} | single
+        places = self._places()
         found = {name: self.headers[column] for name, column in places.items()}
         return {name: header for name, header in found.items() if header.casefold() != name}
+
+    def _places(self) -> dict[str, int]:
+        """Columns of ids, times and the states that are columns, by name."""
+        states = zip(self.names, self.state, strict=True)
+        single = {name: mix[0][0] for name, mix in states if len(mix) == 1}
+        return {"id": self.id, "t": self.time} | single
 
     def notices(self, *, clouds: bool) -> Iterator[str]:
         """Columns that are passed over, and what becomes of covariances.
 
         `clouds` says whether rows are particles: weights are for them alone, covariances are not.
         """
+        for name, column in ({} if self.fixed else self._places()).items():
+            if name in self.lacking:
+                yield (
+                    f"{name} is read from column {quoted(self.headers[column])}: it has no header "
+                    "as named by --columns"
+                )
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
@@ -264,8 +274,9 @@ def _without_maps(headers: Headers, options: "ReadOptions") -> dict[str, str]:
     for name, header in list(headers.mapped.items()):
         if headers.spelt(header, name) is None:
             near = headers.nearest(header)
-            item = f"{name}={near or 'HEADER'}" if near != name else name
-            remedy = ask(headers.option, [item])
+            mend = {f"{name}={header}": name if near == name else f"{name}={near or 'HEADER'}"}
+            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
+            remedy = ask(headers.option, [mend.get(item, item) for item in given])
             remedy = f"name one of these, {remedy}" if near is None else f"did you mean {remedy}?"
             fault = (
                 f"{headers.where}: no header {quoted(header)} for {name} "
