@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pages import NASTY, address, detail, ink, labels
 
-from tgospa_eval import Sinkhorn, evaluate
+from tgospa_eval import Sinkhorn, evaluate, palette
 from tgospa_eval.evaluation import Result
 
 
@@ -159,8 +159,7 @@ def test_times_and_places_may_be_large(shown: Callable) -> None:
     tab.run("document.querySelector('[data-do=forth]').click()")
     assert address(tab) == f"#step={first + 4}&truth=a"
     assert "missed" in detail(tab)
-    assert {"+0", "+1", "+4"} <= labels(tab)
-    assert str(first) in tab.run("document.getElementById('costs-note').innerText")
+    assert {"0", "+1", "+4", f"time from {first}"} <= labels(tab)
 
 
 def test_nothing_is_said_in_words(shown: Callable) -> None:
@@ -215,17 +214,36 @@ def test_texts_have_contrast(shown: Callable, sample: Result, dark: bool) -> Non
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_names_on_bars_have_contrast(shown: Callable, sample: Result, dark: bool) -> None:
-    """Of every hue, also where the foot of a bar is darker."""
+    """Of every track, also where the foot of a bar is darker."""
     tab = shown(sample, dark=dark)
-    light, chroma, label = (tab.run(f"({VALUE})('{name}')") for name in LANE)
-    text = tab.run(f"({MIXED})(['{label}'])")
-    for hue in range(0, 360, 15):
-        bar = f"oklch({light} {chroma} {hue})"
+    text = tab.run(f"({MIXED})([({VALUE})('label')])")
+    for track in range(len(palette.TRACKS)):
+        bar = tab.run(f"({VALUE})('track-{track}')")
         for paints in ([bar], [bar, "rgb(0 0 0 / 0.25)"]):
             assert contrast(text, tab.run(f"({MIXED})({json.dumps(paints)})")) >= 4.5
 
 
-LANE = ("lightness", "chroma", "label")
+def test_colours_are_those_of_all_pictures(shown: Callable, sample: Result) -> None:
+    for dark, colours in ((False, palette.LIGHT), (True, palette.DARK)):
+        tab = shown(sample, dark=dark)
+        names = json.dumps(list(colours))
+        assert tab.run(f"{names}.map({VALUE})") == list(colours.values())
+
+
+def test_charts_name_their_axes(shown: Callable, sample: Result) -> None:
+    names = {name.strip("\u2068\u2069") for name in labels(shown(sample))}
+    assert {"time", "cost (m²)", "per step, so far (m)"} <= names
+
+
+def test_steps_are_to_scale(shown: Callable) -> None:
+    """A click in the middle between steps 2 and 10 chooses the nearer one."""
+    pandas = pytest.importorskip("pandas")
+    rows = pandas.DataFrame({"id": "a", "t": [0, 1, 2, 10, 11, 12], "x": 0.0, "y": 0.0})
+    tab = shown(evaluate(rows, rows, cutoff=1.0))
+    box = tab.box("#costs")
+    for t, step in ((1, 1), (5.7, 2), (6.4, 10), (12, 12)):
+        tab.click(box["x"] + 74 + (t + 0.5) / 13 * (box["width"] - 84), box["y"] + 100)
+        assert address(tab) == f"#step={step}"
 
 
 def test_links_are_not_known_by_colour_alone(shown: Callable, sample: Result) -> None:
@@ -252,7 +270,7 @@ def test_axes_of_long_times_have_several_labels(shown: Callable) -> None:
     times = [f"2024-03-0{1 + k // 24}T{k % 24:02}:15:00.500Z" for k in range(30)]
     rows = pandas.DataFrame({"id": "a", "t": times, "x": 0.0, "y": 0.0})
     result = evaluate(rows, rows, cutoff=1.0)
-    assert {"03-01T00:15", "03-01T20:15"} <= labels(shown(result, width=360))
+    assert {"03-01", "03-02", "time, 2024"} <= labels(shown(result, width=360))
 
 
 def test_times_with_rounding_are_labelled_without(shown: Callable) -> None:

@@ -30,8 +30,8 @@ DARK: Mapping[str, str] = {
 """On a dark screen."""
 
 TRACKS = (
-    "#2569a8", "#b2574e", "#087957", "#8463b0", "#855e02", "#07849c",
-    "#994569", "#5a8434", "#4c60aa", "#ae5d31", "#00766d", "#975c9f",
+    "#2569a8", "#b2574e", "#087957", "#8463b0", "#855e02", "#067a91",
+    "#994569", "#578032", "#4c60aa", "#ae5d31", "#00766d", "#975c9f",
 )  # fmt: skip
 """Of estimates, in turn, on white: neighbours are far apart in hue; white letters are legible."""
 

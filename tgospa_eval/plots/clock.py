@@ -49,7 +49,9 @@ class Clock:
             places, names, title = make[self.axis["kind"]](low, high, count)
             if len(places) * (max(map(len, names), default=0) + 2) <= room:
                 break
-        if self.axis["kind"] == "stamp":
+        if self.axis["kind"] == "stamp":  # whole numbers from 0
+            kept = [(at, f"{at:,.0f}") for at in places if at >= 0 and at == round(at)]
+            places, names = [at for at, _ in kept], [name for _, name in kept]
             title = f"time from {self.axis['origin']}"
             names = [f"+{name}" if name != "0" else name for name in names]
         return places, names, title

@@ -9,6 +9,7 @@ from typing import Any
 
 import jinja2
 
+from tgospa_eval.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
 from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
 from tgospa_eval.summary import Summary, Table
@@ -73,8 +74,17 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         worst=WORST,
         data=data,
         arrays=packed(arrays),
-        style=inlined("page.css"),
+        style=_colours() + inlined("page.css"),
         script="".join(inlined(f"{name}.js") for name in SCRIPTS),
+    )
+
+
+def _colours() -> str:
+    """Those of all pictures; paper is white."""
+    light, dark = variables(LIGHT, TRACKS), variables(DARK, DARK_TRACKS)
+    return (
+        f":root, :root.printing {{ {light} }}\n"
+        f"@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
     )
 
 

@@ -1,6 +1,6 @@
 // What the pictures share: the selection, the range of steps, colours, canvases.
 const state = { step: null, side: null, track: null, from: 0, to: Math.max(steps - 1, 0) };
-const LEFT = 74, RIGHT = 10;
+const LEFT = 74, RIGHT = 10, FOOT = 40;
 const PAPER = 690; // CSS pixels between the margins of a page
 let style = null;
 
@@ -9,10 +9,12 @@ function colour(name) {
   return style.getPropertyValue(`--${name}`).trim();
 }
 
-// Neighbouring numbers get hues far apart.
-function colourOf(track) {
-  return `oklch(${colour("lightness")} ${colour("chroma")} ${(track * 137.508 + 250) % 360})`;
-}
+const TRACKS = (() => {
+  let count = 0;
+  while (colour(`track-${count}`)) count++;
+  return count;
+})();
+const colourOf = (track) => colour(`track-${track % TRACKS}`);
 
 const patterns = new Map();
 function pattern(context, name) {
@@ -76,12 +78,25 @@ function drawNow() {
   for (const view of views) view.draw();
 }
 
-// Steps to pixels in the pictures over time, and back.
+// Where each step begins and ends: between it and its neighbours, beside a gap as beside a neighbour.
+const [begins, ends] = (() => {
+  const gaps = [...moments.keys()].slice(1).map((k) => moments[k] - moments[k - 1]);
+  const usual = [...gaps].sort((a, b) => a - b)[Math.floor(0.9 * (gaps.length - 1))] ?? 1;
+  const near = gaps.map((gap) => (gap > 2 * usual ? usual : gap) / 2);
+  return [moments.map((at, k) => at - (near[k - 1] ?? near[0] ?? 0.5)), moments.map((at, k) => at + (near[k] ?? near[k - 1] ?? 0.5))];
+})();
 const span = () => state.to - state.from + 1;
-const left = (step, width) => LEFT + (step - state.from) / span() * (width - LEFT - RIGHT);
+const across = (at, width) => LEFT + (at - begins[state.from]) / (ends[state.to] - begins[state.from]) * (width - LEFT - RIGHT);
+const left = (step, width) => across(begins[step], width);
+const right = (step, width) => across(ends[Math.min(step, steps - 1)], width);
 const stepAt = (x, width) => {
-  const step = Math.floor(state.from + (x - LEFT) / (width - LEFT - RIGHT) * span());
-  return Math.min(Math.max(step, state.from), state.to);
+  const at = begins[state.from] + (x - LEFT) / (width - LEFT - RIGHT) * (ends[state.to] - begins[state.from]);
+  let low = state.from, high = state.to;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (begins[middle] <= at) low = middle; else high = middle - 1;
+  }
+  return low < state.to && at - ends[low] > begins[low + 1] - at ? low + 1 : low;
 };
 
 function niceSteps(low, high, count) {
@@ -97,51 +112,86 @@ function niceSteps(low, high, count) {
 function tick(value, ticks) {
   const size = ticks.length > 1 ? ticks[1] - ticks[0] : Math.abs(value) || 1;
   if (Math.abs(value) >= 1e9 || size < 1e-6) return number(value);
-  const text = value.toFixed(Math.max(0, Math.ceil(-Math.log10(size) - 1e-9)));
-  return Number(text) === 0 ? "0" : text;
+  const digits = Math.max(0, Math.ceil(-Math.log10(size) - 1e-9));
+  return Number(value.toFixed(digits)) === 0 ? "0" : grouped(value, digits);
 }
 
-// Of times that are texts what is the same in all, as the date or the seconds, is left out on axes.
-const SECONDS = /(?<=\d\d:\d\d):\d\d(\.\d+)?(Z|[+-]\d\d:?\d\d)?$/;
-const seconds = (SECONDS.exec(time(0)) || [""])[0];
-const sharedEnd = steps > 1 && doc.times.every((t) => String(t).endsWith(seconds)) ? seconds.length : 0;
-const shared = (() => {
-  const [first, last] = [time(0), time(Math.max(steps - 1, 0))];
-  if (!steps || typeof doc.times[0] === "number") return 0;
-  let same = 0;
-  while (same < first.length && first[same] === last[same]) same++;
-  const day = Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
-  return day || (/^\d{4}-/.test(first) && same >= 5 ? 5 : 0);
-})();
-// Whole numbers beyond the digits of a browser, as fine stamps since 1970, are told from the first.
-const stamps = steps > 1 && doc.times.every((t) => typeof t === "string" && /^-?\d+$/.test(t)) ? doc.times.map(BigInt) : null;
 // Numbers that were computed, as 0.1 + 0.2, lose the digits that are rounding.
 const roundTime = (t) => typeof t === "number" ? String(+t.toPrecision(12)) : String(t);
-const shortTime = (step) => stamps ? `+${number(Number(stamps[step] - stamps[0]))}` : roundTime(doc.times[step]).slice(shared, roundTime(doc.times[step]).length - sharedEnd);
-const stepAtRound = new Map(doc.times.map((t, k) => [roundTime(t), k]));
+// Of times that are texts what is the same in all, as the date.
+const shared = (() => {
+  const [first, last] = [time(0), time(Math.max(steps - 1, 0))];
+  if (steps < 2 || typeof doc.times[0] === "number") return 0;
+  let same = 0;
+  while (same < first.length && first[same] === last[same]) same++;
+  return Math.max(first.lastIndexOf("T", same - 1), first.lastIndexOf(" ", same - 1)) + 1;
+})();
+
+// Round times between two on the axis: places, names, and what the axis is called (plots/clock.py).
+const DAY = 86400;
+const CLOCK = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, ...[1, 2, 5, 7, 14, 28, 91, 182, 364].map((days) => days * DAY)];
+function timeTicks(low, high, count) {
+  const { kind, origin } = doc.axis;
+  if (kind === "date") return dateTicks(low, high, count);
+  if (kind === "step") {
+    const first = Math.max(Math.ceil(low), 0), last = Math.min(Math.floor(high), steps - 1);
+    const places = last - first < count ? Array.from({ length: last - first + 1 }, (_, k) => first + k) : niceSteps(first, last, count).filter(Number.isInteger);
+    return [places, places.map((step) => roundTime(doc.times[step]).slice(shared)), `time${shared ? ` ${time(0).slice(0, shared)}…` : ""}, steps evenly spaced`];
+  }
+  const places = niceSteps(low, high, count).filter((at) => kind === "number" || (at >= 0 && Number.isInteger(at)));
+  if (kind === "stamp") return [places, places.map((at) => at ? `+${grouped(at)}` : "0"), `time from ${origin}`];
+  const size = 10 ** Math.ceil(Math.log10(high - low));
+  const base = Math.max(Math.abs(low), Math.abs(high)) > Math.max(1e5, 1e3 * (high - low)) ? Math.floor(low / size) * size : 0;
+  return [places, places.map((at) => String(+(at - base).toPrecision(10))), base ? `time − ${base}` : "time"];
+}
+function dateTicks(low, high, count) {
+  const raw = (high - low) / count * (1 - 1e-9), round = raw > CLOCK[0] && CLOCK.find((size) => size >= raw);
+  const places = round ? Array.from({ length: Math.floor(high / round + 1e-9) - Math.ceil(low / round - 1e-9) + 1 }, (_, k) => (Math.ceil(low / round - 1e-9) + k) * round) : niceSteps(low, high, count);
+  const size = round || places[1] - places[0] || 1e-3, digits = size >= 1 ? 0 : Math.min(Math.ceil(-Math.log10(size) - 1e-9), 9);
+  const dayOf = (at) => new Date(Date.parse(`${doc.axis.origin}T00:00:00Z`) + Math.floor(at / DAY) * DAY * 1000).toISOString().slice(0, 10);
+  const days = [...places, low, high].map(dayOf), one = (end) => days.every((day) => day.slice(0, end) === days[0].slice(0, end));
+  const from = one(10) ? 10 : one(4) ? 5 : 0;
+  const names = places.map((at, k) => {
+    const seconds = +(at - Math.floor(at / DAY) * DAY).toFixed(digits), two = (value) => String(Math.floor(value)).padStart(2, "0");
+    const clock = `${two(seconds / 3600)}:${two(seconds / 60 % 60)}` + (size % 60 ? `:${(seconds % 60).toFixed(digits).padStart(digits ? 3 + digits : 2, "0")}` : "");
+    return [days[k].slice(from), ...(size % DAY ? [clock] : [])].filter(Boolean).join(" ");
+  });
+  return [places, names, `time${from ? `, ${days[0].slice(0, from === 10 ? 10 : 4)}` : ""}`];
+}
 
 function timeAxis(context, width, bottom) {
   context.fillStyle = colour("soft");
   context.textAlign = "center";
-  const longest = Math.max(shortTime(state.from).length, shortTime(state.to).length) * 7 + 24;
-  const count = Math.max(2, Math.floor((width - LEFT - RIGHT) / Math.max(longest, 60)));
-  let ticks = Array.from({ length: Math.min(span(), count) }, (_, k) => state.from + k);
-  if (span() > count) {
-    // Round times where there are such steps, else steps at round distances.
-    const [begin, end] = [doc.times[state.from], doc.times[state.to]];
-    const round = typeof begin === "number" && end > begin ? niceSteps(begin, end, count) : [];
-    ticks = round.map((value) => stepAtRound.get(roundTime(value))).filter((step) => step !== undefined);
-    if (ticks.length < Math.max(2, round.length / 2)) ticks = niceSteps(0, state.to - state.from, count).filter(Number.isInteger).map((step) => step + state.from);
+  const [low, high] = [begins[state.from], ends[state.to]], room = width - LEFT - RIGHT;
+  let [places, names, title] = [[], [], "time"];
+  if (state.from === state.to) [places, names] = [[moments[state.from]], [roundTime(doc.times[state.from])]];
+  else {
+    for (let count = Math.max(2, Math.floor(room / 60)); count > 1; count--) {
+      [places, names, title] = timeTicks(low, high, count);
+      if (names.reduce((sum, name) => sum + context.measureText(name).width + 16, 0) <= room) break;
+    }
   }
   let end = -1e9;
-  for (const step of ticks) {
-    const x = (left(step, width) + left(step + 1, width)) / 2, half = context.measureText(shortTime(step)).width / 2;
+  places.forEach((at, k) => {
+    const x = across(at, width), half = context.measureText(names[k]).width / 2;
     const middle = Math.min(Math.max(x, half), width - half);
-    if (middle - half < end + 10) continue;
+    if (middle - half < end + 10) return;
     end = middle + half;
     context.fillRect(x, bottom, 1, 4);
-    context.fillText(shortTime(step), middle, bottom + 13);
-  }
+    context.fillText(names[k], middle, bottom + 13);
+  });
+  context.fillText(title, LEFT + room / 2, bottom + 30);
+}
+
+// The name of the upright axis, beside it.
+function upright(context, text, top, bottom) {
+  context.save();
+  context.translate(9, (top + bottom) / 2);
+  context.rotate(-Math.PI / 2);
+  context.textAlign = "center";
+  context.fillStyle = colour("soft");
+  context.fillText(clipped(context, text, bottom - top + 30), 0, 0);
+  context.restore();
 }
 
 function valueAxis(context, width, top, bottom, high) {
@@ -157,7 +207,7 @@ function valueAxis(context, width, top, bottom, high) {
 
 function chosenStep(context, width, top, bottom) {
   if (state.step === null || state.step < state.from || state.step > state.to) return;
-  const x = left(state.step, width), wide = Math.max(left(state.step + 1, width) - x, 1);
+  const x = left(state.step, width), wide = Math.max(right(state.step, width) - x, 1);
   context.fillStyle = colour("chosen");
   context.fillRect(x - 2, top, wide + 4, bottom - top);
   context.strokeStyle = colour("accent");

@@ -12,7 +12,7 @@ const costs = {
 
   draw() {
     alignWithLanes(this.canvas);
-    const [context, width, height] = prepare(this.canvas, 190), top = 8, bottom = height - 24;
+    const [context, width, height] = prepare(this.canvas, 210), top = 8, bottom = height - FOOT;
     let high = 0;
     for (let k = state.from; k <= state.to; k++) high = Math.max(high, total[k]);
     high = high || 1;
@@ -20,7 +20,7 @@ const costs = {
     const together = this.together(width);
     for (let first = state.from; first <= state.to; first += together) {
       const step = this.dearest(first, width);
-      const begin = left(first, width), end = left(first + together, width), fine = end - begin < 4;
+      const begin = left(first, width), end = right(Math.min(first + together - 1, state.to), width), fine = end - begin < 4;
       // Thin bars begin and end at pixels, else they show a pattern that is not in the data.
       const x = fine ? Math.floor(begin) : begin, wide = fine ? Math.max(Math.floor(end) - x, 1) : end - begin;
       let y = bottom;
@@ -40,11 +40,9 @@ const costs = {
     context.fillStyle = colour("line");
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
+    upright(context, `cost${costUnit && ` (${costUnit})`}`, top, bottom);
     chosenStep(context, width, top, bottom);
-    document.getElementById("costs-note").textContent = [
-      ...(together > 1 ? [`each bar is the dearest of ${together} steps`] : []),
-      ...(stamps ? [`times from ${time(0)}`] : []),
-    ].join("; ");
+    document.getElementById("costs-note").textContent = together > 1 ? `each bar is the dearest of ${together} steps` : "";
   },
 };
 
@@ -52,7 +50,7 @@ const curve = {
   canvas: document.getElementById("curve"),
   draw() {
     alignWithLanes(this.canvas);
-    const [context, width, height] = prepare(this.canvas, 150), top = 8, bottom = height - 24;
+    const [context, width, height] = prepare(this.canvas, 180), top = 8, bottom = height - FOOT;
     let high = 0;
     for (let k = state.from; k <= state.to; k++) high = Math.max(high, doc.curve.total[k]);
     high = high * 1.05 || 1;
@@ -64,16 +62,17 @@ const curve = {
       context.setLineDash(dashes[name] || []);
       context.beginPath();
       const stride = Math.max(1, Math.floor(span() / width));
-      const point = (k) => [(left(k, width) + left(k + 1, width)) / 2, bottom - doc.curve[name][k] / high * (bottom - top)];
+      const point = (k) => [across(moments[k], width), bottom - doc.curve[name][k] / high * (bottom - top)];
       for (let k = state.from; k < state.to; k += stride) context.lineTo(...point(k));
       context.lineTo(...point(state.to));
-      if (span() === 1) context.lineTo(point(state.to)[0] + 5, point(state.to)[1]); // one point is no line
+      if (span() === 1) context.arc(...point(state.to), 3, 0, 7); // one point is no line
       context.stroke();
     }
     context.setLineDash([]);
     context.fillStyle = colour("line");
     context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
     timeAxis(context, width, bottom);
+    upright(context, `per step, so far${doc.unit && ` (${doc.unit})`}`, top, bottom);
     chosenStep(context, width, top, bottom);
   },
 };

@@ -35,10 +35,10 @@ async function readArrays() {
 }
 
 // What either direction of the plane can show: the columns, the middle of boxes, the time.
-const moments = doc.times.every((t) => typeof t === "number") ? Float64Array.from(doc.times) : Float64Array.from(doc.times.keys());
+const moments = Float64Array.from(doc.axis.kind === "step" ? doc.times.keys() : doc.axis.values || doc.times);
 const derived = doc.boxes ? [["centre x", 0, 2], ["centre y", 1, 3]] : [];
 const TIME = doc.columns.length + derived.length;
-const axisNames = [...doc.columns, ...derived.map(([name]) => name), moments[0] === doc.times[0] ? "t" : "number of the step"];
+const axisNames = [...doc.columns, ...derived.map(([name]) => name), doc.axis.kind === "step" ? "number of the step" : "t"];
 
 // The unit is that of distances: of haversine it is not that of the columns.
 const titleOf = (axis) => {
@@ -126,11 +126,13 @@ const switchSteps = [...switchesOf.step.keys()].sort((a, b) => a - b);
 // Ids of the user stand apart from the words around them, whatever their direction.
 const isolate = (text) => `\u2068${text}\u2069`;
 const labelOf = (name, track) => track === NONE ? "none" : isolate(sides[name].label[track]);
+const grouped = (value, digits) => value.toLocaleString("en-US", { maximumFractionDigits: digits ?? 12, minimumFractionDigits: digits ?? 0 });
 const number = (value) => {
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e6 || size < 1e-4 ? value.toExponential(3) : String(+value.toPrecision(size >= 1000 ? 6 : 4));
+  return size >= 1e9 || size < 1e-4 ? value.toExponential(3) : grouped(+value.toPrecision(size >= 1000 ? 6 : 4));
 };
+const costUnit = doc.unit + (doc.unit && { 1: "", 2: "²", 3: "³" }[doc.order] || (doc.unit && doc.order !== 1 ? `^${doc.order}` : ""));
 const withUnit = (value) => number(value) + (doc.unit ? ` ${doc.unit}` : "");
 const time = (step) => String(doc.times[step]);
 const plural = (count, word, many = `${word}s`) => `${number(count)} ${count === 1 ? word : many}`;

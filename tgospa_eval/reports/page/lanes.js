@@ -28,16 +28,16 @@ const lanes = {
     if (index < 0) return;
     const y = index * this.tall, { scrollTop, clientHeight } = this.box;
     if (y < scrollTop) this.box.scrollTop = y - this.tall;
-    else if (y + this.tall > scrollTop + clientHeight - 24) this.box.scrollTop = y - clientHeight + 3 * this.tall + 24;
+    else if (y + this.tall > scrollTop + clientHeight - FOOT) this.box.scrollTop = y - clientHeight + 3 * this.tall + FOOT;
   },
 
   draw() {
-    const whole = this.rows.length * this.tall + 24;
+    const whole = this.rows.length * this.tall + FOOT;
     // In print there is no scrolling: as many lanes as fit a page.
     const shown = Math.min(whole, printing ? 720 : 480);
     this.box.style.height = printing ? "auto" : `${shown + 2}px`;
     document.getElementById("lanes-space").style.height = `${printing ? 0 : whole - shown}px`;
-    const [context, width] = prepare(this.canvas, shown), bottom = shown - 24;
+    const [context, width] = prepare(this.canvas, shown), bottom = shown - FOOT;
     const scroll = printing ? 0 : this.box.scrollTop;
     context.save();
     context.beginPath();
@@ -92,7 +92,7 @@ const lanes = {
     }
     for (const r of inside) {
       if (run.other[r] === NONE) continue;
-      const x = left(run.begin[r], width), wide = Math.max(left(run.end[r] + 1, width) - x, 0.7);
+      const x = left(run.begin[r], width), wide = Math.max(right(run.end[r], width) - x, 0.7);
       const high = truth ? tall - 4 : 5;
       context.fillStyle = truth ? colourOf(run.other[r]) : colourOf(track);
       context.fillRect(x, truth ? y + 2 : middle - 2.5, wide, high);
@@ -103,7 +103,7 @@ const lanes = {
     if (crowded) this.drawShares(context, run, inside, truth ? "missed" : "false", y, width);
     for (const r of crowded ? [] : inside) {
       if (run.other[r] !== NONE) continue;
-      const x = left(run.begin[r], width), wide = Math.max(left(run.end[r] + 1, width) - x, 1.5);
+      const x = left(run.begin[r], width), wide = Math.max(right(run.end[r], width) - x, 1.5);
       const name = truth ? "missed" : "false";
       context.fillStyle = wide < 4 ? colour(name) : pattern(context, name);
       context.fillRect(x, y + 3, wide, tall - 6);
@@ -115,7 +115,7 @@ const lanes = {
     }
     for (const r of inside) {
       if (run.other[r] === NONE) continue;
-      const x = Math.max(left(run.begin[r], width), LEFT), room = left(run.end[r] + 1, width) - x - 8;
+      const x = Math.max(left(run.begin[r], width), LEFT), room = right(run.end[r], width) - x - 8;
       let name = sides[side.other].label[run.other[r]];
       if (room < 14 || (room < 40 && context.measureText(name).width > room)) continue;
       name = clipped(context, name, room);
@@ -138,12 +138,12 @@ const lanes = {
     const { row } = side, tall = this.tall - 4;
     const from = rowFrom(side, track, state.from), to = rowFrom(side, track, state.to + 1);
     context.fillStyle = "rgb(0 0 0 / 0.25)";
-    const wide = (left(1, width) - left(0, width)) * doc.stride;
+    const wide = (width - LEFT - RIGHT) / span() * doc.stride;
     let last = -1, most = 0;
     for (let k = from; k < to; k++) {
       if (row.other[k] === NONE) continue;
       const x = left(row.step[k], width), high = row.error[k] / doc.errors * tall;
-      if (wide >= 1) context.fillRect(x, y + 2 + tall - high, wide, high);
+      if (wide >= 1) context.fillRect(x, y + 2 + tall - high, right(row.step[k] + doc.stride - 1, width) - x, high);
       else if (Math.floor(x) !== last) {
         if (last >= 0) context.fillRect(last, y + 2 + tall - most, 1, most);
         last = Math.floor(x);
@@ -187,7 +187,7 @@ const lanes = {
   at(event) {
     const y = event.offsetY + (printing ? 0 : this.box.scrollTop);
     const row = this.rows[Math.floor(y / this.tall)];
-    return row && !row.title && event.offsetY < this.canvas.clientHeight - 24 ? row : null;
+    return row && !row.title && event.offsetY < this.canvas.clientHeight - FOOT ? row : null;
   },
 };
 

@@ -1,4 +1,7 @@
 // Trajectories in any two of the state columns, in the range of steps that is shown.
+const GROUPED = 1500; // events from which on marks stand for several
+const CELL = 12; // pixels
+const FAINT = 100; // tracks from which on lines are fainter
 const plane = {
   canvas: document.getElementById("plane"),
   axisX: document.getElementById("axis-x"),
@@ -83,6 +86,7 @@ const plane = {
     document.getElementById("plane-note").textContent =
       (span() < steps ? `Steps ${time(state.from)} to ${time(state.to)}. ` : "") +
       (doc.stride > 1 ? `One in ${doc.stride} positions, and all misses, false targets and changes. ` : "") +
+      (this.most > 1 ? `A mark stands for all of a kind that are near to each other, at most ${number(this.most)}; its area is their number. ` : "") +
       shapes.note();
   },
 
@@ -111,12 +115,16 @@ const plane = {
     let count = 0;
     for (let k = state.from; k <= state.to; k++) count += doc.counts.missed[k] + doc.counts.false[k] + doc.counts.switch[k];
     this.crowded = count >= 400;
+    this.most = 0;
     this.mark = !this.crowded || state.track !== null ? 1 : Math.max(0.45, 1 - Math.log10(count / 400) * 0.4);
     const only = { truth: this.chosenTracks("truth"), estimate: this.chosenTracks("estimate") };
     for (const name of ["truth", "estimate"]) this.lines(context, sides[name], only[name], width, height);
     shapes.along(context, only, width, height);
-    for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
-    this.switches(context, only.truth, width, height);
+    if (count > GROUPED && state.track === null) this.groups(context, width, height);
+    else {
+      for (const name of ["truth", "estimate"]) this.events(context, sides[name], only[name], width, height);
+      this.switches(context, only.truth, width, height);
+    }
     context.restore();
   },
 
@@ -126,29 +134,36 @@ const plane = {
     context.strokeRect(56.5, 4.5, width - 61, height - 31);
     const halfX = (width - 60) / 2 / scale[0], halfY = (height - 30) / 2 / scale[1];
     context.textAlign = "center";
-    const across = niceSteps(centre[0] - halfX, centre[0] + halfX, width / 110);
-    for (const value of across) {
+    for (const [value, name] of this.ticks(this.axisX.value, centre[0] - halfX, centre[0] + halfX, width / 110)) {
       const [x] = this.place(value, centre[1], width, height);
-      if (x < 58 || x + context.measureText(tick(value, across)).width / 2 > width - 4) continue;
+      if (x < 58 || x + context.measureText(name).width / 2 > width - 4) continue;
       context.fillStyle = colour("grid");
       context.fillRect(x, 5, 1, height - 32);
       context.fillStyle = colour("soft");
-      context.fillText(tick(value, across), x, height - 16);
+      context.fillText(name, x, height - 16);
     }
     context.textAlign = "right";
-    const upwards = niceSteps(centre[1] - halfY, centre[1] + halfY, height / 80);
-    for (const value of upwards) {
+    for (const [value, name] of this.ticks(this.axisY.value, centre[1] - halfY, centre[1] + halfY, height / 80)) {
       const [, y] = this.place(centre[0], value, width, height);
       if (y < 26 || y > height - 40) continue;
       context.fillStyle = colour("grid");
       context.fillRect(57, y, width - 62, 1);
       context.fillStyle = colour("soft");
-      context.fillText(tick(value, upwards), 52, y);
+      context.fillText(name, 52, y);
     }
     context.fillStyle = colour("ink");
     context.fillText(titleOf(this.axisX.value), width - 8, height - 5);
     context.textAlign = "left";
     context.fillText(titleOf(this.axisY.value), 62, 14);
+  },
+
+  ticks(axis, low, high, count) {
+    if (+axis === TIME) {
+      const [places, names] = timeTicks(low, high, Math.max(2, Math.floor(count)));
+      return places.map((value, k) => [value, names[k]]);
+    }
+    const places = niceSteps(low, high, count);
+    return places.map((value) => [value, tick(value, places)]);
   },
 
   // A line for each stretch of steps; points near the last are left out, of faded lines more of them.
@@ -157,7 +172,7 @@ const plane = {
     context.lineJoin = "round";
     for (let track = 0; track < side.count; track++) {
       const dim = only && !only.has(track);
-      context.globalAlpha = dim ? 0.13 : 1;
+      context.globalAlpha = dim ? 0.13 : only ? 1 : Math.min(1, (FAINT / side.count) ** 0.5);
       context.strokeStyle = truth ? colour("truth") : colourOf(track);
       context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
       context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
@@ -236,6 +251,47 @@ const plane = {
       context.lineWidth = 1.2 * this.mark;
       context.fill();
       if (this.mark > 0.5) context.stroke();
+    }
+    context.globalAlpha = 1;
+  },
+
+  // A mark for each kind and place, whose area is the number of events there.
+  groups(context, width, height) {
+    const found = { missed: new Map(), false: new Map(), switch: new Map() };
+    const add = (name, x, y) => {
+      if (x < 50 || x > width || y < 0 || y > height - 20) return;
+      const key = Math.floor(x / CELL) * 4096 + Math.floor(y / CELL), group = found[name].get(key) || [0, 0, 0];
+      found[name].set(key, [group[0] + x, group[1] + y, group[2] + 1]);
+    };
+    for (const [side, name] of [[sides.truth, "missed"], [sides.estimate, "false"]]) {
+      const { row } = side, [xs, ys] = this.coordinates(side);
+      for (let k = 0; k < row.track.length; k++) {
+        if (row.other[k] === NONE && row.step[k] >= state.from && row.step[k] <= state.to) add(name, ...this.place(xs[k], ys[k], width, height));
+      }
+    }
+    doc.switches.step.forEach((step, k) => {
+      const track = doc.switches.truth[k];
+      const at = step >= state.from && step <= state.to && (placeAt(sides.truth, track, step) || placeAt(sides.truth, track, step - 1));
+      if (at) add("switch", ...this.place(at[this.axisX.value], at[this.axisY.value], width, height));
+    });
+    this.most = Math.max(1, ...Object.values(found).flatMap((groups) => [...groups.values()].map((group) => group[2])));
+    context.globalAlpha = 0.8;
+    context.lineWidth = 1.2;
+    for (const [name, groups] of Object.entries(found)) {
+      const path = new Path2D();
+      for (const [xs, ys, count] of groups.values()) {
+        const x = xs / count, y = ys / count, arm = Math.max(Math.sqrt(count / this.most) * CELL * 0.75, 1.5);
+        if (name === "missed") {
+          path.moveTo(x - arm, y - arm); path.lineTo(x + arm, y + arm);
+          path.moveTo(x + arm, y - arm); path.lineTo(x - arm, y + arm);
+        } else if (name === "false") {
+          path.moveTo(x, y - arm); path.lineTo(x + arm, y + arm * 0.8); path.lineTo(x - arm, y + arm * 0.8); path.closePath();
+        } else {
+          path.moveTo(x, y - arm); path.lineTo(x + arm, y); path.lineTo(x, y + arm); path.lineTo(x - arm, y); path.closePath();
+        }
+      }
+      context.strokeStyle = context.fillStyle = colour(name);
+      if (name === "switch") context.fill(path); else context.stroke(path);
     }
     context.globalAlpha = 1;
   },
