@@ -3,11 +3,17 @@
 import resource
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from browser import PATIENCE
 
-SMALL, LARGE = 150 << 20, 64 << 30
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats import ReadOptions, read
+
+LARGE = 64 << 30
 
 
 def limited(most: int, *command: str, env: dict[str, str]) -> "subprocess.CompletedProcess[str]":
@@ -23,16 +29,15 @@ def limited(most: int, *command: str, env: dict[str, str]) -> "subprocess.Comple
     )
 
 
-@pytest.mark.parametrize("options", [[], ["--solver", "exact"]], ids=["certified", "exact"])
-def test_out_of_memory(
-    quickstart: tuple[str, str], environment: dict[str, str], options: list[str]
+def test_a_limit_changes_no_status(
+    quickstart: tuple[str, str], environment: dict[str, str]
 ) -> None:
-    command = ["-m", "tgospa_eval", *quickstart, "-q", *options]
-    done = limited(SMALL, *command, env=environment)
-    assert (done.returncode, done.stdout) == (4, "")
-    assert "Traceback" not in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("out of memory")
-    assert limited(LARGE, *command, env=environment).returncode == 0
+    done = limited(LARGE, "-m", "tgospa_eval", *quickstart, "-q", env=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "TGOSPA" in done.stdout
+    done = limited(LARGE, "-m", "tgospa_eval", "none.csv", "none.csv", env=environment)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert "none.csv: no such file" in done.stderr
 
 
 def test_a_library_that_finds_no_memory_is_not_missing(
@@ -74,3 +79,46 @@ def test_ends_under_a_limit(environment: dict[str, str], work: str, status: int)
     done = limited(LARGE, "-c", script, env=environment)
     assert done.returncode == status
     assert done.stderr.startswith("out of memory: 65536 MiB") == (status == 4)
+
+
+def _packed(folder: Path, suffix: str) -> str:
+    """A small file with 100,000 rows."""
+    rows = 100_000
+    columns = {"id": np.zeros(rows, np.int64), "t": np.arange(rows), "x": np.zeros(rows)}
+    path = folder / f"packed.{suffix}"
+    if suffix == "npz":
+        np.savez_compressed(path, **columns)
+    elif suffix == "parquet":
+        parquet = pytest.importorskip("pyarrow.parquet")
+        import pyarrow as pa
+
+        parquet.write_table(pa.table(columns), path)
+    else:
+        lines = [f"1,{k},0" for k in range(rows)]
+        path.write_text("\n".join(["id,t,x", *lines]) + "\n", encoding="ascii")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "what"),
+    [
+        ("npz", r"arrays of 2,400,\d+ bytes: reading it takes some 0\.014 GB"),
+        ("parquet", r"100,000 rows of 3 columns: reading it takes some 0\.014 GB"),
+        ("csv", r"988,897 bytes of text: reading it takes some 0\.003 GB"),
+    ],
+)
+def test_files_that_unpack_to_more_than_is_allowed(tmp_path: Path, suffix: str, what: str) -> None:
+    path = _packed(tmp_path, suffix)
+    message = rf"packed\.{suffix}: {what}, allowed are 0\.002 GB; .* --max-input GB"
+    with pytest.raises(InputError, match=message):
+        read(path, ReadOptions(max_input=0.002))
+    for allowed in (None, 0, 0.1):
+        assert read(path, ReadOptions(max_input=allowed)).rows == 100_000
+
+
+def test_a_file_that_is_larger_than_what_is_allowed(tmp_path: Path, invoke: Any) -> None:
+    path = _packed(tmp_path, "csv")
+    answer = invoke(path, path, "--max-input", "0.0001")
+    assert (answer.status, answer.out) == (3, "")
+    assert "larger than 0 MiB; allow more with --max-input GB" in answer.err
+    assert invoke("inspect", path, "--max-input", "1").status == 0

@@ -59,7 +59,9 @@ def patience(path: str, what: str) -> Iterator[None]:
         timer.cancel()
 
 
-def read_bytes(path: str, kind: type[TgospaError], most: int = SETTINGS) -> bytes:
+def read_bytes(
+    path: str, kind: type[TgospaError], most: int = SETTINGS, remedy: str = "name another file"
+) -> bytes:
     """The content of a file, of at most so many bytes.
 
     Raises
@@ -79,7 +81,7 @@ def read_bytes(path: str, kind: type[TgospaError], most: int = SETTINGS) -> byte
             with open(path, "rb") as file:
                 content = file.read()
     if size > most:
-        raise kind(f"{path}: larger than {most >> 20} MiB; name another file")
+        raise kind(f"{path}: larger than {most >> 20} MiB; {remedy}")
     return content
 
 

@@ -27,7 +27,10 @@ VERBS = {
 """Module and summary of each verb; the module's command is called `command`."""
 
 INTERRUPTED = 130
-NO_MEMORY = ("annot allocate memory", "failed to map segment", "bad_alloc", "start new thread")
+NO_MEMORY = (
+    "annot allocate memory", "failed to map segment", "bad_alloc", "start new thread",
+    "without exception set",
+)  # fmt: skip
 """What systems, loaders of libraries and Python say where there is none left."""
 
 INTERNAL = 4
@@ -184,7 +187,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except (KeyboardInterrupt, click.Abort):
         say("interrupted")
         os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
-    except (OSError, MemoryError, ImportError, RuntimeError) as error:
+    except (OSError, MemoryError, ImportError, RuntimeError, SystemError) as error:
         status = _say_lacking(error)
     return status or 0
 

@@ -14,7 +14,7 @@ SHARED = (
     "distance", "cloud-order", "inner", "inner-cov", "reduce", "reduce-method", "directions",
     "iterations", "restarts", "polish", "seed", "no-gating", "covariance", "periodic", "scale",
     "fix-cov", "missing-cov", "mixed", "columns", "jobs", "time-tolerance", "grid",
-    "on-duplicate", "decimal", "time", "class", "region",
+    "on-duplicate", "decimal", "max-input", "time", "class", "region",
 )  # fmt: skip
 
 _files = partial(

@@ -17,9 +17,9 @@ ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come f
 
 OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}
 OF_FILES = {
-    "against", "columns", "time_tolerance", "grid", "on_duplicate", "decimal", "truth_format",
-    "estimate_format", "truth_columns", "estimate_columns", "time", "class_", "truth_class",
-    "estimate_class", "region", "unit", "by",
+    "against", "columns", "time_tolerance", "grid", "on_duplicate", "decimal", "max_input",
+    "truth_format", "estimate_format", "truth_columns", "estimate_columns", "time", "class_",
+    "truth_class", "estimate_class", "region", "unit", "by",
 }  # fmt: skip
 """Parameters that mean nothing in the other case."""
 

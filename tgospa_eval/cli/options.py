@@ -173,6 +173,11 @@ FILES = (
         "--decimal", type=click.Choice((".", ",")), default=".",
         help="Decimal mark in the files.",
     ),
+    _files(
+        "--max-input", type=click.FloatRange(min=0), metavar="GB",
+        show_default="4, or what is available",
+        help="Memory that reading one file may take; 0 for any.",
+    ),
 )  # fmt: skip
 
 FILTERS = (

@@ -13,7 +13,7 @@ from tgospa_eval.cli.options import FILE_FORMATS, REDUCTION, chosen_options
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:
     return chosen_options(
         command,
-        ("columns", "decimal", "time", "class", "region", "jobs"),
+        ("columns", "decimal", "max-input", "time", "class", "region", "jobs"),
         (
             *REDUCTION,
             option("--in-format", "truth_format", section="Files", metavar="FORMAT",

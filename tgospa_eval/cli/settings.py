@@ -192,6 +192,7 @@ def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
         missing_covariance=options["missing_cov"],
         clouds="cloud" in measure.named.kinds,
         fault=measure.fault,
+        max_input=options["max_input"],
     )
     return Settings(
         parameters=Parameters(order=options["order"], **metric),

@@ -19,8 +19,8 @@ from tgospa_eval.summary import Summary
 from tgospa_eval.text import quoted
 
 KNOWN = dict(KEYS[add] for add in EVALUATION)
-NOT_KEPT = "jobs"
-"""The one option of an evaluation that changes neither the number nor its bracket."""
+NOT_KEPT = ("jobs", "max-input")
+"""Options of an evaluation that change neither the number nor its bracket."""
 
 RULES = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
@@ -96,7 +96,7 @@ class Given:
         kept = {
             keys[name]: ",".join(value) if isinstance(value, tuple) else value
             for name, value in given.items()
-            if keys[name] != NOT_KEPT and value not in (None, ())
+            if keys[name] not in NOT_KEPT and value not in (None, ())
             if finished or keys[name] not in SOLVING_KEYS
         }
         if "covariance" in kept:

@@ -5,7 +5,6 @@ A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is
 """
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,6 +25,9 @@ FORMATS = {
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
 }
 """Module and function that read each format; imported when used."""
+
+PACKED = ("parquet", "npz")
+"""Formats whose readers know what a file unpacks to."""
 
 ROLES = ("truth", "estimate")
 
@@ -126,6 +128,8 @@ class ReadOptions:
     fault : callable, optional
         Of names of state columns and states (d, R): the first that is out of range, its column, and
         what is wrong with it.
+    max_input : float, optional
+        GB of memory that reading may take, 0 for any; by default 4, or what is available.
     shared : tuple of str
         Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
         header, it is read by the usual names, and without a filter by class.
@@ -151,6 +155,7 @@ class ReadOptions:
     missing_covariance: str = "error"
     clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
+    max_input: float | None = None
     shared: tuple[str, ...] = ()
     option: str = "columns"
 
@@ -224,6 +229,7 @@ def read(
 
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import guess
+    from tgospa_eval.formats.room import TEXT, check_room, most_bytes
     from tgospa_eval.formats.text import load
 
     _one_of("role", role, ROLES)
@@ -234,8 +240,10 @@ def read(
     except TypeError:
         raise ConfigError(f"path is {path!r}: must be a path") from None
     options = options or ReadOptions()
-    data = load(name, sys.maxsize)
+    data = load(name, most_bytes(options.max_input))
     chosen = format or guess(name, data)
+    if chosen not in PACKED:
+        check_room(name, TEXT * len(data), options.max_input, f"{len(data):,} bytes of text")
     module, function = FORMATS[chosen]
     reader = getattr(import_module(module), function)
     rows = reader(name, data, options, role, given=format is not None)
@@ -263,6 +271,7 @@ def read_trajectories(
     fix_covariance: bool = False,
     missing_covariance: str = "error",
     clouds: bool = False,
+    max_input: float | None = None,
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
 
@@ -282,7 +291,7 @@ def read_trajectories(
         std_y, rho_xy``; the distance says whether they are compared.
     columns, decimal, on_duplicate, boxes, time, classes, region
         As in `tgospa_eval.formats.ReadOptions`.
-    fix_covariance, missing_covariance, clouds
+    fix_covariance, missing_covariance, clouds, max_input
         Likewise.
 
     Raises
@@ -304,6 +313,7 @@ def read_trajectories(
         fix_covariance=fix_covariance,
         missing_covariance=missing_covariance,
         clouds=clouds,
+        max_input=max_input,
     )
     return read(path, options, role, format).warn()
 

@@ -1,6 +1,8 @@
 """NumPy archives with an array for each column: the quick form of large particle clouds."""
 
 import io
+import struct
+import zipfile
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +11,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.room import TABLE, check_room
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -29,6 +32,8 @@ def read_npz(path: str, data: bytes, options: "ReadOptions", role: str, *, given
 
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
+    size = _unpacked(data)
+    check_room(path, TABLE * size, options.max_input, f"arrays of {size:,} bytes")
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -57,6 +62,15 @@ def read_npz(path: str, data: bytes, options: "ReadOptions", role: str, *, given
         asked = replace(options, columns=tuple(name for name in columns if _is_numbered(name)))
     roles = find_roles(list(columns), asked, path)
     return frame_rows(pd.DataFrame(columns), roles, path, options.decimal)
+
+
+def _unpacked(data: bytes) -> int:
+    """Bytes of the arrays, as the archive says; if there is none, reading it says so."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return sum(member.file_size for member in archive.infolist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError, struct.error):
+        return 0
 
 
 def _is_numbered(name: str) -> bool:

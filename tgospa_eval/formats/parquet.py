@@ -9,6 +9,7 @@ from tgospa_eval.formats.asked import parse_columns
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
@@ -48,6 +49,9 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
         used.add(roles.klass)
     subset = [names[column] for column in sorted(used)]
     _check_types(file.schema_arrow, roles, path)
+    rows = file.metadata.num_rows
+    what = f"{rows:,} rows of {len(subset)} columns"
+    check_room(path, TABLE * 8 * rows * len(subset), options.max_input, what)
     try:
         table = file.read(columns=subset).select(subset)
         table.validate(full=True)  # pandas looks at texts later, or never

@@ -62,7 +62,9 @@ def load(path: str, most: int = SETTINGS) -> bytes:
     if endless:
         raise InputError(f"{path}: is a device, not a file")
     try:
-        return read_bytes(path, InputError, most)
+        if most == SETTINGS:
+            return read_bytes(path, InputError)
+        return read_bytes(path, InputError, most, "allow more with --max-input GB, or any with 0")
     except MemoryError:
         raise InputError(f"{path}: larger than the memory of this machine") from None
 
