@@ -36,7 +36,9 @@ html_math_renderer = "mathml"
 
 def to_mathml(node, *, block):
     try:
-        return str(tex2mathml(node.astext(), as_block=block))
+        # the empty set is no operator, with room around it
+        made = str(tex2mathml(node.astext(), as_block=block))
+        return made.replace("<mo>⌀</mo>", "<mi mathvariant='normal'>∅</mi>")
     except MathError as error:
         raise ExtensionError(f"formula {node.astext()!r}: {error}") from error
 
