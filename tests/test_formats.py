@@ -483,6 +483,13 @@ def test_columns_per_file(invoke: Run, write: Write) -> None:
     assert (done.status, len(done.err.splitlines())) == (3, 1)
 
 
+def test_columns_of_one_sensor(invoke: Run, write: Write) -> None:
+    files = write("a.csv", STANDARD), write("b.csv", ODD)
+    assert "--b-columns t=when" in invoke("associate", *files, "-c", "5").err
+    done = invoke("associate", *files, "-c", "5", "--b-columns", "id=TrackId,t=when")
+    assert "2 associated, 0 of A and 0 of B alone, in 2 steps" in done.out
+
+
 def test_faults_of_both_files_are_told(invoke: Run, write: Write) -> None:
     wrong = write("t.csv", "trk,clock,px,py\na,0,0,0\n"), write("e.csv", "id,t,x,y\na,0,0,o\n")
     done = invoke(*wrong)
