@@ -14,6 +14,7 @@ from tgospa_eval.notices import Notice
 from tgospa_eval.problem import POWER, Floats, Parameters
 from tgospa_eval.result import Bounds, Breakdown, Curve
 from tgospa_eval.showing import Shown
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -421,8 +422,9 @@ class Summary(Shown, ABC):
             proof=self.proven,
             notes=(
                 *map(str, self.warnings),
-                f"{sizes['truth']:,} truths, {sizes['estimates']:,} estimates, "
-                f"{sizes['steps']:,} steps",
+                f"{counted(sizes['truth'], 'truth', form=',')}, "
+                f"{counted(sizes['estimates'], 'estimate', form=',')}, "
+                f"{counted(sizes['steps'], 'step', form=',')}",
                 f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
                 f"gamma = {self.quantity(parameters.switch_penalty)}",
             ),

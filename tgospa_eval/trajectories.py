@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.clouds import Clouds
@@ -152,7 +153,8 @@ class Trajectories:
         particles = "" if self.clouds is None else f", {len(self.clouds.points)} particles"
         laws = "" if self.covariance is None else ", with covariances"
         return (
-            f"Trajectories({len(self.ids)} tracks, {len(self.times)} steps, {len(self.step)} rows"
+            f"Trajectories({counted(len(self.ids), 'track')}, {counted(len(self.times), 'step')}, "
+            f"{counted(len(self.step), 'row')}"
             f"{particles}, columns {','.join(self.columns)}{laws})"
         )
 

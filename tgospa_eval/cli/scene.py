@@ -44,7 +44,8 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
     }
     write_texts(texts, folder, force=options["force"], option=OPTION)
     lines = (
-        f"{folder}: {scene.scenario}, {scene.steps} steps; {_size(truth, 'truth')} in {names[0]}, "
+        f"{folder}: {scene.scenario}, {counted(scene.steps, 'step')}; "
+        f"{_size(truth, 'truth')} in {names[0]}, "
         f"{_size(estimate, 'estimate')} in {names[1]}",
         _command(folder, names, options, tracker),
     )

@@ -27,6 +27,7 @@ from tgospa_eval.reports.folders import RESULT, probe_folder
 from tgospa_eval.solvers import Solver
 from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
+from tgospa_eval.words import counted
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -113,7 +114,8 @@ def evaluate_files(
             say(text)
     if result.certified and not result.finished:
         missed = np.count_nonzero(~result.traced.met(result.gap)) if result.traced else 0
-        say(f"accuracy not reached at {missed} steps of the curve, asked was {result.gap:g}")
+        where = f"{counted(int(missed), 'step')} of the curve"
+        say(f"accuracy not reached at {where}, asked was {result.gap:g}")
     elif not result.finished:
         asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
         narrowest = ""

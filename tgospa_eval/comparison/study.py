@@ -27,6 +27,7 @@ from tgospa_eval.problem import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
+from tgospa_eval.words import counted
 
 Document = dict[str, Any]
 Size = tuple[int, int]
@@ -135,7 +136,8 @@ def carry_out(
     for done, key in enumerate(study.wanted()):
         if key not in known:
             targets, steps, run = key
-            say(f"{targets} targets, {steps} steps, run {run} ({done} of {count})")
+            size = f"{counted(targets, 'target')}, {counted(steps, 'step')}"
+            say(f"{size}, run {run} ({done} of {count})")
             known[key] = measure(study, *key)
             keep(known[key])
         records.append(known[key])

@@ -130,7 +130,7 @@ def _near_misses(
     alone = aligned.union - aligned.common
     return Notice(
         code="stamps-near",
-        text=f"{pairs} nearly the same, of {alone} stamps that one file only has, at "
+        text=f"{pairs} nearly the same, of {counted(alone, 'stamp')} that one file only has, at "
         f"most {named} apart where the median step is {min(steps) / unit:.6g}",
         remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
     )

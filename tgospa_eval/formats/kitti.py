@@ -11,6 +11,7 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -50,7 +51,7 @@ def _header(fields: list[str], where: str) -> list[str]:
     """Names of the columns."""
     if len(fields) not in (len(NAMES) - 1, len(NAMES)):
         raise InputError(
-            f"{where}: {len(fields)} fields; KITTI tracking labels have 17, or 18 with a score: "
-            "frame track_id type truncated occluded alpha left top right bottom ..."
+            f"{where}: {counted(len(fields), 'field')}; KITTI tracking labels have 17, or 18 "
+            "with a score: frame track_id type truncated occluded alpha left top right bottom ..."
         )
     return list(NAMES[: len(fields)])

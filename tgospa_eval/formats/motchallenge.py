@@ -14,6 +14,7 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 from tgospa_eval.formats.text import Places, numbers
 from tgospa_eval.trajectories import Floats
+from tgospa_eval.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -57,7 +58,7 @@ def _header(fields: list[str], where: str) -> list[str]:
     """Names of the columns."""
     if not 6 <= len(fields) <= 10:
         raise InputError(
-            f"{where}: {len(fields)} fields; MOTChallenge text has 6 to 10: "
+            f"{where}: {counted(len(fields), 'field')}; MOTChallenge text has 6 to 10: "
             "frame,id,left,top,width,height,conf,..."
         )
     rest = ("loc_x", "loc_y", "loc_z") if len(fields) == 10 else ("class", "visibility")

@@ -8,6 +8,7 @@ import numpy as np
 
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import clipped, visible
+from tgospa_eval.words import counted
 
 WIDTH = 80
 SHOWN = 5
@@ -45,8 +46,8 @@ def _headline(result: Summary) -> Iterator[str]:
     yield from _wrap(headline(result), "")
     sizes = result.sizes
     yield (
-        f"{_count(sizes['truth'], 'truth')}, {_count(sizes['estimates'], 'estimate')}, "
-        f"{_count(sizes['steps'], 'step')}"
+        f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
+        f"{counted(sizes['steps'], 'step')}"
     )
 
 
@@ -196,7 +197,3 @@ def clip(line: str, width: int = WIDTH) -> str:
 
 def _name(value: Any) -> str:
     return "none" if value is None else str(value)
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" + ("" if number == 1 else "s")

@@ -8,6 +8,7 @@ from tgospa_eval.notices import Notice
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.summary import Table
+from tgospa_eval.words import counted
 
 Document = dict[str, Any]
 
@@ -85,8 +86,9 @@ def _parameters(document: Document) -> str:
         if name in used
     )
     return (
-        f"{fixed}; {used['distance']}; {sizes['truth']} truths, {sizes['estimates']} estimates, "
-        f"{sizes['steps']} steps"
+        f"{fixed}; {used['distance']}; {counted(sizes['truth'], 'truth')}, "
+        f"{counted(sizes['estimates'], 'estimate')}, "
+        f"{counted(sizes['steps'], 'step')}"
     )
 
 
