@@ -84,11 +84,12 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
     found = np.zeros((3, len(a)))
     a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
     np.sqrt(a, out=found[0])
-    np.divide(b, found[0], out=found[1], where=a > 0)
     most = np.sqrt(c)
-    np.clip(found[1], -most, most, out=found[1])
     left = c.copy()
-    with np.errstate(over="ignore"):  # below 0, where rounding alone makes it a covariance
+    # What overflows, where it is a covariance but for rounding, is cut, or below 0.
+    with np.errstate(over="ignore"):
+        np.divide(b, found[0], out=found[1], where=a > 0)
+        np.clip(found[1], -most, most, out=found[1])
         np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
     np.sqrt(left, out=found[2], where=left > 4 * EPS * c)
     return found
@@ -128,7 +129,8 @@ def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
         for i in range(j + 1, d):
             entry = found[at[i, j]]
             rest = packed[at[i, j]] - sum(found[at[i, k]] * found[at[j, k]] for k in range(j))
-            np.divide(rest, pivot, out=entry, where=positive)
+            with np.errstate(over="ignore"):  # is cut
+                np.divide(rest, pivot, out=entry, where=positive)
             most = np.sqrt(np.maximum(left[i], 0.0))
             np.clip(entry, -most, most, out=entry)
             left[i] -= entry * entry

@@ -271,10 +271,11 @@ def _factor(matrix: Floats) -> tuple[Floats, Floats]:
     """Standard deviations (d,), and the Cholesky factor (d, d) of the correlations."""
     deviation: Floats = np.sqrt(np.diag(matrix))
     try:
-        factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
+        with np.errstate(over="ignore"):  # of correlations beyond 1, of which there is no factor
+            factor = np.linalg.cholesky(matrix / deviation[:, None] / deviation)
     except np.linalg.LinAlgError:
         factor = np.zeros_like(matrix)
-    if np.diag(factor).min() < SINGULAR:
+    if not np.diag(factor).min() >= SINGULAR:
         raise ConfigError(
             "covariance is not positive definite: some combination of the columns has no variance"
         )

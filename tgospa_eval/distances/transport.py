@@ -27,6 +27,9 @@ Cloud = tuple[Floats, Floats]
 ASSIGNED = 200
 """Particles up to which an assignment is quicker than transport."""
 
+FARTHEST = 1e150
+"""Of whitened coordinates: their squares are numbers."""
+
 LARGEST = 4000
 """Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
 
@@ -196,9 +199,22 @@ def _pair(
 
 
 def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
-    """Clouds ``L^-1 (x - centre)``, in which the Mahalanobis distance with L L' is Euclidean."""
+    """Clouds ``L^-1 (x - centre)``, in which the Mahalanobis distance with L L' is Euclidean.
+
+    Raises
+    ------
+    ConfigError
+        They are so far apart that the squares are no numbers.
+    """
     centre = clouds[0][0][0]
-    return tuple((whitened_points(points, factor, centre), weights) for points, weights in clouds)
+    with np.errstate(over="ignore", invalid="ignore"):  # looked at below
+        found = tuple((whitened_points(x, factor, centre), weights) for x, weights in clouds)
+    if any(not (np.abs(points) <= FARTHEST).all() for points, _ in found):
+        raise ConfigError(
+            f"particles are more than {FARTHEST:g} standard deviations apart; the covariance is "
+            "too small for them"
+        )
+    return found
 
 
 def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:

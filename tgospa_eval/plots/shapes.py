@@ -39,7 +39,7 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
         row, shapes = _boxes(side) if boxes else ellipses(seen, side, across, up)
         if not len(row):
             continue
-        reach = np.abs(shapes - shapes.mean(axis=1, keepdims=True)).max(axis=(1, 2))
+        reach = (shapes.max(axis=1) / 2 - shapes.min(axis=1) / 2).max(axis=1)
         middle = np.stack([side.axes[across][row], side.axes[up][row]], axis=1)
         kept = spaced(side.row["track"][row], middle, APART * reach)
         truth = side.name == "truth"

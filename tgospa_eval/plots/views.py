@@ -22,6 +22,9 @@ from tgospa_eval.text import quoted
 TIME = "t"
 """The time as an axis of the plane."""
 
+FARTHEST = 1e300
+"""Of what is drawn: matplotlib takes differences of coordinates."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
@@ -213,10 +216,13 @@ def _axes(
     name: str, data: dict[str, Any], arrays: dict[str, Ints], step: Ints
 ) -> dict[str, Floats]:
     """The columns, the centres of boxes, and the time."""
-    found: dict[str, Floats] = {
-        column: data["low"][k] + arrays[f"{name}/row/{k}"] * data["quantum"][k]
-        for k, column in enumerate(data["columns"])
-    }
+    with np.errstate(over="ignore"):  # pictures end before the doubles do
+        found: dict[str, Floats] = {
+            column: np.clip(
+                data["low"][k] + arrays[f"{name}/row/{k}"] * data["quantum"][k], -FARTHEST, FARTHEST
+            )
+            for k, column in enumerate(data["columns"])
+        }
     if data["boxes"]:
         found["centre x"] = found["left"] + found["width"] / 2
         found["centre y"] = found["top"] + found["height"] / 2
