@@ -10,10 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 from browser import PATIENCE
 
 from tgospa_eval import files
+from tgospa_eval.cli import VERBS, Verbs
 from tgospa_eval.comparison.log import Log
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import read
@@ -193,3 +195,13 @@ def test_no_log_of_a_study(tmp_path: Path, what: str) -> None:
         path.symlink_to("/dev/zero")
     with pytest.raises(ConfigError, match=r"runs\.jsonl: (not the file|cannot be opened)"):
         Log(str(tmp_path), {"solvers": []})
+
+
+@pytest.mark.parametrize("verb", list(VERBS))
+def test_files_that_cannot_be_read_are_refused_where_they_are_read(verb: str) -> None:
+    """By click they would be refused as options, whatever they are."""
+    command = Verbs(name="all").get_command(click.Context(Verbs(name="all")), verb)
+    assert command is not None
+    paths = [item.type for item in command.params if isinstance(item.type, click.Path)]
+    assert paths
+    assert not any(item.readable for item in paths)

@@ -38,9 +38,9 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
                    help="--columns for B alone."),
             _output("--format", "format_", type=click.Choice(("table", "json", "csv")),
                     default="table", show_default=True, help="What to print."),
-            _output("--cost-matrix", metavar="FILE", type=click.Path(),
+            _output("--cost-matrix", metavar="FILE", type=click.Path(readable=False),
                     help="Write the distances of all pairs of each step to a CSV file."),
-            _output("--cross-cov", metavar="FILE", type=click.Path(),
+            _output("--cross-cov", metavar="FILE", type=click.Path(readable=False),
                     help="Write the cross-covariances of associated clouds to a CSV file."),
             _output("--force", is_flag=True, help="Write over files that exist."),
         ),
@@ -48,8 +48,8 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @click.command("associate", cls=Verb)
-@click.argument("a", type=click.Path())
-@click.argument("b", type=click.Path())
+@click.argument("a", type=click.Path(readable=False))
+@click.argument("b", type=click.Path(readable=False))
 @click.option(
     "-c",
     "--cutoff",

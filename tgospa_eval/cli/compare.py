@@ -76,7 +76,7 @@ OWN = (
         default="table", help="What to print: table, json, csv, markdown or latex.",
     ),
     option(
-        "-o", "--output", section="Output", metavar="DIR", type=click.Path(),
+        "-o", "--output", section="Output", metavar="DIR", type=click.Path(readable=False),
         help="Write compare.json, CSV tables and pictures to this folder. A scaling study also "
         "writes report.md, and each run as soon as it is done.",
     ),
@@ -97,7 +97,7 @@ def _options(command: Any) -> Any:
 
 
 @click.command("compare", cls=Verb)
-@click.argument("files", metavar="TRUTH ESTIMATE...", type=click.Path(), nargs=-1)
+@click.argument("files", metavar="TRUTH ESTIMATE...", type=click.Path(readable=False), nargs=-1)
 @_options
 @click.pass_context
 def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> None:

@@ -29,8 +29,8 @@ class Files(Verb):
 
 
 @click.command("evaluate", cls=Files)
-@click.argument("truth", type=click.Path())
-@click.argument("estimate", type=click.Path())
+@click.argument("truth", type=click.Path(readable=False))
+@click.argument("estimate", type=click.Path(readable=False))
 @evaluation_options
 @click.option(  # not from settings files: it would make a sweep of every evaluation
     "--sweep", cls=Option, section="Output", metavar="NAME=VALUES", multiple=True,

@@ -22,8 +22,8 @@ class Gate(Verb):
 
 
 @click.command("gate", cls=Gate)
-@click.argument("truth", type=click.Path(), required=False)
-@click.argument("estimate", type=click.Path(), required=False)
+@click.argument("truth", type=click.Path(readable=False), required=False)
+@click.argument("estimate", type=click.Path(readable=False), required=False)
 @gate_options
 @click.option(
     "--update-baseline",

@@ -10,8 +10,8 @@ from tgospa_eval.cli.options import reading_options
 
 
 @click.command("inspect", cls=Verb)
-@click.argument("truth", type=click.Path())
-@click.argument("estimate", type=click.Path(), required=False)
+@click.argument("truth", type=click.Path(readable=False))
+@click.argument("estimate", type=click.Path(readable=False), required=False)
 @reading_options
 @click.option(
     "--format", "format_", cls=Option, section="Output", type=click.Choice(("table", "json")),

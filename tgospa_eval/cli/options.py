@@ -119,7 +119,7 @@ METRIC = (
         "column weight).",
     ),
     _metric(
-        "--covariance", metavar="FILE", type=click.Path(),
+        "--covariance", metavar="FILE", type=click.Path(readable=False),
         help="Covariance matrix for mahalanobis: a CSV file without header, with a row and a "
         "column for each state column.",
     ),
@@ -253,7 +253,7 @@ EVALUATION = (*METRIC, *FILES, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
 
 CONFIG_FILE = click.option(
     "--config", cls=Option, section="General", is_eager=True, callback=load_config,
-    metavar="FILE", type=click.Path(), envvar="TGOSPA_EVAL_CONFIG",
+    metavar="FILE", type=click.Path(readable=False), envvar="TGOSPA_EVAL_CONFIG",
     show_default="tgospa-eval.toml, else [tool.tgospa-eval] in pyproject.toml, in this folder",
     help="Read settings from a TOML file; the keys are the names of these options.",
 )  # fmt: skip
@@ -286,7 +286,7 @@ OUTPUT = (
         help="What to print: table, json, csv (the costs of each step), markdown or latex.",
     ),
     _output(
-        "-o", "--output", metavar="DIR", type=click.Path(),
+        "-o", "--output", metavar="DIR", type=click.Path(readable=False),
         help="Write result.json, CSV tables, report.html and pictures to this folder.",
     ),
     *PICTURES,
@@ -301,12 +301,12 @@ OF_PICTURES = tuple(KEYS[add][0] for add in PICTURES)
 
 GATE = (
     _gate(
-        "--baseline", metavar="FILE", type=click.Path(),
+        "--baseline", metavar="FILE", type=click.Path(readable=False),
         help="Baseline to judge by, a JSON file that --update-baseline makes. A suite may name "
         "its own.",
     ),
     _gate(
-        "--suite", metavar="FILE", type=click.Path(),
+        "--suite", metavar="FILE", type=click.Path(readable=False),
         help="TOML file that lists several pairs of files, instead of TRUTH ESTIMATE.",
     ),
     _gate(
@@ -322,7 +322,8 @@ GATE = (
         help="Fail if a value is above this, whatever the baseline says: tgospa=45. Repeatable.",
     ),
     _gate(
-        "--junit", metavar="FILE", type=click.Path(), help="Write a JUnit XML report.",
+        "--junit", metavar="FILE", type=click.Path(readable=False),
+        help="Write a JUnit XML report.",
     ),
     _gate(
         "--github", is_flag=True,

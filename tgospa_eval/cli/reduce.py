@@ -29,8 +29,8 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @click.command("reduce", cls=Verb)
-@click.argument("source", metavar="IN", type=click.Path())
-@click.argument("target", metavar="OUT", type=click.Path())
+@click.argument("source", metavar="IN", type=click.Path(readable=False))
+@click.argument("target", metavar="OUT", type=click.Path(readable=False))
 @click.option(
     "-n",
     "--size",

@@ -27,7 +27,7 @@ _output = partial(click.option, cls=Option, section="Output", show_default=True)
 
 
 @click.command("simulate", cls=Verb)
-@click.argument("folder", metavar="DIR", type=click.Path())
+@click.argument("folder", metavar="DIR", type=click.Path(readable=False))
 @_scene(
     "--scenario",
     default="crossing",
