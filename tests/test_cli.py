@@ -3,10 +3,8 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -511,7 +509,7 @@ def test_an_id_takes_one_line_of_the_table(invoke: Run, write: Write) -> None:
     assert "lines" in line
 
 
-# --- limits and interruption ----------------------------------------------------------------------
+# --- limits ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("solver", ["certified", "sinkhorn", "exact"])
@@ -542,34 +540,6 @@ def test_a_bracket_of_sinkhorn_is_an_answer(invoke: Run, crowd: Pair) -> None:
     status, out, _ = invoke(*crowd, "--solver", "sinkhorn", "--epsilon", "0.5")
     assert status == 0
     assert out.startswith("TGOSPA is between ")
-
-
-@POSIX
-def test_interrupt(environment: dict[str, str], crowd: Pair, tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tgospa_eval", *crowd, "-c25", "--solver=exact", "-oout"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        env=environment,
-        cwd=tmp_path,
-        # A shell that runs the tests in the background has them ignore interrupts.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
-    assert process.stderr is not None
-    try:
-        while "default" not in process.stderr.readline():
-            assert process.poll() is None
-        time.sleep(0.5)
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=PATIENCE)
-    finally:
-        process.kill()
-    assert process.returncode == 130
-    assert out == ""
-    assert "interrupted" in err
-    assert "Traceback" not in err
-    assert list(tmp_path.iterdir()) == []
 
 
 # --- the result folder ----------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import tgospa_eval.solvers.residual as residual_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
 from tgospa_eval.certificate import certify
 from tgospa_eval.compiled import kernels
-from tgospa_eval.result import LATE
+from tgospa_eval.progress import LATE
 from tgospa_eval.solvers.ascent import Ascent
 from tgospa_eval.solvers.certified import _groups, _windows
 from tgospa_eval.solvers.kernels import price_cap

@@ -17,6 +17,7 @@ from tgospa_eval.certificate import EPS, block_of_tracks, fair_prices, lower_bou
 from tgospa_eval.merging import merge_runs
 from tgospa_eval.prefixes import propose, whole_prices
 from tgospa_eval.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.progress import Progress
 from tgospa_eval.result import Curve, Reduced
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.offers import Kept, Origin, keep, offer
@@ -33,6 +34,7 @@ def trace(
     prices: Floats,
     solver: Certified,
     reduced: tuple[Reduced, ...] = (),
+    progress: Progress | None = None,
 ) -> Curve:
     """The curve of a solved problem; its last point is what the solution proves of the whole.
 
@@ -48,7 +50,10 @@ def trace(
         What solves beginnings, and to which gap; its time limit is that of all of them together.
     reduced : tuple of Reduced
         What is known of the whole at smaller cutoffs.
+    progress : Progress, optional
+        Told how far it is; what is not begun when it is to stop stays open.
     """
+    progress = progress or Progress()
     begin, prices = time.monotonic(), fair_prices(prices)
     found = propose(states, weights, prices)
     cells, parts = found.cells, found.parts
@@ -64,15 +69,23 @@ def trace(
     wide = np.flatnonzero(open_)
     wide = wide[np.argsort(-cells.step[wide], kind="stable")]
     copies = _Copies(states)
-    for chosen in copies.groups(cells.block[wide], cells.step[wide]):
+    groups = copies.groups(cells.block[wide], cells.step[wide])
+    for done, chosen in enumerate(groups):
         at = wide[chosen]
+        if progress.stop.is_set():
+            break
+        progress.again("the curve", done / len(groups))
         if solver.time_limit is not None:
             left = begin + solver.time_limit - time.monotonic()
             if left <= 0:
                 break
             solver = replace(solver, time_limit=left)
             begin = time.monotonic()
-        better, lower, uncertain = copies.solve(cells.block[at], cells.step[at], whole, solver)
+        stopwatch = Stopwatch()
+        stopwatch.progress = progress.silent()
+        better, lower, uncertain = copies.solve(
+            cells.block[at], cells.step[at], whole, solver, stopwatch
+        )
         wins = better.sum(axis=0) < cost[at]
         parts[:, at[wins]] = better[:, wins]
         error[at[wins]] = uncertain[wins]
@@ -198,13 +211,13 @@ class _Copies:
         return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
     def solve(
-        self, block: Ints, end: Ints, whole: Kept, solver: Certified
+        self, block: Ints, end: Ints, whole: Kept, solver: Certified, stopwatch: Stopwatch
     ) -> tuple[Floats, Floats, Floats]:
         """Cost by kind (4, N), lower bound (N,), and error of the cost, of these beginnings."""
         problem, origin, first = self._cut(block, end)
         states = merge_runs(problem)
         offered = replace(offer(states, (whole,), (1.0,), origin), near=True)
-        solution = solver(states, Stopwatch(), offered)
+        solution = solver(states, stopwatch, offered)
         _, lower, split = prove(states, solution)
         parts = np.array(
             [

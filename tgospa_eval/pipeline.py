@@ -223,6 +223,7 @@ def solve(
     prepared: Prepared, solver: Solver, stopwatch: Stopwatch, *, curve: bool = False
 ) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
+    stopwatch.progress.begin(prepared.parameters.root)
     return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, curve=curve)
 
 
@@ -263,7 +264,10 @@ def prove(
         from tgospa_eval.curve import trace  # here: only when it is asked for
 
         with stopwatch.span("curve"):
-            traced = trace(prepared.states, weights, prices, cast("Certified", solver), reduced)
+            traced = trace(
+                prepared.states, weights, prices, cast("Certified", solver), reduced,
+                stopwatch.progress,
+            )  # fmt: skip
     truth, estimate = prepared.sides
     with stopwatch.span("report"):
         split = _split(truth, estimate, prepared.distance, proof)

@@ -80,6 +80,10 @@ class Parameters:
                 "doubles; choose another unit"
             )
 
+    def root(self, total: float) -> float:
+        """TGOSPA in state units of a total cost in units of c^p."""
+        return float(self.cutoff * total ** (1 / self.order))
+
     @property
     def switch_price(self) -> float:
         """Dimensionless price of half a switch, gamma^p / (2 c^p).

@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 from tgospa_eval.problem import Floats
 from tgospa_eval.states import States
 
-LATE = "stopped by the time limit"
-"""Status of what had no time left."""
-
 
 @dataclass(kw_only=True)
 class Solution:

@@ -216,9 +216,14 @@ class _Line:
         """All of them."""
         found: dict[int, Point] = {}
         kept: dict[int, Kept | None] = {}
-        for k, neighbours in _bisected(len(self.parameters)):
-            found[k], kept[k] = self._solve(k, neighbours, [kept[at] for at in neighbours])
-        return tuple(found[k] for k in range(len(found)))
+        progress, count = self.stopwatch.progress, len(self.parameters)
+        for done, (k, neighbours) in enumerate(_bisected(count)):
+            if found and progress.stop.is_set():
+                break
+            value = f"{self.name.replace('_', ' ')} {_value(self.parameters[k], self.name):g}"
+            with progress.part(value, done, count):
+                found[k], kept[k] = self._solve(k, neighbours, [kept[at] for at in neighbours])
+        return tuple(found[k] for k in sorted(found))
 
     def _solve(
         self, k: int, neighbours: tuple[int, ...], kept: list[Kept | None]
@@ -228,6 +233,7 @@ class _Line:
         with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
+        stopwatch.progress.begin(parameters.root)
         if not (kernels and isinstance(solver, Certified) and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None

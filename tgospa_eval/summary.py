@@ -123,7 +123,7 @@ class Summary(Shown, ABC):
         return float(self.proof.parameters.cutoff**self.proof.parameters.order)
 
     def _root(self, cost: float) -> float:
-        return float(self.proof.parameters.cutoff * cost ** (1 / self.proof.parameters.order))
+        return self.proof.parameters.root(cost)
 
     def _root_error(self, cost: Floats | float) -> Floats:
         """How wrong a root is because 1/p is no double, relative."""

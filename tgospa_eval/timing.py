@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from tgospa_eval.progress import Progress
+
 
 class Stopwatch:
     """Adds up the seconds spent under each name; a name may be a path, ``"solve/lp"``.
@@ -25,6 +27,8 @@ class Stopwatch:
         Name of the innermost span that is open, for progress.
     tell : callable
         Takes a sentence for the user, before work that takes long; does nothing by default.
+    progress : Progress
+        Of the work that is timed.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -35,6 +39,7 @@ class Stopwatch:
         self.busy = 0.0
         self.stage = ""
         self.tell: Callable[[str], None] = lambda _: None
+        self.progress = Progress()
 
     @contextmanager
     def span(self, name: str) -> Iterator[None]:
@@ -50,6 +55,12 @@ class Stopwatch:
     def add(self, name: str, seconds: float) -> None:
         """Add seconds that were measured elsewhere."""
         self.spans[name] = self.spans.get(name, 0.0) + seconds
+
+    def beside(self) -> "Stopwatch":
+        """A fresh one for a part of the work, which tells and stops as this one does."""
+        part = Stopwatch(self._clock)
+        part.tell, part.progress = self.tell, self.progress
+        return part
 
     def absorb(self, other: "Stopwatch") -> None:
         """Add what another one measured."""

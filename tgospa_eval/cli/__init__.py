@@ -6,12 +6,14 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 
 import click
 
 from tgospa_eval import __version__, files
 from tgospa_eval.cli.guard import guarded
+from tgospa_eval.cli.interrupts import heard
 from tgospa_eval.cli.streams import check_stdout, check_written, say, say_lines
 from tgospa_eval.errors import ConfigError, TgospaError
 
@@ -171,6 +173,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     status: int | None
     try:
         status = _invoke(None if arguments is None else list(arguments))
+        if heard():  # what was left behind in compiled code is not waited for
+            _end_interrupted()
     except SystemExit:  # click's own, with 1, where a pipe has no reader
         status = 0
     except TgospaError as error:
@@ -186,7 +190,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         status = max(error.exit_code, 2)  # 1 is a regression, and nothing else
     except (KeyboardInterrupt, click.Abort):
         say("interrupted")
-        os._exit(INTERRUPTED)  # a solver may be deep in compiled code, in its own thread
+        _end_interrupted()  # a solver may be deep in compiled code, in its own thread
     except (OSError, MemoryError, ImportError, RuntimeError, SystemError) as error:
         status = _say_lacking(error)
     return status or 0
@@ -211,6 +215,14 @@ def _is_of_memory(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
+
+
+def _end_interrupted() -> None:
+    """End at once, with what was printed."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(INTERRUPTED)
 
 
 def _invoke(arguments: list[str] | None) -> int | None:

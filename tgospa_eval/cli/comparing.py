@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval import plots
+from tgospa_eval.cli.interrupts import undisturbed
 from tgospa_eval.cli.places import find_place
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.scene import settings as scene_settings
@@ -15,10 +16,11 @@ from tgospa_eval.cli.settings import Settings, make_settings
 from tgospa_eval.cli.simulate import command as simulate
 from tgospa_eval.cli.streams import emit, say
 from tgospa_eval.cli.work import about, pair_notices, slow_notice, teller, told
+from tgospa_eval.cli.writing import Files, write_output
 from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
-from tgospa_eval.comparison.runs import check_solvers, takes_long
+from tgospa_eval.comparison.runs import called, check_solvers, takes_long
 from tgospa_eval.comparison.solvers import compare_solvers, document
 from tgospa_eval.comparison.study import Study, carry_out
 from tgospa_eval.comparison.study import document as summary
@@ -31,7 +33,7 @@ from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, stu
 from tgospa_eval.preparation import Prepared, prepare
 from tgospa_eval.reports.comparison import json_text, render
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder, write_texts
+from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder
 from tgospa_eval.reports.phrases import Document
 from tgospa_eval.reports.ranking import opposed, pairs_table
 from tgospa_eval.reports.study import study_report
@@ -75,10 +77,12 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
                 f"{','.join(SOLVERS)} runs it all the same"
             )
 
-        def tell(name: str) -> None:
-            stopwatch.stage = f"running {name}"
-
-        found = compare_solvers(prepared, chosen, say=tell)
+        stopwatch.stage = "solve/lp"
+        stopwatch.progress.begin(settings.parameters.root)
+        found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
+        for solver in chosen[len(found.runs) :]:
+            name = called(solver.name, getattr(solver, "epsilon", None))
+            left_out[name] = "interrupted before its turn"
         once = {
             name: stopwatch.spans.get(span, 0.0)
             for name, span in (
@@ -133,18 +137,31 @@ def compare_estimates(
     def work() -> tuple[Document, dict[str, str], tuple[list[Any], dict[str, list[float]]]]:
         pairs = Pairs(settings, options, given, stopwatch)
         found: list[list[Outcome]] = [[] for _ in estimates]
-        for of_truth, paths in runs:
-            for mine, path in zip(found, paths, strict=True):
-                prepared = pairs.prepared(of_truth, path, named=len(estimates) * len(runs) > 1)
+        count = len(estimates) * len(runs)
+        for done, (k, of_truth, path) in enumerate(
+            (k, of_truth, path) for of_truth, paths in runs for k, path in enumerate(paths)
+        ):
+            if done and stopwatch.progress.stop.is_set():
+                break
+            with stopwatch.progress.part(path, done, count):
+                prepared = pairs.prepared(of_truth, path, named=count > 1)
                 result = solve(prepared, solvers[0], stopwatch)
-                mine.append(
+                found[k].append(
                     outcome(result, prepared.moments, per_step=options["against"] is not None)
                 )
+        # If it was interrupted: the runs that are whole, or what there is of the first.
+        whole = max(min(map(len, found)), 1)
         entrants = [
-            Entrant(name=name, paths=[paths[k] for _, paths in runs], outcomes=mine)
+            Entrant(name=name, paths=[paths[k] for _, paths in runs[:whole]], outcomes=mine[:whole])
             for k, (name, mine) in enumerate(zip(names, found, strict=True))
+            if mine
         ]
-        answer = ranking(entrants, [of_truth for of_truth, _ in runs], result.settings)
+        if len(found[-1]) < len(runs):
+            say(
+                f"interrupted: {whole} of {len(runs)} runs and {len(entrants)} of {len(names)} "
+                "estimates are compared"
+            )
+        answer = ranking(entrants, [of_truth for of_truth, _ in runs[:whole]], result.settings)
         answer["warnings"] = pairs.warnings
         best = answer["estimates"][0]["name"]
         tables = {"per_step.csv": csv_text(steps_table(entrants, best))}
@@ -200,8 +217,9 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
     with nullcontext() if folder is None else Log(folder, study.settings) as log:
 
         def work() -> Document:
-            def tell(text: str) -> None:
+            def tell(text: str, share: float) -> None:
                 stopwatch.stage = text
+                stopwatch.progress.done(share)
 
             known = {} if log is None else log.known
             keep = (lambda _: None) if log is None else log.keep
@@ -456,36 +474,28 @@ def show(
     draw : callable
         Makes figures by name of the document; it is called where matplotlib is there.
     """
+
+    def make(tell: Callable[[str, float], None]) -> Files:
+        tell("the pictures", 0.0)
+        pictures: dict[str, bytes] = {}
+        if plots.available():
+            pictures = plots.pictures(draw, answer)
+        elif not options["quiet"]:
+            say(plots.MISSING)
+        files: dict[str, str | bytes] = {
+            "compare.json": json_text(answer),
+            "compare.csv": render(answer, "csv"),
+            **tables,
+            **pictures,
+        }
+        if kind is STUDY:
+            names = [name.removesuffix(".png") for name in pictures]
+            files["report.md"] = study_report(answer, names)
+        return files
+
+    kind = STUDY if answer["kind"] == "study" else COMPARISON
     try:
-        emit(render(answer, options["format_"]), options["format_"])
+        with undisturbed():
+            emit(render(answer, options["format_"]), options["format_"])
     finally:  # the one is not lost where the other fails
-        if options["output"] is not None:
-            _write(answer, options, tables, draw)
-
-
-def _write(
-    answer: Document,
-    options: dict[str, Any],
-    tables: dict[str, str],
-    draw: Callable[[Document], dict[str, Any]],
-) -> None:
-    """The folder; parameters as of `show`."""
-    pictures: dict[str, bytes] = {}
-    if plots.available():
-        pictures = plots.pictures(draw, answer)
-    elif not options["quiet"]:
-        say(plots.MISSING)
-    files: dict[str, str | bytes] = {
-        "compare.json": json_text(answer),
-        "compare.csv": render(answer, "csv"),
-        **tables,
-        **pictures,
-    }
-    study = answer["kind"] == "study"
-    if study:
-        names = [name.removesuffix(".png") for name in pictures]
-        files["report.md"] = study_report(answer, names)
-    kind = STUDY if study else COMPARISON
-    written = write_texts(files, options["output"], kind, force=options["force"])
-    if not options["quiet"]:
-        say(str(written))
+        write_output(options, kind, make)

@@ -11,6 +11,7 @@ from click.core import ParameterSource
 
 from tgospa_eval import __version__
 from tgospa_eval.cli.gate import TYPED
+from tgospa_eval.cli.interrupts import heard
 from tgospa_eval.cli.sources import KNOWN, Given
 from tgospa_eval.cli.streams import emit, say, say_as_is
 from tgospa_eval.cli.work import evaluate_files
@@ -166,6 +167,10 @@ def _evaluate(
     result, finished = evaluate_files(
         pair.truth, pair.estimate, resolved["values"], defaults, _sayer(prefix)
     )
+    if heard():
+        claim = f"{result.claim}, {result.proven}"
+        say(f"{prefix}{claim}; nothing is judged")
+        raise KeyboardInterrupt
     return result, given.kept(resolved["given"], result, path, finished=finished)
 
 

@@ -1,11 +1,16 @@
-"""Work in a thread, so that Ctrl-C is heard at once and the stage can be shown."""
+"""Work in a thread, so that Ctrl-C is heard at once and what is known can be shown."""
 
+import math
+import os
 import sys
-import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TypeVar
 
+from tgospa_eval.cli.interrupts import answering
+from tgospa_eval.cli.streams import say
+from tgospa_eval.progress import Progress, Task
 from tgospa_eval.text import visible
 from tgospa_eval.timing import Stopwatch
 
@@ -15,43 +20,133 @@ STAGES = {
     "read": "reading",
     "distances": "searching near pairs",
     "solve/preparation": "preparing",
-    "solve/sweeps": "sweeping",
-    "solve/build": "building the programme",
+    "solve/sweeps": "solving",
+    "solve/build": "solving",
     "solve/lp": "solving",
     "certify": "proving",
     "report": "reporting",
+    "curve": "solving the steps up to each",
 }
 PATIENCE = 2.0
 """Seconds before anything is shown."""
 
+WIDTH = 79
+"""Of a line, which must not wrap."""
+
+FEWEST, MOST = 5, 9
+"""Digits of a bound."""
+
+FIRST, SELDOM = 10.0, 600.0
+"""Where nobody looks on: seconds before the first line, and at most between two; after the first
+each comes when twice as much time has passed."""
+
 
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
-    """Do the work; after two seconds show its stage on a terminal."""
-    answer: list[T] = []
-    failure: list[BaseException] = []
+    """Do the work; after two seconds show how far it is.
 
-    def body() -> None:
-        try:
-            answer.append(work())
-        except BaseException as error:
-            failure.append(error)
+    Where it is stoppable, the first Ctrl-C tells it to stop, and its result is returned.
+    """
+    progress = stopwatch.progress = Progress(watched=True)
 
-    worker = threading.Thread(target=body, daemon=True)
-    begin = time.monotonic()
-    worker.start()
-    show = show and sys.stderr.isatty()
-    shown = False
-    while worker.is_alive():
-        worker.join(0.1)
-        seconds = time.monotonic() - begin
-        if show and seconds > PATIENCE and worker.is_alive():
-            stage = visible(STAGES.get(stopwatch.stage, stopwatch.stage))
-            sys.stderr.write(f"\r{f'{stage} ... {seconds:.0f} s':<50}")
+    def take() -> bool:
+        if not progress.stoppable or progress.stop.is_set():
+            return False
+        progress.stop.set()
+        return True
+
+    told = False
+
+    def tell() -> None:
+        display.clear()
+        if show:
+            say("interrupted: what is proven so far follows; Ctrl-C again ends at once")
+
+    with answering(take), Display(stopwatch) as display:
+        task = Task(work)
+        while not task.wait(0.1):
+            if progress.stop.is_set() and not told:
+                told = True
+                tell()
+            elif show and not told:
+                display.update()
+        if progress.stop.is_set() and not told:
+            tell()
+    return task.answer()
+
+
+class Display:
+    """A line on stderr: one that is written anew on a terminal, else a new one now and then."""
+
+    def __init__(self, stopwatch: Stopwatch) -> None:
+        self.stopwatch, self.begin = stopwatch, time.monotonic()
+        self.lively = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        self.next, self.shown = PATIENCE if self.lively else FIRST, False
+
+    def __enter__(self) -> "Display":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clear()
+
+    def update(self) -> None:
+        """Show how far the work is, if it is time to."""
+        seconds = time.monotonic() - self.begin
+        if seconds < self.next:
+            return
+        text = visible(line(self.stopwatch, seconds))
+        if not self.lively:
+            say(text)
+            self.next += min(self.next, SELDOM)
+            return
+        self._write(f"\r{text[:WIDTH]:<{WIDTH}}")
+        self.shown = True
+
+    def clear(self) -> None:
+        """Leave nothing on a terminal."""
+        if self.shown:
+            self._write(f"\r{'':<{WIDTH}}\r")
+            self.shown = False
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError, ValueError):  # a stderr that is gone changes nothing
+            sys.stderr.write(text)
             sys.stderr.flush()
-            shown = True
-    if shown:
-        sys.stderr.write(f"\r{'':<50}\r")
-        sys.stderr.flush()
-    if failure:
-        raise failure[0]
-    return answer[0]
+
+
+def line(stopwatch: Stopwatch, seconds: float) -> str:
+    """What is known: the part of the work, the proven bracket, the share done, the time left."""
+    progress = stopwatch.progress
+    stage, name = STAGES.get(stopwatch.stage, stopwatch.stage), progress.name
+    bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
+    told = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
+    if progress.share > 0:
+        told.append(f"{100 * progress.share:.0f} % done")
+    left = progress.left
+    told.append(f"{_span(seconds)} so far" if left is None or left < 1 else f"{_span(left)} left")
+    return ", ".join(told)
+
+
+def bracket(lower: float, upper: float) -> str:
+    """The bounds in as many digits as tell them apart, rounded outward."""
+    digits = FEWEST
+    if 0 < lower < upper < math.inf:
+        digits = min(max(FEWEST, 2 + math.floor(math.log10(upper / (upper - lower)))), MOST)
+    return (
+        f"{_rounded(lower, digits, math.floor)} <= TGOSPA <= {_rounded(upper, digits, math.ceil)}"
+    )
+
+
+def _rounded(value: float, digits: int, outward: Callable[[float], int]) -> str:
+    if not (0 < value < math.inf):
+        return f"{value:g}"
+    places = digits - 1 - math.floor(math.log10(value))
+    unit = 10.0**-places
+    return f"{outward(value / unit) * unit:.{digits}g}"
+
+
+def _span(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

@@ -1,6 +1,7 @@
 """``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +13,12 @@ from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import make_settings, make_solver
 from tgospa_eval.cli.streams import emit, say
 from tgospa_eval.cli.work import read_sides, teller, told, wanted_pictures
+from tgospa_eval.cli.writing import Files, write_output
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.sweep import sweep_pictures
 from tgospa_eval.points import Sweep
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.folders import SWEEP, probe_folder, write_texts
+from tgospa_eval.reports.folders import SWEEP, probe_folder
 from tgospa_eval.reports.sweep import render
 from tgospa_eval.sensitivity import in_order, sweep_trajectories
 from tgospa_eval.text import quoted
@@ -91,6 +93,8 @@ def sweep_files(
         return replace(found, warnings=warnings)
 
     found = run(work, stopwatch, show=not options["quiet"])
+    if len(found.points) < len(parameters):
+        say(f"interrupted: {len(found.points)} of {len(parameters)} points are there")
     _show(found, options, wanted)
     missed = [point for point in found.points if not point.finished]
     for point in missed:
@@ -183,7 +187,9 @@ def _key(name: str) -> str:
 def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> None:
     """Print, and write the folder if one was asked for."""
     document = found.to_dict()
-    if options["output"] is not None:
+
+    def make(tell: Callable[[str, float], None]) -> Files:
+        tell("the sweep", 0.0)
         files: dict[str, str | bytes] = {
             "sweep.json": found.to_json(), "sweep.csv": csv_text(found.columns()),
         }  # fmt: skip
@@ -191,7 +197,7 @@ def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> N
             files |= plots.pictures(sweep_pictures, document, wanted.formats)
         elif wanted is not None and not options["quiet"]:
             say(plots.MISSING)
-        written = write_texts(files, options["output"], SWEEP, force=options["force"])
-        if not options["quiet"]:
-            say(str(written))
+        return files
+
+    write_output(options, SWEEP, make)
     emit(render(document, options["format_"], found.columns()), options["format_"])

@@ -10,9 +10,11 @@ import numpy as np
 
 from tgospa_eval.alignment import Alignment
 from tgospa_eval.cli.distance import notices
+from tgospa_eval.cli.interrupts import undisturbed
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import Settings, make_settings, make_solver
 from tgospa_eval.cli.streams import emit, on_terminal, say
+from tgospa_eval.cli.writing import Files, write_output
 from tgospa_eval.compiled import KERNEL
 from tgospa_eval.diagnosis import alignment_notices, diagnose
 from tgospa_eval.diagnosis.scale import default_notice, explained
@@ -22,7 +24,7 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.notices import Notice
 from tgospa_eval.pipeline import check_curve, evaluate_trajectories
 from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.files import write_folder
+from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder
 from tgospa_eval.solvers import Solver
 from tgospa_eval.summary import Summary
@@ -188,13 +190,13 @@ def evaluate_sides(
 
     read_s = stopwatch.elapsed()
     results = {}
-    for name in sorted({*truth.classes, *estimate.classes}, key=natural) or [""]:
-        stopwatch.stage = f"class {name}"
-        part = Stopwatch()
-        part.tell = stopwatch.tell
-        results[name] = evaluate_trajectories(
-            truth.of_class(name), estimate.of_class(name), stopwatch=part, **common
-        )
+    classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
+    for number, name in enumerate(classes):
+        part = stopwatch.beside()
+        with stopwatch.progress.part(f"class {name}", number, len(classes)):
+            results[name] = evaluate_trajectories(
+                truth.of_class(name), estimate.of_class(name), stopwatch=part, **common
+            )
         stopwatch.absorb(part)
     return add_up(results, dict(zip(("truth", "estimate"), inputs, strict=True)), read_s)
 
@@ -303,6 +305,12 @@ def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> No
     """Print the result, and write the folder if one was asked for."""
     if options["output"] is not None:
         _write(result, options, names)
+    with undisturbed():
+        _print(result, options)
+
+
+def _print(result: Summary, options: dict[str, Any]) -> None:
+    """The result to stdout."""
     name = options["format_"]
     if name == "table" and on_terminal():
         from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
@@ -348,18 +356,22 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
     from tgospa_eval import plots
 
     wanted = wanted_pictures(options)
-    pictures: dict[str, bytes] = {}
-    absent = []
-    if wanted is not None and plots.available():
+    absent: list[tuple[str, str]] = []
+
+    def make(tell: Callable[[str, float], None]) -> Files:
+        tell("report.html", 0.0)
+        texts, missing = result_texts(result, names)
+        absent.extend(("report.html", extra) for extra in missing)
+        if wanted is None:
+            return texts
+        if not plots.available():
+            absent.append(("the pictures", "plot"))
+            return texts
         from tgospa_eval.plots.report import result_pictures
 
-        pictures = result_pictures(result, wanted)
-    elif wanted is not None:
-        absent = [("the pictures", "plot")]
-    written, missing = write_folder(
-        result, options["output"], force=options["force"], names=names, more=pictures
-    )
-    absent = [("report.html", extra) for extra in missing] + absent
+        return {**texts, **result_pictures(result, wanted, tell)}
+
+    write_output(options, RESULT, make)
     if absent and not options["quiet"]:
         what, extras = (list(column) for column in zip(*absent, strict=True))
         single = absent == [("report.html", "report")]
@@ -368,5 +380,3 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
             f"{'it needs' if single else 'they need'} "
             f"pip install 'tgospa-eval[{','.join(extras)}]'"
         )
-    if not options["quiet"]:
-        say(str(written))

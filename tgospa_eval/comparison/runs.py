@@ -1,11 +1,12 @@
 """One problem through one solver: what came out, how long it took, what memory it took."""
 
+import io
 import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from tgospa_eval.errors import ConfigError, SolverError, TgospaError
 from tgospa_eval.pipeline import solve
 from tgospa_eval.preparation import Prepared, prepare
 from tgospa_eval.problem import Parameters
+from tgospa_eval.progress import Progress
 from tgospa_eval.solvers import Solver
 from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 
 PARTS = ("localisation", "missed", "false", "switch")
+
+APART: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
+"""Ctrl-C reaches the one who asked, who tells the process."""
 
 EXACT_STATES = 15_000
 """Where the referee takes about a minute: states of one component.
@@ -112,9 +117,9 @@ def reason(error: BaseException) -> str:
     return f"{told}; this is an error of this program, please report it"
 
 
-def run_here(prepared: Prepared, solver: Solver) -> Run:
+def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> Run:
     """Solve and prove in this process."""
-    result = solve(prepared, solver, Stopwatch())
+    result = solve(prepared, solver, stopwatch or Stopwatch())
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
     return Run(
         solver=solver.name,
@@ -136,7 +141,7 @@ def run_here(prepared: Prepared, solver: Solver) -> Run:
     )
 
 
-def run_apart(prepared: Prepared, solver: Solver) -> Run:
+def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = None) -> Run:
     """The same in a process of its own, which also measures the memory that it takes.
 
     Raises
@@ -157,24 +162,40 @@ def run_apart(prepared: Prepared, solver: Solver) -> Run:
         stderr=subprocess.DEVNULL,
         env=environment,
         bufsize=0,  # so that nothing is left to write when stdin is closed
+        **APART,
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         try:
             _write_all(process.stdin, message)
             del message
-            answer = process.stdout.read()
-        except BrokenPipeError:
-            answer = b""
+            found = _listen(process.stdin, process.stdout, progress or Progress())
+        except (OSError, EOFError, pickle.UnpicklingError):  # it died, or in mid-answer
+            raise SolverError(
+                "its process ended without an answer; out of memory perhaps"
+            ) from None
         finally:
             process.kill()  # it has answered, or nobody waits for it
-    try:
-        found: Run | tuple[type[TgospaError], str] = pickle.loads(answer)
-    except (EOFError, pickle.UnpicklingError):  # it died before, or in the middle of its answer
-        raise SolverError("its process ended without an answer; out of memory perhaps") from None
     if isinstance(found, Run):
         return found
     raise found[0](found[1])
+
+
+def _listen(
+    target: IO[bytes], source: IO[bytes], progress: Progress
+) -> Run | tuple[type[TgospaError], str]:
+    """What the process answers in the end; it is told to stop where the work is."""
+    told = False
+    with io.BufferedReader(cast("io.RawIOBase", source)) as words:
+        while True:
+            found = pickle.load(words)
+            if isinstance(found, Run) or isinstance(found[0], type):
+                return cast("Run | tuple[type[TgospaError], str]", found)
+            share, progress.bracket = found
+            progress.done(share)
+            if progress.stop.is_set() and not told:
+                told = True
+                target.write(b"s")
 
 
 def _write_all(target: Any, message: bytes) -> None:

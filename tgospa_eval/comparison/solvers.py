@@ -3,14 +3,15 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from tgospa_eval import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
-from tgospa_eval.comparison.runs import Run, failed, run_apart
+from tgospa_eval.comparison.runs import Run, called, failed, run_apart
 from tgospa_eval.preparation import Prepared
+from tgospa_eval.progress import Progress
 from tgospa_eval.solvers import Solver
 
 
@@ -58,10 +59,12 @@ class Comparison:
 def compare_solvers(
     prepared: Prepared,
     solvers: Sequence[Solver],
-    run: Callable[[Prepared, Solver], Run] = run_apart,
-    say: Callable[[str], None] = lambda _: None,
+    run: Callable[[Prepared, Solver], Run] | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Run all solvers, one after the other; one that fails leaves the others their results.
+
+    Those that are not begun when the work is to stop are left out.
 
     Parameters
     ----------
@@ -69,18 +72,23 @@ def compare_solvers(
         The problem; made once.
     solvers : sequence of Solver
         With their settings.
-    run : callable
-        `run_apart` or `run_here`.
-    say : callable
-        Told the name of each before it runs.
+    run : callable, optional
+        `run_here`, or else `run_apart`.
+    progress : Progress, optional
+        Told which of them runs, and how far that is.
     """
-    runs = []
-    for solver in solvers:
-        say(solver.name)
-        try:
-            runs.append(run(prepared, solver))
-        except Exception as error:  # whatever it is, it must not cost what others have found
-            runs.append(failed(solver, error))
+    progress = progress or Progress()
+    run = run or partial(run_apart, progress=progress)
+    runs: list[Run] = []
+    for number, solver in enumerate(solvers):
+        if runs and progress.stop.is_set():
+            break
+        name = called(solver.name, getattr(solver, "epsilon", None))
+        with progress.part(name, number, len(solvers)):
+            try:
+                runs.append(run(prepared, solver))
+            except Exception as error:  # whatever it is, it must not cost what others have found
+                runs.append(failed(solver, error))
     return Comparison(runs=tuple(runs))
 
 

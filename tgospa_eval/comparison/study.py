@@ -112,7 +112,7 @@ def carry_out(
     study: Study,
     known: dict[tuple[int, int, int], Document],
     keep: Callable[[Document], None],
-    say: Callable[[str], None] = lambda _: None,
+    say: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
 ) -> list[Document]:
     """The records of all scenes that are wanted; those that are not known are made.
 
@@ -125,7 +125,7 @@ def carry_out(
     keep : callable
         Gets every new record at once.
     say : callable
-        Told what is next.
+        Told what is next, and the share that is done.
     """
     if any(key not in known for key in study.wanted()):
         for solver in study.solvers:
@@ -137,7 +137,7 @@ def carry_out(
         if key not in known:
             targets, steps, run = key
             size = f"{counted(targets, 'target')}, {counted(steps, 'step')}"
-            say(f"{size}, run {run} ({done} of {count})")
+            say(f"{size}, run {run} ({done} of {count})", done / count)
             known[key] = measure(study, *key)
             keep(known[key])
         records.append(known[key])

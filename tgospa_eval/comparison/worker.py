@@ -1,49 +1,69 @@
 """The process that runs one solver: ``python -m tgospa_eval.comparison.worker``.
 
-Reads a pickled (problem, solver) from stdin, writes a pickled `Run` to stdout. Ends when stdin is
-closed, so that it does not outlive the one who asked.
+Reads a pickled (problem, solver) from stdin. Writes pickles to stdout: what is known on the way,
+and in the end a `Run`. A byte after the question tells it to stop with what it has. It ends when
+stdin is closed, so that it does not outlive the one who asked.
 """
 
 import contextlib
 import os
 import pickle
-import signal
 import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 from tgospa_eval.comparison.runs import reason, run_here, warm_up
 from tgospa_eval.errors import SolverError, TgospaError
+from tgospa_eval.preparation import Prepared
+from tgospa_eval.progress import Progress, Task
+from tgospa_eval.solvers import Solver
+from tgospa_eval.timing import Stopwatch
 
 STATUS = Path("/proc/self/status")
 RESET = Path("/proc/self/clear_refs")
+BEAT = 0.2
+"""Seconds from one word to the next."""
 
 
 def main() -> None:
-    """Answer one question."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # at once, also in compiled code
+    """Answer one question, and tell how far it is until then."""
     source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # nothing else may write into the answer
     prepared, solver = pickle.load(source)
-    threading.Thread(target=_end_with, args=(source,), daemon=True).start()
+    stopwatch = Stopwatch()
+    progress = stopwatch.progress = Progress(watched=True)
+    threading.Thread(target=_listen, args=(source, progress), daemon=True).start()
+    task = Task(lambda: _answer(prepared, solver, stopwatch))
+    while not task.wait(BEAT):
+        _tell(target, (progress.share, progress.bracket))
+    _tell(target, task.answer())
+    target.close()
+    os._exit(0)
+
+
+def _answer(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> object:
+    """The run, or what went wrong."""
     try:
         warm_up(solver)
         with contextlib.suppress(OSError):
             RESET.write_text("5", encoding="ascii")  # the peak from here on
         before = memory("VmRSS")
-        run = run_here(prepared, solver)
+        run = run_here(prepared, solver, stopwatch)
         peak = memory("VmHWM")
         if before is not None and peak is not None:
             run = replace(run, memory={"before": before, "peak": peak})
-        answer: object = run
     except TgospaError as error:
-        answer = type(error), str(error)
+        return type(error), str(error)
     except Exception as error:
-        answer = SolverError, reason(error)
-    pickle.dump(answer, target, protocol=pickle.HIGHEST_PROTOCOL)
-    target.close()
-    os._exit(0)
+        return SolverError, reason(error)
+    return run
+
+
+def _tell(target: BinaryIO, told: object) -> None:
+    pickle.dump(told, target, protocol=pickle.HIGHEST_PROTOCOL)
+    target.flush()
 
 
 def memory(field: str) -> int | None:
@@ -56,8 +76,11 @@ def memory(field: str) -> int | None:
     return None if found is None else 1024 * int(found.split()[1])
 
 
-def _end_with(source: object) -> None:
-    source.read()  # type: ignore[attr-defined]
+def _listen(source: BinaryIO, progress: Progress) -> None:
+    """A byte tells to stop; the end, that nobody waits any more."""
+    if source.read(1):
+        progress.stop.set()
+        source.read()
     os._exit(1)
 
 

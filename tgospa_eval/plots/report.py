@@ -9,7 +9,8 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import FILES, available, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
-from tgospa_eval.reports.files import write_folder
+from tgospa_eval.reports.files import result_texts
+from tgospa_eval.reports.folders import RESULT, check_folder, write_texts
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -62,8 +63,15 @@ class Pictures:
         plane_columns(known, self.columns, boxes=is_box(known))
 
 
-def result_pictures(result: Summary, wanted: Pictures) -> dict[str, bytes]:
-    """Files by name: costs, lanes, plane, cumulative and worst, each in all formats."""
+def result_pictures(
+    result: Summary,
+    wanted: Pictures,
+    tell: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
+) -> dict[str, bytes]:
+    """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
+
+    `tell` takes the name of each before it is drawn, and the share that is done.
+    """
     if not wanted.formats:
         return {}
     from tgospa_eval.plots.lanes import draw_lanes
@@ -83,15 +91,20 @@ def result_pictures(result: Summary, wanted: Pictures) -> dict[str, bytes]:
         }
         for name, make in draw.items():  # one after the other: a figure holds memory
             for kind in wanted.formats:  # each anew: a layout remembers the one before
+                tell(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
                 files[f"{name}.{kind}"] = written(make(), kind, style.dots)
     return files
 
 
 def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> None:
     """`Result.save`: the result folder, with what the extras that are installed can draw."""
-    pictures = result_pictures(result, Pictures()) if available() else {}
+    path = os.fspath(folder)
     try:
-        write_folder(result, os.fspath(folder), force=force, more=pictures, option="folder")
+        check_folder(path, RESULT, force=force, option="folder")
+        files: dict[str, str | bytes] = {**result_texts(result)[0]}
+        if available():
+            files |= result_pictures(result, Pictures())
+        write_texts(files, path, RESULT, force=force, option="folder")
     except ConfigError as error:
         raise ConfigError(str(error).replace("--force", "force=True")) from None
 

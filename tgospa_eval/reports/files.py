@@ -4,13 +4,11 @@ import csv
 import importlib.util
 import io
 import os
-from collections.abc import Mapping
 from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.files import named, patience
 from tgospa_eval.reports.escape import csv_cell
-from tgospa_eval.reports.folders import RESULT, Written, check_folder, write_texts
 from tgospa_eval.summary import Summary, Table
 
 
@@ -33,46 +31,26 @@ def csv_text(table: Table) -> str:
     return text.getvalue()
 
 
-def write_folder(
-    result: Summary,
-    folder: str,
-    *,
-    force: bool,
-    names: tuple[str, str] = ("truth", "estimate"),
-    more: Mapping[str, bytes] | None = None,
-    option: str = "--output",
-) -> tuple[Written, tuple[str, ...]]:
-    """Write the result folder.
+def result_texts(
+    result: Summary, names: tuple[str, str] = ("truth", "estimate")
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The files of a result folder.
 
     Parameters
     ----------
     result : Summary
-        What to write.
-    folder : str
-        Where.
-    force : bool
-        Whether it may hold files of others.
+        What they tell of.
     names : pair of str
         What truth and estimate are called in the report.
-    more : mapping of str to bytes, optional
-        Further files by name.
-    option : str
-        What the folder is called in messages.
 
     Returns
     -------
-    Written
-        What was written.
+    dict of str to str
+        Texts by name.
     tuple of str
-        Extras that are not installed, without which a part is not written.
-
-    Raises
-    ------
-    ConfigError
-        The folder cannot be written.
+        Extras that are not installed, without which a part is not there.
     """
-    check_folder(folder, RESULT, force=force, option=option)
-    texts: dict[str, str | bytes] = {
+    texts = {
         "result.json": result.to_json(),
         "per_step.csv": per_step_csv(result),
         "assignments.csv": csv_text(result.assignments_table()),
@@ -85,15 +63,11 @@ def write_folder(
         texts["curve.csv"] = csv_text(result.curve_table())
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
-    missing: tuple[str, ...] = ()
     if importlib.util.find_spec("jinja2") is None:
-        missing = ("report",)
-    else:
-        from tgospa_eval.reports.html import page
+        return texts, ("report",)
+    from tgospa_eval.reports.html import page
 
-        texts["report.html"] = page(result, names)
-    everything = texts | dict(more or {})
-    return write_texts(everything, folder, RESULT, force=force, option=option), missing
+    return texts | {"report.html": page(result, names)}, ()
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

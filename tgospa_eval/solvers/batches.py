@@ -10,9 +10,11 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.progress import Limit
 from tgospa_eval.result import Solution
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
+from tgospa_eval.solvers.telling import BatchTelling, Telling
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
 
@@ -37,8 +39,10 @@ class Batch:
         Others, that are solved if that takes no time; they are open otherwise.
     weights, prices : (S,), (K,) float arrays
         Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
-    deadline : float, optional
-        On the clock of `time.monotonic`.
+    limit : Limit
+        Until when to go on.
+    tell : BatchTelling
+        Takes what is known on the way.
     offered : Offer, optional
         What may solve some blocks already.
     """
@@ -48,16 +52,9 @@ class Batch:
     quickly: Mask
     weights: Floats
     prices: Floats
-    deadline: float | None
+    limit: Limit
+    tell: BatchTelling
     offered: "Offer | None" = None
-
-    def left(self) -> float | None:
-        """Seconds left, 0 at least; None is no limit."""
-        return None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
-
-    def late(self) -> bool:
-        """Whether the time is up."""
-        return self.deadline is not None and time.monotonic() > self.deadline
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,15 +129,20 @@ def solve_in_batches(
     tries : bool
         Whether `solve` looks at blocks that are only to be tried.
     """
+    progress = stopwatch.progress
+    limit = Limit(
+        deadline=None if time_limit is None else time.monotonic() + time_limit, progress=progress
+    )
 
-    def base(inner: States, wanted: Mask, quickly: Mask, deadline: float | None) -> Solution:
-        own = offered if inner is states else None
+    def base(inner: States, wanted: Mask, quickly: Mask) -> Solution:
+        whole = inner is states
         return _solve_some(
-            inner, wanted, quickly, trivial, solve, stopwatch, deadline, jobs, own, tries=tries
-        )
+            inner, wanted, quickly, trivial, solve, stopwatch,
+            limit if whole else replace(limit, progress=progress.silent()),
+            jobs, offered if whole else None, tries=tries,
+        )  # fmt: skip
 
-    deadline = None if time_limit is None else time.monotonic() + time_limit
-    return solve_at_fitting_cutoffs(states, base, gap=gap, deadline=deadline)
+    return solve_at_fitting_cutoffs(states, base, gap=gap, limit=limit)
 
 
 def _solve_some(
@@ -150,7 +152,7 @@ def _solve_some(
     trivial: Trivial,
     solve: Callable[[Batch], Answer],
     stopwatch: Stopwatch,
-    deadline: float | None,
+    limit: Limit,
     jobs: int | None,
     offered: "Offer | None",
     *,
@@ -160,35 +162,40 @@ def _solve_some(
     weights = np.zeros(len(states.begin))
     prices = np.zeros(len(states.columns.step))
 
-    def work(cut: tuple[int, int]) -> Answer:
-        blocks = slice(*cut)
+    cuts = states.cuts(SIZE)
+    telling = Telling(states, cuts, limit.progress)
+
+    def work(number: int) -> Answer:
+        blocks = slice(*cuts[number])
         if not (wanted[blocks].any() or quickly[blocks].any()):
             return Answer()
-        part, state, slot = states.between(*cut)
+        part, state, slot = states.between(*cuts[number])
         batch = Batch(
             states=part,
             wanted=wanted[blocks].copy(),
             quickly=quickly[blocks],
             weights=weights[state],
             prices=prices[slot],
-            deadline=deadline,
+            limit=limit,
+            tell=BatchTelling(telling, number),
             offered=None if offered is None else offered.between(state, slot),
         )
         with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
             answer = _answer(batch, trivial, solve, tries=tries)
+            if limit.progress.watched and len(cuts) > 1:
+                batch.tell.end(batch)
         part.forget()
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    cuts = states.cuts(SIZE)
     threads = min(jobs or _cores(), len(cuts))
     if threads <= 1:
-        answers = [work(cut) for cut in cuts]
+        answers = list(map(work, range(len(cuts))))
     else:
         from concurrent.futures import ThreadPoolExecutor  # here: small problems do without
 
         with ThreadPoolExecutor(threads) as pool:
-            answers = list(pool.map(work, cuts))
+            answers = list(pool.map(work, range(len(cuts))))
     _book(stopwatch, answers, time.perf_counter() - begin)
 
     missing = sum(len(answer.open) for answer in answers)

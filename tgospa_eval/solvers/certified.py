@@ -4,20 +4,24 @@ Whatever happens here only proposes; the bracket is made by `tgospa_eval.result.
 """
 
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.result import LATE, Solution
+from tgospa_eval.progress import StoppedError
+from tgospa_eval.result import Solution
 from tgospa_eval.solvers.ascent import TEMPTED, Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.limits import load
 from tgospa_eval.solvers.pieces import cut_out
+from tgospa_eval.solvers.telling import near_the_end
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 from tgospa_eval.states import States
 from tgospa_eval.timing import Stopwatch
@@ -26,6 +30,8 @@ from tgospa_eval.weights import ONE, repair
 if TYPE_CHECKING:
     from tgospa_eval.solvers.offers import Offer
     from tgospa_eval.solvers.residual import Proposal
+
+T = TypeVar("T")
 
 STAGES = ((0.1, 16), (0.05, 16), (0.02, 16), (0.01, 64), (0.005, 64), (0.002, 64), (0.001, 64))
 """Temperatures, as fractions of c^p, and sweeps at each."""
@@ -68,6 +74,9 @@ as no more than this share of its states is undecided there: a stage of sweeps t
 
 FARTHER = 1.0
 """Reach in a window that did not help, before the span grows."""
+
+QUICK = 500
+"""States of a programme that is solved before anyone waits."""
 
 BUILD = 1e-5
 """Seconds that building a programme takes for each state of it, and HiGHS to begin: 3 to 10 us."""
@@ -150,6 +159,7 @@ class Certified:
         half = 0.5 * min(float(ascent.crossing.max()), 1.0)
         iterations, skip = 0, False
         programmes = _Programmes(ascent, batch)
+        programmes.tell()
         if batch.offered is not None:
             ascent.offer_prices(batch.offered.prices)
             for weights in batch.offered.weights:
@@ -162,17 +172,18 @@ class Certified:
         if near:
             ascent.soft[:] = ascent.prices
         for epsilon, sweeps in RESUMED if near else STAGES:
-            if not ascent.open.any() or batch.late():
+            if not ascent.open.any() or batch.limit.late():
                 break
             if skip:
                 skip = False
                 continue
             done, _ = ascent.stage(
-                epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.late,
+                epsilon, sweeps, min(10 * epsilon, 1.3) + half, batch.limit.late,
                 CALM if epsilon > WARM else 0.0,
             )  # fmt: skip
             iterations += done
             ascent.keep(ascent.wide(self.gap))
+            programmes.tell()
             cost = ascent.cost[ascent.open].sum()
             # A long recording has some hard spots, however narrow the bracket of the whole is.
             last = 0.05 if len(batch.weights) > LARGE else 2 * EARLY
@@ -186,7 +197,9 @@ class Certified:
         wide = ascent.wide(self.gap) | too_far
         return Answer(
             iterations=iterations + programmes.iterations,
-            status=(LATE if batch.late() else "not solved") if wide.any() else "solved",
+            status=(batch.limit.status if batch.limit.late() else "not solved")
+            if wide.any()
+            else "solved",
             open=np.flatnonzero(wide),
             left=left,
             work=ascent.work,
@@ -200,9 +213,17 @@ class _Programmes:
 
     def __init__(self, ascent: Ascent, batch: Batch) -> None:
         self.ascent, self.batch = ascent, batch
+        self.tried = batch.wanted | batch.quickly
         self.tempted = np.zeros(len(ascent.states.begin), bool)
         self.interior = False
         self.iterations, self.seconds = 0, 0.0
+
+    def tell(self) -> None:
+        """Say how far the brackets are."""
+        ascent, tried = self.ascent, self.tried
+        width, cost = ascent.gap, ascent.cost
+        share = near_the_end(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
+        self.batch.tell(self.batch, tried, width, cost, ascent.alone, share)
 
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
         """A round of programmes each, until the brackets are met; components up to `most` states.
@@ -213,7 +234,7 @@ class _Programmes:
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
         for reach, box in rounds:
-            if self.batch.late() or not ascent.open.any():
+            if self.batch.limit.late() or not ascent.open.any():
                 break
             if reach == stuck:
                 continue
@@ -234,7 +255,7 @@ class _Programmes:
         """Of a large problem only: programmes in windows, unless sweeps of all take less time."""
         ascent = self.ascent
         size = len(self.tempted)
-        if size < LARGE or self.batch.late() or not ascent.open.any():
+        if size < LARGE or self.batch.limit.late() or not ascent.open.any():
             return
         begin = time.perf_counter()
         ascent.survey(ascent.prices, reach)
@@ -257,7 +278,7 @@ class _Programmes:
         ascent = self.ascent
         steps = ascent.states.problem.steps
         span, farther = SPAN, reach
-        while ascent.open.any() and not self.batch.late():
+        while ascent.open.any() and not self.batch.limit.late():
             before = ascent.gap[ascent.open].sum()
             if span < steps:
                 around = _windows(
@@ -305,21 +326,32 @@ class _Programmes:
         """
         ascent, solved = self.ascent, []
         for group in groups:
-            left = self.batch.left()
+            left = self.batch.limit.left()
             if left is not None and left <= BUILD * len(group):
                 break
-            solved.append(self._solve_group(group, box, len(groups) == 1))
+            try:
+                solved.append(self._solve_group(group, box, len(groups) == 1))
+            except StoppedError:
+                break
         if not solved:
             return
         self._propose(solved)
+        self.tell()
         wide = ascent.wide(ascent.wanted_gap)
         size = sum(len(one.free) for one in solved)
         if wide.any() and ascent.gap[wide].sum() <= TOLERANCE * size:
             from tgospa_eval.solvers.residual import refined  # HiGHS: slow to import
 
-            self._propose(
-                [replace(one, found=refined(one.found, self.batch.left())) for one in solved]
-            )
+            with suppress(StoppedError):
+                exact = self._apart(
+                    lambda: [
+                        replace(one, found=refined(one.found, self.batch.limit.left()))
+                        for one in solved
+                    ],
+                    size,
+                )
+                self._propose(exact)
+                self.tell()
 
     def _propose(self, solved: "list[_Solved]") -> None:
         """Offer weights and prices; mixtures of prices may be better."""
@@ -363,25 +395,41 @@ class _Programmes:
         """Solve one programme."""
         from tgospa_eval.solvers.residual import residual  # HiGHS: slow to import, not always used
 
-        ascent, left = self.ascent, self.batch.left()
+        ascent, left = self.ascent, self.batch.limit.left()
         if left is not None:
             left = max(left - BUILD * len(free), 0.0)
         given = ascent.weights, ascent.prices
         if whole:
-            found = residual(
-                ascent.states, free, *given, ascent.crossing, box, left, interior=self.interior
+            found = self._apart(
+                lambda: residual(
+                    ascent.states, free, *given, ascent.crossing, box, left, interior=self.interior
+                ),
+                len(free),
             )
             slot = found.slot
         else:
             piece = cut_out(ascent.states, free)
-            found = residual(
-                piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
-                ascent.crossing, box, left, interior=self.interior,
+            found = self._apart(
+                lambda: residual(
+                    piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
+                    ascent.crossing, box, left, interior=self.interior,
+                ),
+                len(free),
             )  # fmt: skip
             slot = piece.slot[found.slot]
         self.interior = found.interior
         self.iterations += found.iterations
         return _Solved(free=free, slot=slot, found=found)
+
+    def _apart(self, work: Callable[[], T], size: int) -> T:
+        """Do work with a programme of so many states; HiGHS cannot be stopped, but left behind.
+
+        Raises
+        ------
+        StoppedError
+            It is.
+        """
+        return self.batch.limit.progress.apart(work) if size > QUICK else work()
 
     def _propose_weights(self, free: Ints, weights: Floats) -> None:
         """Offer the weights (S,), of which those of the free states are new, made feasible."""

@@ -3,12 +3,13 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from tgospa_eval.paths import best_values
 from tgospa_eval.problem import Floats, sum_by
-from tgospa_eval.result import LATE
+from tgospa_eval.progress import StoppedError
 from tgospa_eval.solvers.batches import Answer, Batch
 from tgospa_eval.solvers.kernels import best_paths, better, price_cap
 from tgospa_eval.solvers.residual import residual
@@ -40,7 +41,7 @@ def solve_contest(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
         iterations += steps
         if not solved:
             unsolved.append(number)
-    late = LATE if batch.late() else "HiGHS failed"
+    late = batch.limit.status if batch.limit.late() else "HiGHS failed"
     answer = Answer(
         iterations=iterations,
         status=late if unsolved else "solved",
@@ -50,7 +51,9 @@ def solve_contest(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
     )
     if not large.any():
         return answer
-    rest = ascend(replace(batch, wanted=large, quickly=np.zeros_like(large)))
+    # Of blocks that are solved here the bracket is not known.
+    tell = batch.tell.silent() if large.sum() < batch.wanted.sum() else batch.tell
+    rest = ascend(replace(batch, wanted=large, quickly=np.zeros_like(large), tell=tell))
     return replace(
         rest,
         iterations=iterations + rest.iterations,
@@ -87,12 +90,17 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool] | N
         free = np.flatnonzero(active[row])
         if len(free) > LARGE:
             return None
-        if batch.late():
+        if batch.limit.late():
             return paths, prices, iterations, False
-        found = residual(
-            states, free, np.where(active[row], 0.0, paths), np.zeros(len(prices)), crossing,
-            np.inf, batch.left(),
-        )  # fmt: skip
+        try:
+            found = batch.limit.progress.apart(
+                partial(
+                    residual, states, free, np.where(active[row], 0.0, paths),
+                    np.zeros(len(prices)), crossing, np.inf, batch.limit.left(),
+                )
+            )  # fmt: skip
+        except StoppedError:
+            return paths, prices, iterations, False
         weights, prices = paths.copy(), np.zeros(len(prices))
         weights[free], prices[found.slot] = found.weights, found.prices
         iterations += found.iterations

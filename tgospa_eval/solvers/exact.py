@@ -14,10 +14,14 @@ import numpy as np
 from scipy import sparse
 
 from tgospa_eval.errors import SolverError
-from tgospa_eval.result import LATE, Solution
+from tgospa_eval.problem import Floats
+from tgospa_eval.progress import StoppedError
+from tgospa_eval.result import Solution
 from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.kernels import (
+    alone_costs,
     better,
+    block_costs,
     check_time_limit,
     dual_values,
     price_cap,
@@ -36,6 +40,10 @@ IMPORT, BUILD, FACTOR, WIDTH = 2.0, 6e-5, 4e-7, 1.1
 factorisation by Clarabel, for each state and that power of the states that begin at a step. Nothing
 can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor
 of three."""
+
+SLOW = 2.0
+"""Where it takes longer than so many seconds, a first bracket is worth its time."""
+
 SETTINGS = {
     "tol_gap_abs": 1e-11,
     "tol_gap_rel": 1e-11,
@@ -80,50 +88,30 @@ class Exact:
 
 def _solve_blocks(batch: Batch) -> Answer:
     """The blocks of a batch, one by one."""
-    states = batch.states
-    weights, prices = batch.weights, batch.prices
+    states, known = batch.states, _Known(batch)
     statuses: list[str] = []
     open_blocks: list[int] = []
     iterations = 0
     seconds = {"build": 0.0, "lp": 0.0}
     for block in np.flatnonzero(batch.wanted).tolist():
+        known.tell()
         part, state, slot = states.between(block, block + 1)
-        build, factor = _seconds(part)
-        if _short(batch, build + factor):
-            statuses.append(LATE)
-            open_blocks.append(block)
-            continue
-        begin = time.perf_counter()
-        programme = _build(part)
-        built = time.perf_counter()
-        seconds["build"] += built - begin
-        if _short(batch, factor):
-            statuses.append(LATE)
-            open_blocks.append(block)
-            continue
-        left = batch.left()
-        # It looks at the clock after an iteration only, each of which takes a factorisation.
-        status, steps = _solve(programme, None if left is None else left - 0.5 * factor)
-        seconds["lp"] += time.perf_counter() - built
-        # "inaccurate" met a looser tolerance; the bracket says how good it is.
-        if status not in ("optimal", "optimal_inaccurate"):
-            statuses.append(LATE if status == "user_limit" else status)
-            open_blocks.append(block)
+        status, steps, programme = _solve_block(batch, part, seconds)
         iterations += steps
-        if programme.weights.value is not None:
-            weights[state] = programme.weights.value
-        if programme.columns is not None and programme.columns.dual_value is not None:
-            priced = programme.priced
-            none = np.zeros(len(priced.slot))
-            found = np.zeros(len(part.columns.step))
-            found[priced.slot] = priced.spread(np.maximum(programme.columns.dual_value, 0.0), none)
-            # Prices of an iteration on the way may prove less than none.
-            if status != "user_limit" or dual_values(part, found) < dual_values(part, 0 * found):
-                prices[slot] = found
-    settle(states, batch.wanted, weights)
+        # "inaccurate" met a looser tolerance; the bracket says how good it is.
+        solved = status in ("optimal", "optimal_inaccurate")
+        if not solved:
+            statuses.append(status)
+            open_blocks.append(block)
+        if programme is not None:
+            given = batch.weights[state], batch.prices[slot]
+            weights, prices = _found(programme, part, given, late=status == batch.limit.status)
+            batch.weights[state], batch.prices[slot] = weights, prices
+            known.solved(block, part, weights, prices)
+    settle(states, batch.wanted, batch.weights)
     # An interior point leaves a little of everything everywhere, at full price.
-    value = states.gain - states.columns.totals(np.maximum(prices, 0.0))
-    weights[:] = better(states, weights, round_paths(states, value, weights))
+    value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
+    batch.weights[:] = better(states, batch.weights, round_paths(states, value, batch.weights))
     return Answer(
         iterations=iterations,
         status=statuses[0] if statuses else "solved",
@@ -131,6 +119,85 @@ def _solve_blocks(batch: Batch) -> Answer:
         left=np.flatnonzero(batch.wanted),
         seconds=seconds,
     )
+
+
+def _solve_block(
+    batch: Batch, part: States, seconds: dict[str, float]
+) -> "tuple[str, int, _Programme | None]":
+    """Solve a block if there is time: how it ended, iterations, and what Clarabel was given."""
+    limit = batch.limit
+    build, factor = _seconds(part)
+    if _short(batch, build + factor):
+        return limit.status, 0, None
+    try:
+        begin = time.perf_counter()
+        programme = limit.progress.apart(lambda: _build(part))
+        built = time.perf_counter()
+        seconds["build"] += built - begin
+        if _short(batch, factor):
+            return limit.status, 0, None
+        left = limit.left()
+        # It looks at the clock after an iteration only, each of which takes a factorisation.
+        until = None if left is None else left - 0.5 * factor
+        status, steps = limit.progress.apart(lambda: _solve(programme, until))
+        seconds["lp"] += time.perf_counter() - built
+    except StoppedError:  # Clarabel cannot be stopped, but left behind
+        return limit.status, 0, None
+    return limit.status if status == "user_limit" else status, steps, programme
+
+
+def _found(
+    programme: "_Programme", part: States, given: tuple[Floats, Floats], *, late: bool
+) -> tuple[Floats, Floats]:
+    """Weights and prices of a block that Clarabel has found, instead of those given."""
+    weights, prices = given
+    if programme.weights.value is not None:
+        weights = programme.weights.value
+    if programme.columns is not None and programme.columns.dual_value is not None:
+        priced = programme.priced
+        none = np.zeros(len(priced.slot))
+        found = np.zeros(len(part.columns.step))
+        found[priced.slot] = priced.spread(np.maximum(programme.columns.dual_value, 0.0), none)
+        # Prices of an iteration on the way may prove less than none.
+        if not late or dual_values(part, found) < dual_values(part, 0 * found):
+            prices = found
+    return weights, prices
+
+
+class _Known:
+    """What is known of the blocks while Clarabel, which tells nothing, is at one of them."""
+
+    def __init__(self, batch: Batch) -> None:
+        self.batch, states = batch, batch.states
+        if not batch.limit.progress.watched:
+            return
+        self.left = np.zeros(len(batch.wanted))
+        for block in np.flatnonzero(batch.wanted).tolist():
+            self.left[block] = sum(_seconds(states.between(block, block + 1)[0]))
+        self.whole = max(float(self.left.sum()), 1e-9)
+        self.alone = alone_costs(states)
+        self.cost, self.least = self.alone.copy(), np.zeros(len(self.alone))
+        if self.whole > SLOW:
+            batch.limit.progress.expect_long()
+            weights = round_paths(states, states.gain, batch.weights)
+            self.cost = np.minimum(block_costs(states, weights), self.alone)
+            self.least = self.alone - dual_values(states, np.zeros(len(states.columns.step)))
+
+    def tell(self) -> None:
+        """Tell it."""
+        if self.batch.limit.progress.watched:
+            share = 1.0 - float(self.left.sum()) / self.whole
+            width = self.cost - self.least
+            self.batch.tell(self.batch, self.batch.wanted, width, self.cost, self.alone, share)
+
+    def solved(self, block: int, part: States, weights: Floats, prices: Floats) -> None:
+        """Clarabel is done with a block."""
+        if self.batch.limit.progress.watched:
+            self.left[block] = 0.0
+        if self.batch.limit.progress.due:
+            self.cost[block] = min(block_costs(part, weights)[0], self.cost[block])
+            gain = dual_values(part, np.maximum(prices, 0.0))[0]
+            self.least[block] = max(self.alone[block] - gain, self.least[block])
 
 
 def _seconds(states: States) -> tuple[float, float]:
@@ -143,7 +210,7 @@ def _seconds(states: States) -> tuple[float, float]:
 
 def _short(batch: Batch, seconds: float) -> bool:
     """Whether fewer seconds are left."""
-    left = batch.left()
+    left = batch.limit.left()
     return left is not None and left < seconds
 
 

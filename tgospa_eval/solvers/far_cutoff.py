@@ -6,7 +6,6 @@ of the whole is said in `tgospa_eval.reduced`. Nothing here is trusted: the cert
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
-import time
 from dataclasses import replace
 from typing import Protocol
 
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from tgospa_eval.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem import Floats, Ints, sum_by
+from tgospa_eval.progress import Limit
 from tgospa_eval.reduced import reduce_cutoff
-from tgospa_eval.result import LATE, Reduced, Solution
+from tgospa_eval.result import Reduced, Solution
 from tgospa_eval.solvers.kernels import block_costs
 from tgospa_eval.solvers.offers import keep, offer
 from tgospa_eval.states import States
@@ -45,9 +45,7 @@ Mask = NDArray[np.bool_]
 class Base(Protocol):
     """Solves some blocks (B,) of a problem at its own cutoff."""
 
-    def __call__(
-        self, states: States, wanted: Mask, quickly: Mask, deadline: float | None, /
-    ) -> Solution:
+    def __call__(self, states: States, wanted: Mask, quickly: Mask, /) -> Solution:
         """Solve the wanted blocks, and those of the others that are `quickly` solved.
 
         `Solution.missing` says which were not solved.
@@ -55,7 +53,7 @@ class Base(Protocol):
 
 
 def solve_at_fitting_cutoffs(
-    states: States, base: Base, *, gap: float, deadline: float | None, step: float = STEP
+    states: States, base: Base, *, gap: float, limit: Limit, step: float = STEP
 ) -> Solution:
     """Solve each block at its cutoff, or at a smaller one where that is far above its costs.
 
@@ -67,14 +65,14 @@ def solve_at_fitting_cutoffs(
         Solves at the cutoff as it is.
     gap : float
         Relative gap that counts as exact.
-    deadline : float, optional
-        On the clock of `time.monotonic`.
+    limit : Limit
+        Until when to try.
     step : float
         By how much a cutoff price grows that turned out too small.
     """
     scale = fitting_scales(states)
     far = scale < 1
-    found = base(states, ~far, far, deadline)
+    found = base(states, ~far, far)
     missing = found.missing
     doubtful = (scale < DOUBTFUL) & ~missing
     if doubtful.any():
@@ -86,7 +84,7 @@ def solve_at_fitting_cutoffs(
     scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))
     if not (missing & (scale < 1)).any():
         return found
-    ladder = _Ladder(states, found, base, gap, deadline, step)
+    ladder = _Ladder(states, found, base, gap, limit, step)
     ladder.climb(np.where(missing, scale, 1.0))
     return ladder.solution()
 
@@ -148,11 +146,11 @@ class _Ladder:
         found: Solution,
         base: Base,
         gap: float,
-        deadline: float | None,
+        limit: Limit,
         step: float,
     ) -> None:
         self.states, self.found, self.base = states, found, base
-        self.gap, self.deadline, self.step = gap, deadline, step
+        self.gap, self.limit, self.step = gap, limit, step
         self.weights, self.prices = found.weights, found.prices
         self.missing, self.iterations = found.missing.copy(), found.iterations
         self.cost = block_costs(states, self.weights)
@@ -162,7 +160,7 @@ class _Ladder:
     def climb(self, scale: Floats) -> None:
         """Solve the blocks whose scale is below 1, first there, then at larger ones."""
         pending, first = scale < 1, np.ones(len(scale), bool)
-        while pending.any() and not self._late():
+        while pending.any() and not self.limit.late():
             size = float(scale[pending].min())
             chosen = pending & (scale == size)
             again = bool((chosen & ~first).any())
@@ -176,8 +174,9 @@ class _Ladder:
 
     def solution(self) -> Solution:
         """Everything that was found."""
-        count, late = int(self.missing.sum()), self._late()
-        status = f"{LATE if late else 'not solved'} ({count} of {len(self.missing)} components)"
+        count = int(self.missing.sum())
+        late = self.limit.status if self.limit.late() else "not solved"
+        status = f"{late} ({count} of {len(self.missing)} components)"
         return replace(
             self.found,
             weights=self.weights,
@@ -190,15 +189,12 @@ class _Ladder:
             reduced=tuple(part for part in self.parts if part.blocks.any()),
         )
 
-    def _late(self) -> bool:
-        return self.deadline is not None and time.monotonic() > self.deadline
-
     def _attempt(self, chosen: Mask, scale: float, step: float) -> Mask:
         """Solve at one smaller cutoff; where no larger one would do better."""
         states = self.states
         reduced = reduce_cutoff(states, chosen, scale)
         found = solve_at_fitting_cutoffs(
-            reduced, self.base, gap=self.gap, deadline=self.deadline, step=step
+            reduced, self.base, gap=self.gap, limit=self.limit, step=step
         )
         self.iterations += found.iterations
         whole = repair(reduced, found.weights)
@@ -222,7 +218,7 @@ class _Ladder:
 
     def _solve_directly(self, chosen: Mask) -> None:
         """Solve at the cutoff as it is."""
-        found = self.base(self.states, chosen, np.zeros_like(chosen), self.deadline)
+        found = self.base(self.states, chosen, np.zeros_like(chosen))
         self.iterations += found.iterations
         prices = np.where(self._slots_of(chosen), found.prices, 0.0)
         lower = lower_bounds(self.states, prices)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.result import LATE, Solution
+from tgospa_eval.result import Solution
 from tgospa_eval.solvers.ascent import Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
@@ -30,8 +30,8 @@ SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM` sweeps."""
 
 WARM = 12
-CHECK = 24
-"""Sweeps between two looks at the bracket."""
+CHECK, CHECKS = 24, 4
+"""Sweeps between two looks at the bracket, and how many of these it takes as a rule."""
 
 MOST_SWEEPS = 2000
 VIOLATION = 1e-6
@@ -96,7 +96,7 @@ class Sinkhorn:
         half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
         warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
         history: list[dict[str, float]] = []
-        status, count = "", 0
+        status, count, late = "", 0, False
         if not ascent.open.any():
             status = "the bracket is met"
             history.append(_check(ascent, wanted, 0, self.epsilon, 0.0))
@@ -105,15 +105,19 @@ class Sinkhorn:
             epsilon = self.epsilon if cold else warm[len(history)]
             sweeps = min(CHECK if cold else WARM, MOST_SWEEPS - count)
             before = ascent.gap[wanted].sum()
-            done, violation = ascent.stage(epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.late)
+            done, violation = ascent.stage(
+                epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.limit.late
+            )
             count += done
             after = ascent.gap[wanted].sum()
             ascent.keep(ascent.wide(self.gap))
             history.append(_check(ascent, wanted, count, epsilon, violation))
+            share = min(len(history) / (len(warm) + CHECKS), 0.95)
+            batch.tell(batch, wanted, ascent.gap, ascent.cost, ascent.alone, share)
             if not ascent.open.any():
                 status = "the bracket is met"
-            elif batch.late():
-                status = LATE
+            elif batch.limit.late():
+                status, late = batch.limit.status, True
             elif cold and violation <= VIOLATION:
                 status = f"columns are full to {VIOLATION:g}"
             elif cold and after > 0.95 * before:
@@ -123,7 +127,7 @@ class Sinkhorn:
         return Answer(
             iterations=count,
             status=status,
-            open=np.flatnonzero(ascent.open) if status == LATE else np.zeros(0, np.int64),
+            open=np.flatnonzero(ascent.open) if late else np.zeros(0, np.int64),
             left=np.flatnonzero(wanted),
             work=ascent.work,
             sweeping=ascent.sweeping,

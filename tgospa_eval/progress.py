@@ -1,0 +1,198 @@
+"""What is known of long work while it goes on, and how it is stopped before its end.
+
+Those who do the work write it, whoever waits for it reads it; where nobody does, nothing is kept.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+LATE = "stopped by the time limit"
+INTERRUPTED = "interrupted"
+"""Statuses of what had no time left, and of what was to stop."""
+
+SOON = 1.0
+"""Seconds before anything is worth telling."""
+
+
+class StoppedError(Exception):
+    """Work that cannot be stopped was left behind."""
+
+
+class Progress:
+    """How far work is, and whether it is to stop.
+
+    Parameters
+    ----------
+    watched : bool
+        Whether anyone looks.
+    stop : Event, optional
+        That of other work, to be stopped together.
+
+    Attributes
+    ----------
+    stop : Event
+        Set when the work is to stop.
+    stoppable : bool
+        Whether it would come to an end with a result then.
+    name : str
+        Which part it is at.
+    share : float
+        How much is done, 0 to 1.
+    bracket : pair of float, optional
+        Proven bounds of TGOSPA, of the part if there are several.
+    """
+
+    def __init__(self, *, watched: bool = False, stop: threading.Event | None = None) -> None:
+        self.watched = watched
+        self.stop = stop or threading.Event()
+        self.stoppable = False
+        self.name = ""
+        self.share = 0.0
+        self.bracket: tuple[float, float] | None = None
+        self.scale: Callable[[float], float] = lambda total: total
+        self._span = (0.0, 1.0)
+        self._begin = time.monotonic()
+        self._due = self._begin + SOON
+        self._updated = self._begin
+        self._left: float | None = None
+
+    @property
+    def due(self) -> bool:
+        """Whether it takes long enough to be told of."""
+        return self.watched and time.monotonic() > self._due
+
+    def expect_long(self) -> None:
+        """It will take long: what is known is worth telling at once."""
+        self._due = 0.0
+
+    @property
+    def left(self) -> float | None:
+        """About how many seconds are left; None if unknown."""
+        return None if self._left is None else self._left - (time.monotonic() - self._updated)
+
+    def silent(self) -> "Progress":
+        """One for work inside of this work: stopped together, and told to nobody."""
+        return Progress(watched=self.watched, stop=self.stop)
+
+    def begin(self, scale: Callable[[float], float]) -> None:
+        """Begin to solve; `scale` makes TGOSPA of a total cost in units of the cutoff."""
+        self.scale, self.bracket = scale, None
+        if not self.stoppable:
+            self.stoppable, self._begin = True, time.monotonic()
+
+    @contextmanager
+    def part(self, name: str, number: int, count: int) -> Iterator[None]:
+        """Be at one of so many parts, the first is 0."""
+        outer, around = self._span, self.name
+        self._span = (outer[0] + outer[1] * number / count, outer[1] / count)
+        self.name, self.bracket = f"{name}, {number + 1} of {count}", None
+        self.done(0.0)
+        try:
+            yield
+        finally:
+            self.done(1.0)
+            self._span, self.name, self.bracket = outer, around, None
+
+    def done(self, share: float) -> None:
+        """Tell how much of the part is done."""
+        share = self._span[0] + self._span[1] * share
+        if self.watched and share > self.share:
+            self.share, self._updated = share, time.monotonic()
+            self._left = (self._updated - self._begin) * (1 - share) / share
+
+    def again(self, name: str, share: float) -> None:
+        """Tell how far another piece of work is, which begins where nothing of it is done."""
+        if self.name != name:
+            self.name, self.share, self._left = name, 0.0, None
+            self._begin = time.monotonic()
+        self.done(share)
+
+    def prove(self, lower: float, upper: float) -> None:
+        """Tell what is proven of the total cost, in units of the cutoff."""
+        found = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
+        if self.bracket is not None:  # what was proven before still holds
+            found = max(found[0], self.bracket[0]), min(found[1], self.bracket[1])
+        self.bracket = found
+
+    def apart(self, work: Callable[[], T]) -> T:
+        """Do work that cannot be stopped in a thread of its own.
+
+        Raises
+        ------
+        StoppedError
+            It was to stop: the work goes on, and nobody waits for it.
+        """
+        if not self.watched:
+            return work()
+        task = Task(work)
+        while not task.wait(0.1):
+            if self.stop.is_set():
+                raise StoppedError
+        return task.answer()
+
+
+class Task(Generic[T]):
+    """Work that has begun in a thread of its own, which does not keep the process from ending."""
+
+    def __init__(self, work: Callable[[], T]) -> None:
+        self._work = work
+        self._answer: list[T] = []
+        self._failure: list[BaseException] = []
+        self._thread = threading.Thread(target=self._body, daemon=True)
+        self._thread.start()
+
+    def _body(self) -> None:
+        try:
+            self._answer.append(self._work())
+        except BaseException as error:
+            self._failure.append(error)
+
+    def wait(self, seconds: float) -> bool:
+        """Whether it has ended, after so many seconds at most."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
+
+    def answer(self) -> T:
+        """What came out."""
+        if self._failure:
+            raise self._failure[0]
+        return self._answer[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """Until when to go on.
+
+    Parameters
+    ----------
+    deadline : float, optional
+        On the clock of `time.monotonic`.
+    progress : Progress
+        Which may be told to stop.
+    """
+
+    deadline: float | None = None
+    progress: Progress = field(default_factory=Progress)
+
+    def left(self) -> float | None:
+        """Seconds left, 0 at least; None is no limit."""
+        if self.progress.stop.is_set():
+            return 0.0
+        return None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
+
+    def late(self) -> bool:
+        """Whether there is no time left."""
+        return self.progress.stop.is_set() or (
+            self.deadline is not None and time.monotonic() > self.deadline
+        )
+
+    @property
+    def status(self) -> str:
+        """Why there is none."""
+        return INTERRUPTED if self.progress.stop.is_set() else LATE

@@ -1,0 +1,140 @@
+"""The bracket on the way: what is proven of each batch, and cheap bounds of the rest.
+
+Nothing here is reported; the bracket of the result is made by `tgospa_eval.certificate.certify`.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem import Floats, sum_by
+from tgospa_eval.progress import Progress
+from tgospa_eval.solvers.kernels import alone_costs
+from tgospa_eval.states import States
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.batches import Batch
+
+FINEST = 1e-12
+"""Relative gap that is as good as none."""
+
+MARGIN = 1e-12
+"""Of the cost of leaving all unassigned: more than sums in solvers lose."""
+
+
+class Telling:
+    """Adds up what is known of the batches; called from several threads.
+
+    Parameters
+    ----------
+    states : States
+        The problem.
+    cuts : list of pair of int
+        Blocks of each batch.
+    progress : Progress
+        Who is told.
+    """
+
+    def __init__(self, states: States, cuts: list[tuple[int, int]], progress: Progress) -> None:
+        self.states, self.cuts, self.progress = states, cuts, progress
+        self.shares, self.lower, self.upper = np.zeros((3, len(cuts)))
+        self.begun = np.zeros(len(cuts), bool)
+        self.alone: Floats | None = None
+
+    def tell(self, number: int, share: float, lower: float, upper: float) -> None:
+        """Of a batch: how much is done, and bounds of its cost less that of being alone."""
+        self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
+        self.begun[number] = True
+        if not self.progress.due:
+            return
+        if self.alone is None:
+            alone = alone_costs(self.states)
+            self.alone = np.array([alone[slice(*cut)].sum() for cut in self.cuts])
+        problem = self.states.problem
+        most = float(problem.truth_price.sum() + problem.estimate_price.sum())
+        lower = float(np.where(self.begun, self.lower, -self.alone).sum())
+        self.progress.prove(
+            most * (1 - MARGIN) + lower, most * (1 + MARGIN) + float(self.upper.sum())
+        )
+        self.progress.done(float(self._sizes() @ self.shares))
+
+    def _sizes(self) -> Floats:
+        """Of the batches, as shares of the whole."""
+        states = self.states
+        blocks = [low for low, _ in self.cuts] + [len(states.block_begin)]
+        first = states.pair_first[np.searchsorted(states.pair_block, blocks)]
+        sizes: Floats = np.diff(first) / max(len(states.begin), 1)
+        return sizes
+
+
+class BatchTelling:
+    """What is known of one batch.
+
+    Parameters
+    ----------
+    whole : Telling
+        Of all batches.
+    number : int
+        Of this one.
+    """
+
+    def __init__(self, whole: Telling, number: int) -> None:
+        self.whole, self.number = whole, number
+        self.known: tuple[NDArray[np.bool_], Floats, Floats, Floats] | None = None
+
+    def __call__(
+        self,
+        batch: "Batch",
+        blocks: NDArray[np.bool_],
+        width: Floats,
+        cost: Floats,
+        alone: Floats,
+        share: float,
+    ) -> None:
+        """Tell how much is done, and what is known of some blocks.
+
+        Width of the bracket, cost, and cost of being alone are of all blocks, (B,). The blocks
+        that are not told of are trivial: their weights in the batch are the best.
+        """
+        self.known = blocks, np.maximum(width, 0.0), cost, alone
+        if self.whole.progress.due:
+            self._tell(batch, share)
+
+    def silent(self) -> "BatchTelling":
+        """One that tells nobody."""
+        whole = self.whole
+        return BatchTelling(Telling(whole.states, whole.cuts, Progress()), self.number)
+
+    def end(self, batch: "Batch") -> None:
+        """The batch is done."""
+        if self.known is None:
+            none = np.zeros(len(batch.wanted))
+            alone = alone_costs(batch.states) if batch.quickly.any() else none
+            self.known = none > 0, none, none, alone
+        self._tell(batch, 1.0)
+
+    def _tell(self, batch: "Batch", share: float) -> None:
+        assert self.known is not None
+        blocks, width, cost, alone = self.known
+        gained = -_gains(batch.states, batch.weights)
+        upper = np.where(blocks, cost - alone, gained)
+        lower = np.where(blocks, cost - width - alone, np.where(batch.quickly, -alone, gained))
+        self.whole.tell(self.number, share, float(lower.sum()), float(upper.sum()))
+
+
+def _gains(states: States, weights: Floats) -> Floats:
+    """What proposed weights gain in each block, (B,)."""
+    block, blocks = states.pair_block[states.pair], len(states.block_begin)
+    arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
+    paid = states.problem.crossing_price[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
+    return sum_by(block, weights * states.gain, blocks) - sum_by(block[arc], paid, blocks)
+
+
+def near_the_end(width: float, cost: float, gap: float) -> float:
+    """How far a bracket has come on its way from the cost to the gap, 0 to 1, by its digits."""
+    if width <= gap * cost:
+        return 1.0
+    if not 0.0 < width < cost or gap >= 1.0:
+        return 0.0
+    return min(float(np.log(width / cost) / np.log(max(gap, FINEST))), 1.0)
