@@ -1,9 +1,15 @@
 """The flat table: from arrays, and what it refuses."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
+import pandas as pd
 import pytest
 
+from tgospa_eval import evaluate, read_trajectories
 from tgospa_eval.errors import InputError
+from tgospa_eval.notices import in_python
 from tgospa_eval.trajectories import Trajectories
 
 
@@ -46,3 +52,51 @@ def test_wrong_rows(changes: dict, message: str) -> None:
     Trajectories(**fine, **common)
     with pytest.raises(InputError, match=message):
         Trajectories(**{**fine, **changes}, **common)
+
+
+# --- what `evaluate` takes --------------------------------------------------------------------
+
+
+def test_sides_may_be_paths_and_arrow_tables(quickstart: tuple[str, str]) -> None:
+    """Polars, pyarrow, DuckDB: whatever hands out its columns by Arrow."""
+    pa = pytest.importorskip("pyarrow")
+    given = {"cutoff": 10.0, "switch_penalty": 5.0}
+    expected = evaluate(*map(read_trajectories, quickstart), **given)
+    frames = [pd.read_csv(path, dtype={"id": str}) for path in quickstart]
+
+    class Table:  # as a table of Polars: neither pandas nor pyarrow
+        def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+            return pa.Table.from_pandas(frames[1]).__arrow_c_stream__(requested_schema)
+
+    for sides in (quickstart, map(Path, quickstart), (frames[0], Table())):
+        assert evaluate(*sides, **given).total == expected.total
+
+
+def test_arrays_have_one_number_of_steps() -> None:
+    with pytest.raises(InputError, match=r"truth has 3 steps and estimate 2: arrays \(T, k, d\)"):
+        evaluate(np.zeros((3, 1, 2)), np.zeros((2, 1, 2)), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"z": 0.0}, r"columns=\('x', 'y'\)"),
+        ({"id": "a", "t": 0}, 'on_duplicate="first" or last'),
+    ],
+)
+def test_messages_name_arguments(change: dict[str, Any], said: str) -> None:
+    frame = pd.DataFrame({"id": ["a", "b"], "t": [0, 1], "x": 0.0, "y": 0.0})
+    with pytest.raises(InputError, match=said) as raised:
+        evaluate(frame.assign(**change), frame, 1.0)
+    assert "--" not in str(raised.value)
+
+
+def test_options_are_spelled_as_arguments() -> None:
+    for text, spelled in (
+        ("or use --fix-cov", "or use fix_covariance"),
+        ("use --missing-cov zero", 'use missing_covariance="zero"'),
+        ("or --decimal ,", 'or decimal=","'),
+        ("try --truth-columns id=trk,x=px", "try columns=('id=trk', 'x=px')"),
+        ("only 1 -- or 2", "only 1 -- or 2"),
+    ):
+        assert in_python(text) == spelled

@@ -1,8 +1,11 @@
 """What the user should know beside the numbers: notices, and warnings as data that travel."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
+from tgospa_eval.errors import TgospaError
 from tgospa_eval.text import visible
 
 Spelling = Callable[[str, object], str]
@@ -63,3 +66,59 @@ def as_option(name: str, value: object = "") -> str:
 def as_argument(name: str, value: object = "") -> str:
     """A setting as Python takes it."""
     return f"{name}={value!r}" if value != "" else name
+
+
+RENAMED = {
+    "class": "classes",
+    "fix-cov": "fix_covariance",
+    "missing-cov": "missing_covariance",
+    "truth-columns": "columns",
+    "estimate-columns": "columns",
+    "truth-class": "classes",
+    "estimate-class": "classes",
+    "truth-format": "format",
+    "estimate-format": "format",
+}
+"""Arguments that are not called as their options."""
+
+WORDS = ("distance", "grid", "missing-cov", "on-duplicate")
+"""Options whose value in messages is a word."""
+
+_OPTION = re.compile(
+    r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=,]+)"
+    r"|(?P<decimal>decimal) (?P<mark>,)"
+    rf"|(?P<named>{'|'.join(WORDS)}) (?P<word>[\w-]+)"
+    r"|(?P<alone>[a-z][a-z-]*))"
+)
+
+
+def in_python(text: str) -> str:
+    """A message with the names of arguments where it has those of options."""
+    return _OPTION.sub(_argument, text.replace("--covariance FILE, or ", ""))
+
+
+def _argument(found: re.Match[str]) -> str:
+    option = found["columns"] or found["decimal"] or found["named"] or found["alone"]
+    name = RENAMED.get(option, option.replace("-", "_"))
+    if found["columns"]:
+        return f"{name}={tuple(found['names'].split(','))}"
+    value = found["mark"] or found["word"]
+    return name if value is None else f'{name}="{value}"'
+
+
+@contextmanager
+def spoken_in_python() -> Iterator[None]:
+    """What is raised inside names arguments.
+
+    Raises
+    ------
+    TgospaError
+        The same, in other words.
+    """
+    try:
+        yield
+    except TgospaError as error:
+        text = in_python(str(error))
+        if text == str(error):
+            raise
+        raise type(error)(text) from None

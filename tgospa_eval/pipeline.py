@@ -16,16 +16,17 @@ from tgospa_eval.diagnosis.scale import default_notice, explained
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation import Proof, Result
-from tgospa_eval.notices import Notice, as_argument
+from tgospa_eval.notices import Notice, as_argument, spoken_in_python
 from tgospa_eval.preparation import (
     Prepared,
+    TrajectoriesLike,
     as_distance,
+    as_sides,
     as_solver,
-    as_trajectories,
     fit,
     prepare,
 )
-from tgospa_eval.problem import Floats, Parameters, check_underflow
+from tgospa_eval.problem import Parameters, check_underflow
 from tgospa_eval.result import Bounds, Solution
 from tgospa_eval.solvers import Solver
 from tgospa_eval.timing import Stopwatch
@@ -33,8 +34,6 @@ from tgospa_eval.trajectories import Trajectories
 from tgospa_eval.weights import ONE
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from tgospa_eval.solvers.certified import Certified
 
 BLOCK = 1 << 16
@@ -44,9 +43,10 @@ GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
 
 
+@spoken_in_python()
 def evaluate(
-    truth: "Trajectories | pd.DataFrame | Floats",
-    estimate: "Trajectories | pd.DataFrame | Floats",
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
     cutoff: float | None = None,
     order: float = 2,
     switch_penalty: float | None = None,
@@ -62,9 +62,9 @@ def evaluate(
 
     Parameters
     ----------
-    truth, estimate : Trajectories, DataFrame or array
-        As read by `read_trajectories`; in the long form ``id, t, x[, y[, z]]``; or (T, k, d) with
-        NaN for absent.
+    truth, estimate : Trajectories, DataFrame, array or path
+        As read by `read_trajectories`; a table of pandas, Polars or another that Arrow knows, in
+        the long form ``id, t, x[, y[, z]]``; an array (T, k, d) with NaN for absent; or a file.
     cutoff : float, optional
         c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
     order : float
@@ -112,17 +112,14 @@ def evaluate(
     stopwatch = Stopwatch()
     measure = as_distance(distance)
     with stopwatch.span("read"):
-        sides = [
-            as_trajectories(side, name, measure)
-            for side, name in ((truth, "truth"), (estimate, "estimate"))
-        ]
+        sides = as_sides(truth, estimate, measure)
     given = {"cutoff": cutoff, "switch_penalty": switch_penalty}
     defaults = dict(zip(given, measure.defaults, strict=True))
     chosen = {name: defaults[name] if value is None else value for name, value in given.items()}
     parameters = Parameters(order=order, **chosen)
     solver, stamps = as_solver(solver), Stamps(tolerance=time_tolerance, grid=grid)
     unchosen = [name for name, value in given.items() if value is None]
-    found = look((sides[0], sides[1]), measure, stamps, parameters, unchosen)
+    found = look(sides, measure, stamps, parameters, unchosen)
     result = evaluate_trajectories(
         *sides,
         parameters=parameters,
@@ -135,7 +132,7 @@ def evaluate(
     )
     result = replace(result, warnings=(*found, *result.warnings))
     for notice in result.warnings:
-        warnings.warn(notice.sentence, TgospaWarning, stacklevel=2)
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
     return result
 
 

@@ -20,9 +20,17 @@ from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation import Result
 from tgospa_eval.merging import merge_runs
+from tgospa_eval.notices import spoken_in_python
 from tgospa_eval.pipeline import look, prove, solver_settings
 from tgospa_eval.points import Point, Sweep
-from tgospa_eval.preparation import Measured, as_distance, as_solver, as_trajectories, measure
+from tgospa_eval.preparation import (
+    Measured,
+    TrajectoriesLike,
+    as_distance,
+    as_sides,
+    as_solver,
+    measure,
+)
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
@@ -32,7 +40,7 @@ from tgospa_eval.timing import Stopwatch
 from tgospa_eval.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
@@ -44,9 +52,10 @@ them, and iterations."""
 Values = float | Sequence[float] | Floats
 
 
+@spoken_in_python()
 def sweep(
-    truth: "Trajectories | pd.DataFrame | Floats",
-    estimate: "Trajectories | pd.DataFrame | Floats",
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
     cutoff: Values | None = None,
     order: Values = 2,
     switch_penalty: Values | None = None,
@@ -64,7 +73,7 @@ def sweep(
 
     Parameters
     ----------
-    truth, estimate : Trajectories, DataFrame or array
+    truth, estimate : Trajectories, DataFrame, array or path
         As for `evaluate`.
     cutoff, order, switch_penalty : float or sequence of float
         One of them is a sequence, in any order, without repetitions.
@@ -89,10 +98,7 @@ def sweep(
     stopwatch = Stopwatch()
     chosen = as_distance(distance)
     with stopwatch.span("read"):
-        sides = [
-            as_trajectories(side, name, chosen)
-            for side, name in ((truth, "truth"), (estimate, "estimate"))
-        ]
+        sides = as_sides(truth, estimate, chosen)
     given: dict[str, Any] = {
         "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
         "order": order,
@@ -107,7 +113,7 @@ def sweep(
     name = swept[0]
     parameters = in_order(name, [float(value) for value in given.pop(name)], given)
     stamps = Stamps(tolerance=time_tolerance, grid=grid)
-    found = look((sides[0], sides[1]), chosen, stamps, parameters[len(parameters) // 2])
+    found = look(sides, chosen, stamps, parameters[len(parameters) // 2])
     made = sweep_trajectories(
         *sides,
         parameters=parameters,
@@ -119,7 +125,7 @@ def sweep(
         stopwatch=stopwatch,
     )
     for notice in found:
-        warnings.warn(notice.sentence, TgospaWarning, stacklevel=2)
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
     return replace(made, warnings=tuple(found))
 
 

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from tgospa_eval.alignment import SECOND, Alignment, Stamps, nearest, within
 from tgospa_eval.diagnosis.costs import (
     FEWEST,
-    ROWS,
-    SAMPLE,
     StepCosts,
+    affordable,
     at_steps,
     evenly,
     occupied,
@@ -173,10 +172,8 @@ def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
 
 def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -> Shift | None:
     """Whether moving the estimate by one step at least halves the per-step GOSPA cost."""
-    times = len(aligned.truth.times)
-    rows = max(len(aligned.truth.step), len(aligned.estimate.step), 1)
-    inside = times - 2  # each of these has a step before and one after
-    count = min(SAMPLE, inside, ROWS * times // rows)
+    inside = len(aligned.truth.times) - 2  # each of these has a step before and one after
+    count = min(inside, affordable((aligned.truth, aligned.estimate)))
     if count < FEWEST:
         return None
     steps = 1 + np.arange(count) * inside // count

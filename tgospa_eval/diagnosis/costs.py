@@ -6,6 +6,8 @@ estimate bound G from above, the pairs that a greedy choice takes from below. As
 computed only where these bounds leave an answer open.
 """
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,9 @@ SAMPLE = 100
 
 ROWS = 20_000
 """Rows of either side at these steps, at most."""
+
+PAIRS = 200_000
+"""Pairs of these steps, near or not, as long as that leaves `FEWEST` steps."""
 
 DENSE = 1_000_000
 """Pairs of a step, near or not, up to which an assignment is computed."""
@@ -59,9 +64,12 @@ class StepCosts:
         # From the largest down, equal ones as they come; stable in every row below.
         self.order = np.argsort(-self.gain, kind="stable")
         most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
-        self.taken = self._greedy()
         self.lower = self.alone - np.minimum(*most)
-        self.upper = self.alone - self._sums(self.taken)
+
+    @cached_property
+    def upper(self) -> Floats:
+        """Of the greedy choice; most changes of the data are ruled out without it."""
+        return self.alone - self._sums(self.taken)
 
     def _sums(self, chosen: Ints) -> Floats:
         sums = np.bincount(self.step[chosen], self.gain[chosen], minlength=self.steps)
@@ -72,7 +80,8 @@ class StepCosts:
         by_row = pairs[np.argsort(rows[pairs], kind="stable")]
         return by_row[np.flatnonzero(np.diff(rows[by_row], prepend=-1))]
 
-    def _greedy(self) -> Ints:
+    @cached_property
+    def taken(self) -> Ints:
         """Disjoint pairs, always the largest that is left: round by round the best of both."""
         left, taken = self.order, [self.order[:0]]
         is_taken = [np.zeros(int(rows.max(initial=-1)) + 1, bool) for rows in self.rows]
@@ -121,11 +130,16 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST) -> float:
     return saved if saved >= 0.5 and cheaper >= max(CHEAPER * busy, fewest / 2) else 0.0
 
 
+def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
+    """How many steps may be looked at."""
+    objects = [len(side.step) / max(len(side.times), 1) for side in sides]
+    by_pairs = max(FEWEST, int(PAIRS / max(objects[0] * objects[1], 1)))
+    return min(SAMPLE, by_pairs, int(ROWS / max(*objects, 1)))
+
+
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories]) -> Ints:
-    """Some of the steps, evenly spread, so many that their rows are not too many."""
-    rows = max(*(len(side.step) for side in sides), 1)
-    times = max(len(sides[0].times), 1)
-    count = max(1, min(SAMPLE, len(steps), ROWS * times // rows))
+    """As many of the steps as may be looked at, evenly spread."""
+    count = max(1, min(len(steps), affordable(sides)))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
 
 

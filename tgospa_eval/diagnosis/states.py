@@ -29,7 +29,7 @@ PAIRS = 6
 
 FITTED = 12
 
-VOTES = 20_000
+VOTES = 6_000
 """Differences of states among which an offset is sought."""
 
 TRACKS = 3
@@ -108,9 +108,8 @@ class _Sample:
     def saving(self, change: _Change, fewest: int = PAIRS) -> float:
         """Share of the cost that a change saves; 0 where that is not convincing."""
         there = self.costs(change(self.estimate))
-        if len(there.taken) < fewest:
-            return 0.0
-        return saving(self.here, there, min(len(self.steps), 2))
+        saved = saving(self.here, there, min(len(self.steps), 2))
+        return saved if saved and len(there.taken) >= fewest else 0.0
 
 
 def state_warnings(
