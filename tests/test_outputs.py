@@ -340,10 +340,10 @@ def test_table_of_the_sample(invoke: Invoke, quickstart: Pair) -> None:
         r"p += 2, .*",
         r"gamma += 2 m, .*",
         r"localisation +284\.24 +16\.3 %",
-        r"missed +1050 +60\.1 % +21  .*",
+        r"missed +1,050 +60\.1 % +21  .*",
         r"false +400 +22\.9 % +8  .*",
         r"switch +12 +0\.7 % +3  .*",
-        r"total +1746\.24 +100\.0 % .*",
+        r"total +1,746\.24 +100\.0 % .*",
         r"per step +5\.58416 m .*",  # (1746.24 / 56) ** (1 / 2)
         r"worst truths +5 .*",
         r"worst estimates +107 .*",
@@ -369,10 +369,10 @@ def test_markdown(sample: Result) -> None:
     assert {len(row) for row in cells} == {4}
     assert cells[2:] == [
         ["localisation", "284.24", "16.3", ""],
-        ["missed", "1050", "60.1", "21"],
+        ["missed", "1,050", "60.1", "21"],
         ["false", "400", "22.9", "8"],
         ["switch", "12", "0.7", "3"],
-        ["total", "1746.24", "100", ""],
+        ["total", "1,746.24", "100", ""],
     ]
 
 
@@ -396,10 +396,10 @@ def test_latex(sample: Result) -> None:
     assert {len(row) for row in rows} == {4}
     assert [[cell.strip() for cell in row] for row in rows[1:]] == [
         ["localisation", "284.24", "16.3", ""],
-        ["missed", "1050", "60.1", "21"],
+        ["missed", "1,050", "60.1", "21"],
         ["false", "400", "22.9", "8"],
         ["switch", "12", "0.7", "3"],
-        ["total", "1746.24", "100", ""],
+        ["total", "1,746.24", "100", ""],
         ["TGOSPA", "41.788", "", ""],
     ]
     assert [line for line in lines if line.startswith((r"\begin", r"\end"))] == [
@@ -413,7 +413,7 @@ def test_html_of_a_notebook(sample: Result) -> None:
     assert html.count("<table") == html.count("</table>") == 1
     assert "http" not in html
     assert "<script" not in html
-    for name, number in (("TGOSPA", "41.788"), ("missed", "1050"), ("false", "400")):
+    for name, number in (("TGOSPA", "41.788"), ("missed", "1,050"), ("false", "400")):
         assert re.search(rf"{name}\D*{re.escape(number)}\D", html)
 
 

@@ -13,8 +13,3 @@ def number(value: float, digits: int = 6) -> str:
     if 10.0**digits <= abs(value) < THOUSANDS:
         return f"{value:,.0f}"
     return f"{value:,.{digits}g}"
-
-
-def count(amount: int, word: str, many: str = "") -> str:
-    """So many of something: 1 step, 1,200 steps."""
-    return f"{amount:,} {word if amount == 1 else many or word + 's'}"

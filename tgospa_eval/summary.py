@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.figures import number
 from tgospa_eval.notebook import card
 from tgospa_eval.notices import Notice
 from tgospa_eval.problem import POWER, Floats, Parameters
@@ -386,7 +387,7 @@ class Summary(Shown, ABC):
 
     def quantity(self, value: float) -> str:
         """A value in words, with the unit of the states."""
-        return f"{value:.6g}" + (f" {self.labels.unit}" if self.labels.unit else "")
+        return number(value) + (f" {self.labels.unit}" if self.labels.unit else "")
 
     def share(self, part: float) -> str:
         """A cost in percent of the total, in words."""
@@ -402,7 +403,7 @@ class Summary(Shown, ABC):
             # No more than 12 digits: the last ones are rounding and differ between machines.
             digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
             return f"exact: proven lower and upper bound agree to {digits} digits"
-        return f"proven (the totals differ by {100 * self.relative_gap:.2g}%)"
+        return f"proven (the totals differ by {number(100 * self.relative_gap, 2)}%)"
 
     @property
     def claim(self) -> str:
@@ -429,7 +430,7 @@ class Summary(Shown, ABC):
                 f"gamma = {self.quantity(parameters.switch_penalty)}",
             ),
             parts=[
-                (name, f"{value:.6g}", self.share(value), _count(self.counts.get(name)))
+                (name, number(value), self.share(value), _count(self.counts.get(name)))
                 for name, value in cost.items()
             ],
             costs={name: per_step[name] for name in names},
@@ -447,8 +448,8 @@ def outward(value: float, sign: int, error: float = 0.0) -> float:
     return math.nextafter(value * (1 + sign * (2 * POWER + error)), sign * math.inf)
 
 
-def _count(number: float | None) -> str:
-    return "" if number is None else f"{number:.6g}"
+def _count(amount: float | None) -> str:
+    return "" if amount is None else number(amount)
 
 
 def records(table: Table) -> list[dict[str, Any]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.figures import number
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import clipped, visible
 from tgospa_eval.words import counted
@@ -62,7 +63,7 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
         (
             "c",
             f"{cutoff}, cutoff: no error counts more; a missed or a false target "
-            f"costs c^p/2 = {miss:.6g}",
+            f"costs c^p/2 = {number(miss)}",
         ),
         (
             "p",
@@ -84,7 +85,7 @@ def _meaning(result: Summary) -> Iterator[str]:
 
 def _power(value: float, order: float) -> str:
     try:
-        return f"{float(value**order):.6g}"
+        return number(float(value**order))
     except OverflowError:
         return "more than 1e308"
 
@@ -104,13 +105,13 @@ def _parts(result: Summary) -> Iterator[str]:
     yield f"  {'part':<14}{'cost':>12}{'share':>9}{'count':>10}"
     for name in PARTS:
         cost = getattr(result, name)
-        count = f"{result.counts[name]:.6g}" if name in result.counts else ""
+        count = number(result.counts[name]) if name in result.counts else ""
         share = result.share(cost)
-        yield f"  {name:<14}{cost:>12.6g}{share:>9}{count:>10}  {notes[name]}".rstrip()
+        yield f"  {name:<14}{number(cost):>12}{share:>9}{count:>10}  {notes[name]}".rstrip()
         if name == "localisation" and result.split is not None:
             for part, half in zip(("means", "spread"), result.split, strict=True):
-                yield f"    {part:<12}{half:>12.6g}{result.share(half):>9}"
-    yield f"  {'total':<14}{total:>12.6g}{result.share(total):>9}{'':>10}  = TGOSPA^p".rstrip()
+                yield f"    {part:<12}{number(half):>12}{result.share(half):>9}"
+    yield f"  {'total':<14}{number(total):>12}{result.share(total):>9}{'':>10}  = TGOSPA^p".rstrip()
 
 
 def _classes(result: Summary) -> Iterator[str]:
@@ -120,7 +121,7 @@ def _classes(result: Summary) -> Iterator[str]:
     names = ("TGOSPA", "total", "local.", "missed", "false", "switch")
     yield f"  {'class':<15}" + "".join(f"{name:>10}" for name in names)
     for name, *values in zip(*classes.values(), strict=True):
-        numbers = "".join(f"{value:>10.5g}" for value in values)
+        numbers = "".join(f"{number(value, 5):>10}" for value in values)
         yield f"  {clip(name or '(blank)')[:14]:<15}{numbers}"
 
 
@@ -149,8 +150,8 @@ def _curve(result: Summary) -> Iterator[str]:
     count = min(size, 2 * SHOWN)
     for k in np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist():
         time = clip(str(table["t"][k]))[:13]
-        value = ("" if met[k] else "<= ") + f"{table['tgospa'][k]:.5g}"
-        numbers = "".join(f"{table[name][k]:>13.5g}" for name in PARTS)
+        value = ("" if met[k] else "<= ") + number(table["tgospa"][k], 5)
+        numbers = "".join(f"{number(table[name][k], 5):>13}" for name in PARTS)
         yield f"  {time:>13}{value:>13}{numbers}"
 
 
@@ -170,7 +171,8 @@ def _switches(result: Summary) -> Iterator[str]:
     yield f"  switches{'':<9}{'t':>10}  truth: from -> to"
     for k in range(min(count, SHOWN)):
         before, after = (_name(switches[key][k]) for key in ("from", "to"))
-        half = "" if switches["mass"][k] == 1 else f"  ({switches['mass'][k]:.3g} of a switch)"
+        mass = switches["mass"][k]
+        half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
         moment, truth = switches["t"][k], switches["truth"][k]
         yield clip(f"  {'':<17}{moment!s:>10}  {truth}: {before} -> {after}{half}")
     if count > SHOWN:

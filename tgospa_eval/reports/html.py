@@ -9,6 +9,7 @@ from typing import Any
 
 import jinja2
 
+from tgospa_eval.figures import number
 from tgospa_eval.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
 from tgospa_eval.reports.console import PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
@@ -62,7 +63,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         meaning=meaning(result),
         sizes=result.sizes,
         parts=_parts(result),
-        total=f"{result.total:.6g}",
+        total=number(result.total),
         per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
         warnings=result.warnings,
@@ -92,9 +93,9 @@ def _parts(result: Summary) -> list[dict[str, str]]:
     return [
         {
             "name": name,
-            "cost": f"{getattr(result, name):.6g}",
+            "cost": number(getattr(result, name)),
             "share": result.share(getattr(result, name)),
-            "count": f"{result.counts[name]:.6g}" if name in result.counts else "",
+            "count": number(result.counts[name]) if name in result.counts else "",
             "note": NOTES[name],
             "split": _split(result) if name == "localisation" else "",
         }
@@ -113,7 +114,7 @@ def _split(result: Summary) -> str:
 def _classes(result: Summary) -> list[list[str]]:
     table: Table = result.per_class_table()
     return [
-        [str(name), *(f"{value:.6g}" for value in values)]
+        [str(name), *(number(value) for value in values)]
         for name, *values in zip(*table.values(), strict=True)
     ]
 
@@ -125,7 +126,7 @@ def _flat(record: dict[str, Any], before: str = "") -> dict[str, str]:
         if isinstance(value, dict):
             lines |= _flat(value, f"{before}{name}/")
         elif isinstance(value, float):
-            lines[before + name] = f"{value:.6g}"
+            lines[before + name] = number(value)
         elif isinstance(value, list | tuple):
             lines[before + name] = ", ".join(map(str, value))
         elif value is not None:

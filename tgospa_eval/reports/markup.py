@@ -1,5 +1,6 @@
 """Small tables for papers and pull requests: Markdown and LaTeX."""
 
+from tgospa_eval.figures import number
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import PARTS, headline
 from tgospa_eval.summary import Summary
@@ -13,10 +14,10 @@ def _rows(result: Summary) -> list[tuple[str, str, str, str]]:
         costs = {"localisation": costs.pop("localisation"), **halves, **costs}
     rows = []
     for name, cost in costs.items():
-        count = f"{result.counts[name]:.6g}" if name in result.counts else ""
+        count = number(result.counts[name]) if name in result.counts else ""
         share = f"{100 * cost / result.total:.1f}" if result.total > 0 else ""
-        rows.append((name, f"{cost:.6g}", share, count))
-    rows.append(("total", f"{result.total:.6g}", "100" if result.total > 0 else "", ""))
+        rows.append((name, number(cost), share, count))
+    rows.append(("total", number(result.total), "100" if result.total > 0 else "", ""))
     return rows
 
 
@@ -48,6 +49,6 @@ def latex(result: Summary) -> str:
     ]
     lines += [f"{' & '.join(row)} \\\\" for row in _rows(result)[:-1]]
     lines += [r"\midrule", f"{' & '.join(_rows(result)[-1])} \\\\"]
-    lines += [r"\midrule", f"TGOSPA & {result.tgospa:.6g} & & \\\\", r"\bottomrule"]
+    lines += [r"\midrule", f"TGOSPA & {number(result.tgospa)} & & \\\\", r"\bottomrule"]
     lines.append(r"\end{tabular}")
     return "\n".join(lines) + "\n"

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
+from tgospa_eval.figures import number
 from tgospa_eval.notices import Notice
 from tgospa_eval.reports.phrases import (
     PARTS,
@@ -53,7 +54,7 @@ def estimates_page(document: Document) -> Page:
                         item["name"],
                         _between(item["lower_bound"], item["tgospa"]),
                         _between(item["total_lower"], item["total"]),
-                        *(f"{item[name]:.5g}" for name in PARTS),
+                        *(number(item[name], 5) for name in PARTS),
                     )
                     for item in estimates
                 ],
@@ -195,7 +196,7 @@ def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
                 item["name"],
                 *([_place(item, document["pairs"])] if places else []),
                 _between(item["normalised"]["lower_bound"], item["normalised"]["tgospa"]),
-                *(f"{item['normalised'][name]:.4g}" for name in PARTS),
+                *(number(item["normalised"][name], 4) for name in PARTS),
             )
             for item in document["estimates"]
         ],
@@ -260,10 +261,10 @@ def _against_sheets(document: Document) -> Iterator[Sheet]:
         rows=[
             (
                 name,
-                f"{total:.6g}",
-                f"{total ** (1 / order):.6g}",
-                "" if count is None else f"{count:.6g}",
-                "" if mean is None else f"{mean:.5g}",
+                number(total),
+                number(total ** (1 / order)),
+                "" if count is None else number(count),
+                "" if mean is None else number(mean, 5),
             )
             for name, total, count, mean in rows
         ],
@@ -273,9 +274,9 @@ def _against_sheets(document: Document) -> Iterator[Sheet]:
 def _estimate_remarks(document: Document) -> Iterator[str]:
     estimates = document["estimates"]
     for item in estimates:
-        for number, made in enumerate(item["runs"], start=1):
+        for which, made in enumerate(item["runs"], start=1):
             if not made["finished"]:
-                run = f" run {number}" if document["runs"] > 1 else ""
+                run = f" run {which}" if document["runs"] > 1 else ""
                 yield f"{item['name']}{run}: {made['status']}"
     if len(estimates) > 1:
         found = {pair["verdict"] for pair in document["pairs"]}

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from tgospa_eval.figures import number
 from tgospa_eval.notices import Notice
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
@@ -39,11 +40,14 @@ def sweep_page(document: Document) -> Page:
                 head=(letter, *lower, "TGOSPA", "localisation", *PARTS),
                 rows=[
                     (
-                        f"{point['value']:.6g}",
-                        *(() if exact else (f"{point['lower_bound']:.6g}",)),
-                        f"{point['tgospa']:.6g}",
-                        f"{point['localisation']:.5g}",
-                        *(f"{point[part]:.5g} ({point['counts'][part]:.6g})" for part in PARTS),
+                        number(point["value"]),
+                        *(() if exact else (number(point["lower_bound"]),)),
+                        number(point["tgospa"]),
+                        number(point["localisation"], 5),
+                        *(
+                            f"{number(point[part], 5)} ({number(point['counts'][part])})"
+                            for part in PARTS
+                        ),
                     )
                     for point in document["points"]
                 ],
@@ -57,7 +61,7 @@ def sweep_page(document: Document) -> Page:
 def quantity(value: float, document: Document) -> str:
     """A value of the parameter, with the unit if it has one."""
     unit = document["parameters"]["unit"] if document["parameter"] != "order" else None
-    return f"{value:.6g}" + (f" {unit}" if unit else "")
+    return number(value) + (f" {unit}" if unit else "")
 
 
 def _title(document: Document) -> str:
@@ -73,7 +77,7 @@ def _title(document: Document) -> str:
     gap = max(point["relative_gap"] for point in wide)
     return (
         f"TGOSPA {over}: {len(points) - len(wide)} exact, {len(wide)} between proven bounds (the "
-        f"totals differ by up to {100 * gap:.2g}%)"
+        f"totals differ by up to {number(100 * gap, 2)}%)"
     )
 
 
@@ -104,6 +108,6 @@ def _remarks(document: Document) -> Iterator[str]:
             yield f"{words}: the counts differ between all neighbouring values"
             continue
         begin = next(point for point in points if point["value"] == span["from"])
-        counts = " and ".join(f"{begin['counts'][name]:.6g}" for name in names)
+        counts = " and ".join(number(begin["counts"][name]) for name in names)
         low, high = (quantity(span[end], document) for end in ("from", "to"))
         yield (f"{words}: {counts} at all {span['points']} values from {letter} = {low} to {high}")

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from rich.console import Console
 from rich.text import Text
 
+from tgospa_eval.figures import number
 from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip
 from tgospa_eval.summary import Summary
 
@@ -74,7 +75,7 @@ def _graph(result: Summary, ramp: str) -> Iterator[Text]:
     steps = len(table["t"])
     together = max(1, -(-steps // GRAPH))
     each = f", each sign the largest of {together}" if together > 1 else ""
-    yield Text(f"  cost of each step, to {high:.6g}{each}")
+    yield Text(f"  cost of each step, to {number(high)}{each}")
     for name in ("total", *PARTS):
         if any(table[name]):
             line = Text(f"  {name:<14}  ")
@@ -95,9 +96,9 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     yield f"  {'worst steps':<17}{'t':>12}{'cost':>11}{'missed':>9}{'false':>8}{'switches':>10}"
     for k in dear:
         found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
-        missed, false, switch = (f"{count:.4g}" for count in found)
+        missed, false, switch = (number(count, 4) for count in found)
         yield clip(
-            f"  {'':<17}{table['t'][k]!s:>12}{table['total'][k]:>11.5g}"
+            f"  {'':<17}{table['t'][k]!s:>12}{number(table['total'][k], 5):>11}"
             f"{missed:>9}{false:>8}{switch:>10}"
         )
     yield ""
