@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.plots import COLOURS, MARKERS, figure, label
+from tgospa_eval.palette import LIGHT
+from tgospa_eval.plots import MARKERS, figure, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,7 +77,7 @@ def _value(axis: "Axes", x: list[float], points: list[Document]) -> None:
 
 
 def _line(axis: "Axes", x: list[float], y: list[float], k: int) -> None:
-    axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=COLOURS[k], clip_on=False)
+    axis.plot(x, y, "-", marker=MARKERS[k], ms=4, color=LIGHT[PARTS[k]], clip_on=False)
 
 
 def _crowded(x: list[float]) -> bool:
