@@ -175,7 +175,7 @@ FILES = (
     ),
     _files(
         "--max-input", type=click.FloatRange(min=0), metavar="GB",
-        show_default="4, or what is available",
+        show_default="what is available",
         help="Memory that reading one file may take; 0 for any.",
     ),
 )  # fmt: skip

@@ -243,7 +243,8 @@ def read(
     data = load(name, most_bytes(options.max_input))
     chosen = format or guess(name, data)
     if chosen not in PACKED:
-        check_room(name, TEXT * len(data), options.max_input, f"{len(data):,} bytes of text")
+        size = len(data)
+        check_room(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")
     module, function = FORMATS[chosen]
     reader = getattr(import_module(module), function)
     rows = reader(name, data, options, role, given=format is not None)

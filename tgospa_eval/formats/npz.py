@@ -33,7 +33,7 @@ def read_npz(path: str, data: bytes, options: "ReadOptions", role: str, *, given
     if not data:
         raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
     size = _unpacked(data)
-    check_room(path, TABLE * size, options.max_input, f"arrays of {size:,} bytes")
+    check_room(path, TABLE * size, len(data), options.max_input, f"arrays of {size:,} bytes")
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

@@ -51,7 +51,7 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     _check_types(file.schema_arrow, roles, path)
     rows = file.metadata.num_rows
     what = f"{rows:,} rows of {len(subset)} columns"
-    check_room(path, TABLE * 8 * rows * len(subset), options.max_input, what)
+    check_room(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
     try:
         table = file.read(columns=subset).select(subset)
         table.validate(full=True)  # pandas looks at texts later, or never

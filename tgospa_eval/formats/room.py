@@ -1,5 +1,6 @@
 """What reading a file will take, known before it is read: small files may unpack to anything."""
 
+import math
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -8,7 +9,10 @@ from tgospa_eval.errors import InputError
 
 GIGABYTE = 1e9
 DEFAULT = 4.0
-"""GB that reading a file may take: some 20 million rows of four columns."""
+"""GB that reading a far smaller file may take: some 20 million rows of four columns."""
+
+UNPACKED = 300
+"""Times its own size that reading a file may take beyond that; recordings take 5 to 100 times."""
 
 TABLE, TEXT = 6, 3
 """Bytes that reading takes for each byte of a table of doubles, and of a text. Measured at 10
@@ -17,7 +21,7 @@ million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
 MEMORY = Path("/proc/meminfo")
 
 
-def check_room(path: str, size: float, limit: float | None, what: str) -> None:
+def check_room(path: str, size: float, file: int, limit: float | None, what: str) -> None:
     """Whether there is room for what a file unpacks to.
 
     Parameters
@@ -26,8 +30,11 @@ def check_room(path: str, size: float, limit: float | None, what: str) -> None:
         The file, for the message.
     size : float
         Bytes that reading takes.
+    file : int
+        Bytes of the file.
     limit : float, optional
-        GB that it may take, 0 for any; by default `DEFAULT`, or what is available.
+        GB that it may take, 0 for any; by default what is available, but no more than `DEFAULT`
+        where that is `UNPACKED` times the file and more.
     what : str
         What is in the file.
 
@@ -38,11 +45,16 @@ def check_room(path: str, size: float, limit: float | None, what: str) -> None:
     """
     if limit == 0:
         return
-    limits = [(DEFAULT if limit is None else limit, "allowed")]
-    free = _available() if limit is None else None
-    if free is not None:
-        limits.append((free, "available"))
-    most, kind = min(limits)
+    limits = []
+    if limit is not None:
+        limits.append((limit, "allowed"))
+    else:
+        free = _available()
+        if free is not None:
+            limits.append((free, "available"))
+        if size > UNPACKED * file:
+            limits.append((DEFAULT, "allowed"))
+    most, kind = min(limits, default=(math.inf, ""))
     if size > most * GIGABYTE:
         needed = size / GIGABYTE
         raise InputError(
@@ -53,7 +65,9 @@ def check_room(path: str, size: float, limit: float | None, what: str) -> None:
 
 def most_bytes(limit: float | None) -> int:
     """Bytes that a file itself may have."""
-    return sys.maxsize - 1 if limit == 0 else int((limit or DEFAULT) * GIGABYTE)
+    if limit == 0:
+        return sys.maxsize - 1
+    return int((max(DEFAULT, _available() or 0.0) if limit is None else limit) * GIGABYTE)
 
 
 def _available() -> float | None:
