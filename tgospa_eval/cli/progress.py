@@ -116,7 +116,7 @@ class Display:
 def line(stopwatch: Stopwatch, seconds: float) -> str:
     """What is known: the part of the work, the proven bracket, the share done, the time left."""
     progress = stopwatch.progress
-    stage, name = STAGES.get(stopwatch.stage, stopwatch.stage), progress.name
+    stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
     bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
     told = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
     if progress.share > 0:

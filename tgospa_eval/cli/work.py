@@ -215,8 +215,11 @@ def inspect_files(
 
     settings = make_settings(options, given)
 
+    stopwatch = Stopwatch()
+
     def work() -> dict[str, Any]:
-        sides = settings.read(*paths)
+        with stopwatch.span("read"):
+            sides = settings.read(*paths)
         files = list(zip(paths, sides, strict=True))
         if len(files) == 1:
             distance, aligned = settings.measure.distance(sides[0].trajectories.columns), None
@@ -225,7 +228,7 @@ def inspect_files(
         recorded = {**settings.recorded, "unit": settings.unit}
         return inspect(files, aligned, settings.parameters, distance, settings.stamps, recorded)
 
-    return run(work, Stopwatch(), show=not options["quiet"])
+    return run(work, stopwatch, show=not options["quiet"])
 
 
 def slow_notice() -> Iterator[Notice]:
