@@ -680,7 +680,7 @@ def test_reduce_without_pot(
     status, out, _ = invoke("reduce", path, "out.csv", "-n", "2", "--force")
     assert (status, "Wasserstein distance to the cloud " in out) == (0, False)
     status, _, err = invoke("reduce", path, "o.csv", "-n", "2", "--reduce-method", "atl")
-    assert (status, "need the extra clouds: pip install" in err) == (2, True)
+    assert (status, "need the extra clouds: " in err) == (2, True)
     assert not (tmp_path / "o.csv").exists()
 
 

@@ -339,7 +339,7 @@ def test_parquet_without_the_extra(write: Write, environment: dict[str, str]) ->
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
     )
     assert done.returncode == 2
-    assert "pip install 'tgospa-eval[parquet]'" in done.stderr
+    assert f'{sys.executable} -m pip install "tgospa-eval[parquet]"' in done.stderr
     assert "Traceback" not in done.stderr
 
 

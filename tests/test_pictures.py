@@ -33,6 +33,7 @@ from tgospa_eval.plots.report import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.plots.views import binned, view
 from tgospa_eval.reports import drawing
+from tgospa_eval.words import install
 
 Draw = Callable[..., Answer]
 ALL = (plot_costs, plot_lanes, plot_plane, plot_cumulative, plot_worst)
@@ -554,7 +555,7 @@ def test_without_matplotlib_one_notice(
     monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
     answer = draw("-o", "a")
     assert answer.status == 0
-    notice = "the pictures are not written: they need pip install 'tgospa-eval[plot]'"
+    notice = f"the pictures are not written: they need {install('plot')}"
     assert answer.err.count("tgospa-eval[") == answer.err.count(notice) == 1
     assert (tmp_path / "a" / "result.json").exists()
     assert "tgospa-eval[" not in draw("-o", "b", "--pictures", "none").err

@@ -5,6 +5,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.words import install
 
 if TYPE_CHECKING:
     import os
@@ -72,9 +73,7 @@ class Shown:
         from importlib.util import find_spec
 
         if find_spec("jinja2") is None:
-            raise ConfigError(
-                'no page: it needs the extra report, pip install "tgospa-eval[report]"'
-            )
+            raise ConfigError(f"no page: it needs the extra report: {install('report')}")
         return str(import_module("tgospa_eval.reports.html").page(self))
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:

@@ -1,4 +1,6 @@
-"""Words of messages and reports: counts with their nouns."""
+"""Words of messages and reports: counts with their nouns, what to install."""
+
+import sys
 
 
 def counted(number: int, one: str, many: str = "", *, form: str = "") -> str:
@@ -21,3 +23,13 @@ def counted(number: int, one: str, many: str = "", *, form: str = "") -> str:
 def in_both(common: int, union: int) -> str:
     """How many of all steps both files have."""
     return f"{common} of {union} {'step is' if union == 1 else 'steps are'} in both files"
+
+
+def install(*extras: str) -> str:
+    """The command that adds extras to this very installation, wherever it came from.
+
+    pip finds the package installed and fetches only what the extras name, so it need not be on an
+    index. Double quotes are such in all shells.
+    """
+    python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
+    return f'{python} -m pip install "tgospa-eval[{",".join(extras)}]"'

@@ -29,7 +29,7 @@ from tgospa_eval.reports.folders import RESULT, probe_folder
 from tgospa_eval.solvers import Solver
 from tgospa_eval.summary import Summary
 from tgospa_eval.timing import Stopwatch
-from tgospa_eval.words import counted
+from tgospa_eval.words import counted, install
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -380,6 +380,5 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
         single = absent == [("report.html", "report")]
         say(
             f"{' and '.join(what)} {'is' if single else 'are'} not written: "
-            f"{'it needs' if single else 'they need'} "
-            f"pip install 'tgospa-eval[{','.join(extras)}]'"
+            f"{'it needs' if single else 'they need'} {install(*extras)}"
         )

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from tgospa_eval.distances.mahalanobis import cholesky
 from tgospa_eval.distances.sampling import as_cloud
 from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.words import install
 
 Floats = NDArray[np.float64]
 Cloud = tuple[Floats, Floats]
@@ -38,7 +39,7 @@ TOO_LARGE = (
     "reduce the clouds first, --reduce 100 or reduce_cloud"
 )
 
-NEEDED = "distances of particle clouds need the extra clouds: pip install 'tgospa-eval[clouds]'"
+NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
 ALIKE = 1e-13
 """Of a weight: what rounding makes of one, added and divided in another order."""

@@ -11,6 +11,7 @@ from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.text import quoted
+from tgospa_eval.words import install
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -31,7 +32,7 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
         import pyarrow.parquet as pq
     except ModuleNotFoundError:
         raise ConfigError(
-            f"{path}: Parquet files need the extra parquet: pip install 'tgospa-eval[parquet]'"
+            f"{path}: Parquet files need the extra parquet: {install('parquet')}"
         ) from None
 
     if not data:

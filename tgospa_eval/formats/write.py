@@ -13,6 +13,7 @@ from tgospa_eval.formats.asked import BOX
 from tgospa_eval.formats.spread import spelt
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.words import install
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001
@@ -53,9 +54,7 @@ def parquet_bytes(trajectories: Trajectories) -> bytes:
         import pyarrow as pa  # here: the extra may be missing
         import pyarrow.parquet as pq
     except ModuleNotFoundError:
-        raise ConfigError(
-            "Parquet files need the extra parquet: pip install 'tgospa-eval[parquet]'"
-        ) from None
+        raise ConfigError(f"Parquet files need the extra parquet: {install('parquet')}") from None
     buffer = io.BytesIO()
     pq.write_table(pa.table(_columns(trajectories)), buffer)
     return buffer.getvalue()

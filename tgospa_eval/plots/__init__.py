@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from tgospa_eval.figures import number
 from tgospa_eval.palette import LIGHT
+from tgospa_eval.words import install
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +40,7 @@ MARKERS = "osD^vPX"
 DOTS = 150
 """Dots per inch."""
 
-MISSING = 'no pictures: they need the extra plot, pip install "tgospa-eval[plot]"'
+MISSING = f"no pictures: they need the extra plot: {install('plot')}"
 
 _HOMES = {
     "plot_costs": "overtime",
