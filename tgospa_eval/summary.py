@@ -423,9 +423,9 @@ class Summary(Shown, ABC):
             proof=self.proven,
             notes=(
                 *map(str, self.warnings),
-                f"{counted(sizes['truth'], 'truth', form=',')}, "
-                f"{counted(sizes['estimates'], 'estimate', form=',')}, "
-                f"{counted(sizes['steps'], 'step', form=',')}",
+                f"{counted(sizes['truth'], 'truth')}, "
+                f"{counted(sizes['estimates'], 'estimate')}, "
+                f"{counted(sizes['steps'], 'step')}",
                 f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
                 f"gamma = {self.quantity(parameters.switch_penalty)}",
             ),

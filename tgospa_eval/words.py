@@ -3,7 +3,7 @@
 import sys
 
 
-def counted(number: int, one: str, many: str = "", *, form: str = "") -> str:
+def counted(number: int, one: str, many: str = "") -> str:
     """A count with its noun: 1 row, 2 rows; `many` where that takes more than an s.
 
     Parameters
@@ -14,15 +14,13 @@ def counted(number: int, one: str, many: str = "", *, form: str = "") -> str:
         The noun for one of them, with what follows: ``"row has"``.
     many : str
         The same for any other number, ``"rows have"``.
-    form : str
-        How the number is written, as of `format`.
     """
-    return f"{number:{form}} {one if number == 1 else many or one + 's'}"
+    return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
 def in_both(common: int, union: int) -> str:
     """How many of all steps both files have."""
-    return f"{common} of {union} {'step is' if union == 1 else 'steps are'} in both files"
+    return f"{common:,} of {union:,} {'step is' if union == 1 else 'steps are'} in both files"
 
 
 def install(*extras: str) -> str:

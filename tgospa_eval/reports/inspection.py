@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
+from tgospa_eval.figures import number
 from tgospa_eval.notices import Notice
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.text import visible
@@ -75,14 +76,14 @@ def _files(files: list[Document]) -> Iterator[Row]:
     yield "format", [file["format"] for file in files]
     if any(file["headers"] for file in files):
         yield "headers", [_headers(file["headers"]) for file in files]
-    yield "rows", [str(file["rows"]) for file in files]
+    yield "rows", [f"{file['rows']:,}" for file in files]
     for rule in dict.fromkeys(rule for file in files for rule in file["left_out"]):
-        counts = [str(file["left_out"].get(rule, 0)) for file in files]
+        counts = [f"{file['left_out'].get(rule, 0):,}" for file in files]
         yield f"  {LEFT_OUT.get(rule, rule)}", counts
-    yield "trajectories", [str(file["trajectories"]) for file in files]
+    yield "trajectories", [f"{file['trajectories']:,}" for file in files]
     yield "  length", [_range(file["length"], "row", "rows") for file in files]
     yield "  with holes", [_holes(file["holes"]) for file in files]
-    yield "steps", [str(file["steps"]) for file in files]
+    yield "steps", [f"{file['steps']:,}" for file in files]
     yield "  objects at", [_range(file["objects"]) for file in files]
     if any("particles" in file for file in files):
         one = {"min": 1.0, "median": 1.0, "max": 1.0}
@@ -180,7 +181,7 @@ def _interval(extent: Document | None) -> str:
 
 
 def _number(value: float | None, digits: int = 6) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"
+    return "-" if value is None else number(value, digits)
 
 
 def _moment(value: Any) -> str:
