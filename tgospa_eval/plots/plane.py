@@ -41,6 +41,9 @@ GROUPED = 1500
 CELLS = 48
 """Places for such marks beside each other."""
 
+COVERED = 0.08
+"""Share of the picture that marks of one kind cover at most, so that they remain marks."""
+
 FAINT = 100
 """Trajectories from which on lines are thinner and fainter, so that marks stand out."""
 
@@ -214,7 +217,9 @@ def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
     groups = {name: _near(x, y, wide, tall) for name, x, y, _ in marks if len(x)}
     most = max(int(count.max()) for _, _, count in groups.values())
-    largest = 1.1 * ((style.width - 1.0) * 72 / CELLS) ** 2
+    area = ((style.width - 1.0) * 72) ** 2
+    busiest = max(int(count.sum()) for _, _, count in groups.values())
+    largest = min(1.1 * area / CELLS**2, COVERED * area * most / busiest)
     handles = {}
     for name, _, _, looks in marks:
         if name not in groups:

@@ -1,7 +1,8 @@
 // Trajectories in any two of the state columns, in the range of steps that is shown.
 const GROUPED = 1500; // events from which on marks stand for several
 const CELL = 12; // pixels
-const FAINT = 100; // tracks from which on lines are fainter
+const COVERED = 0.08; // share of the plane that marks of one kind cover at most
+const FAINT = 50; // tracks from which on lines are fainter
 const plane = {
   canvas: document.getElementById("plane"),
   axisX: document.getElementById("axis-x"),
@@ -172,7 +173,7 @@ const plane = {
     context.lineJoin = "round";
     for (let track = 0; track < side.count; track++) {
       const dim = only && !only.has(track);
-      context.globalAlpha = dim ? 0.13 : only ? 1 : Math.min(1, (FAINT / side.count) ** 0.5);
+      context.globalAlpha = dim ? 0.13 : only ? 1 : Math.min(1, FAINT / side.count + 0.05);
       context.strokeStyle = truth ? colour("truth") : colourOf(track);
       context.lineWidth = truth ? (only && !dim ? 1.8 : 1) : only && !dim ? 2.4 : 1.6 * this.mark;
       context.setLineDash(truth && row.track.length < 20000 ? [4, 2] : []); // dashes are slow
@@ -275,12 +276,14 @@ const plane = {
       if (at) add("switch", ...this.place(at[this.axisX.value], at[this.axisY.value], width, height));
     });
     this.most = Math.max(1, ...Object.values(found).flatMap((groups) => [...groups.values()].map((group) => group[2])));
+    const sums = Object.values(found).map((groups) => [...groups.values()].reduce((sum, group) => sum + group[2], 0));
+    const largest = Math.min(CELL * 0.75, Math.sqrt((COVERED * width * height * this.most) / (2 * Math.max(1, ...sums))));
     context.globalAlpha = 0.8;
     context.lineWidth = 1.2;
     for (const [name, groups] of Object.entries(found)) {
       const path = new Path2D();
       for (const [xs, ys, count] of groups.values()) {
-        const x = xs / count, y = ys / count, arm = Math.max(Math.sqrt(count / this.most) * CELL * 0.75, 1.5);
+        const x = xs / count, y = ys / count, arm = Math.max(Math.sqrt(count / this.most) * largest, 1);
         if (name === "missed") {
           path.moveTo(x - arm, y - arm); path.lineTo(x + arm, y + arm);
           path.moveTo(x + arm, y - arm); path.lineTo(x - arm, y + arm);
