@@ -97,6 +97,7 @@ def test_the_working_folder_is_gone(
         refused(invoke(*arguments), 2, "the working folder was removed")
     refused(invoke("t.csv", path), 3, "t.csv: no such file")
     assert invoke(path, path, "-q").status == 0
+    assert invoke("compare", path, path, "--solvers", "certified").status == 0
 
 
 @pytest.mark.parametrize(

@@ -161,6 +161,7 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
+        cwd=os.path.dirname(__file__),  # the working folder may be gone, and Python would not start
         bufsize=0,  # so that nothing is left to write when stdin is closed
         **APART,
     ) as process:
