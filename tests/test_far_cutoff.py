@@ -248,7 +248,7 @@ def test_equal_sets_cost_nothing(scene: FarScene, shuffle: int) -> None:
 
 
 @pytest.mark.parametrize("solver", [Exact(), Sinkhorn(), Certified(time_limit=1e-3)])
-@pytest.mark.filterwarnings("default")  # whether libraries may warn is asked elsewhere
+@pytest.mark.filterwarnings("default", "ignore::tgospa_eval.TgospaWarning")  # asked elsewhere
 @settings(max_examples=15)
 @given(scene=far_scenes())
 def test_bounds_hold_whoever_solves(solver: Any, scene: FarScene) -> None:
