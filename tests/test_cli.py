@@ -545,6 +545,7 @@ def test_a_bracket_of_sinkhorn_is_an_answer(invoke: Run, crowd: Pair) -> None:
 # --- the result folder ----------------------------------------------------------------------------
 
 FILES = [
+    ".tgospa-eval.json",
     "assignments.csv",
     "per_estimate.csv",
     "per_step.csv",
@@ -594,18 +595,71 @@ def test_a_result_is_written_anew(invoke: Run, quickstart: Pair, tmp_path: Path)
     first = invoke(*quickstart, "-o", "out", "--curve").err
     assert f"wrote 9 files to {os.path.join('out', '')}; open {OPEN}" in first
     assert "curve.csv" in os.listdir(folder)
-    (folder / "lanes.png").write_text("old", encoding="utf-8")
-    (folder / "notes.txt").write_text("mine", encoding="utf-8")
+    for name in ("lanes.png", "notes.txt"):
+        (folder / name).write_text("mine", encoding="utf-8")
     status, _, err = invoke(*quickstart, "-c", "5", "-o", "out")
     assert status == 0
     assert "wrote 8 files to" in err
-    assert f", removed 2 of the run before; open {OPEN}" in err
-    assert sorted(os.listdir(folder)) == sorted([*FILES, "notes.txt"])
+    assert f", removed 1 of the run before; open {OPEN}" in err
+    assert sorted(os.listdir(folder)) == sorted([*FILES, "lanes.png", "notes.txt"])
     assert json.loads((folder / "result.json").read_bytes())["parameters"]["cutoff"] == 5
     assert "wrote" not in invoke(*quickstart, "-c", "5", "-o", "out", "-q").err
 
 
 OPEN = os.path.join("out", "report.html")
+
+
+def test_only_files_of_a_run_are_replaced_or_removed(
+    invoke: Run, quickstart: Pair, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    mine = dict.fromkeys(("notes.txt", "curve.csv", "costs.svg", "result.json"), b"mine")
+    for name, data in mine.items():
+        (folder / name).write_bytes(data)
+    evaluate = (*quickstart, "-q", "-o", "out")
+    assert invoke(*evaluate, "--force").status == 0  # which replaces result.json alone
+    del mine["result.json"]
+    assert invoke(*evaluate).status == 0
+    assert mine.items() <= contents(folder).items()
+    status, out, err = invoke(*evaluate, "--curve")
+    assert (status, out) == (2, "")  # before any work
+    assert "out: curve.csv in it was not written by a run before" in err
+    (folder / "report.html").write_bytes(b"changed")
+    assert "report.html in it" in invoke(*evaluate).err
+    assert (folder / "report.html").read_bytes() == b"changed"
+    manifest = json.loads((folder / ".tgospa-eval.json").read_bytes())
+    assert sorted(file["name"] for file in manifest["files"]) == FILES[1:]
+
+
+@pytest.mark.parametrize("wrap", ["{}", '{{"mine": {}}}'])
+def test_a_result_that_the_user_has_saved_is_no_folder_of_ours(
+    invoke: Run, quickstart: Pair, tmp_path: Path, wrap: str
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    document = invoke(*quickstart, "-q", "--format", "json").out
+    (folder / "result.json").write_text(wrap.format(document), encoding="utf-8")
+    (folder / "report.html").write_text("mine", encoding="utf-8")
+    before = contents(folder)
+    answer = invoke(*quickstart, "-o", "out")
+    assert (answer.status, answer.out) == (2, "")
+    assert "out: is not empty" in answer.err
+    assert contents(folder) == before
+
+
+def test_what_others_are_at_is_not_cleared_away(
+    invoke: Run, quickstart: Pair, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    left = [folder / f".tgospa-eval-new-{name}" for name in (f"{os.getpid()}-a", "99999999-b")]
+    for path in left:
+        path.mkdir(parents=True)
+    assert invoke(*quickstart, "-o", "out").status == 0
+    assert [path.exists() for path in left] == [True, False]
+    os.utime(left[0], (0, 0))
+    assert invoke(*quickstart, "-o", "out").status == 0
+    assert sorted(os.listdir(folder)) == FILES
 
 
 def test_a_result_that_was_cut_off_is_written_anew(

@@ -81,6 +81,31 @@ def test_ends_under_a_limit(environment: dict[str, str], work: str, status: int)
     assert done.stderr.startswith("out of memory: 65536 MiB") == (status == 4)
 
 
+@pytest.mark.parametrize("most", [370, 400])
+def test_exact_where_threads_find_no_memory(
+    quickstart: tuple[str, str], environment: dict[str, str], most: int
+) -> None:
+    """It ends, with an answer or for want of memory, and is not taken for interrupted."""
+    command = ["-m", "tgospa_eval", *quickstart, "-q", "--solver", "exact"]
+    done = limited(most * 1_000_000, *command, env=environment)
+    assert (done.returncode, bool(done.stdout)) in ((0, True), (4, False)), done.stderr
+    assert done.stderr.startswith("out of memory") == (done.returncode == 4)
+
+
+def test_a_second_interrupt_ends_what_answers_none(environment: dict[str, str]) -> None:
+    script = (
+        "import os, signal, sys, time\n"
+        "from tgospa_eval.cli.guard import guarded\n"
+        "def work():\n"
+        "    signal.signal(signal.SIGINT, lambda *_: os.kill(os.getppid(), signal.SIGINT))\n"
+        "    os.kill(os.getppid(), signal.SIGINT)\n"
+        "    while True:\n"
+        "        time.sleep(30)\n"
+        "sys.exit(guarded(work, 130))\n"
+    )
+    assert limited(LARGE, "-c", script, env=environment).returncode == 130
+
+
 def _packed(folder: Path, suffix: str) -> str:
     """A small file with 100,000 rows."""
     rows = 100_000

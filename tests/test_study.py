@@ -132,6 +132,23 @@ def test_scenes_are_counted_one_by_one() -> None:
     assert list(itertools.islice(made.wanted(), 2)) == [(2, 5, 1), (2, 5, 2)]
 
 
+def test_files_of_others_beside_a_log(tmp_path: Path, invoke: Invoke) -> None:
+    small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
+    (tmp_path / NAME).touch()
+    (tmp_path / "report.md").write_text("mine", encoding="utf-8")
+    answer = invoke(*small)
+    assert (answer.status, "is not empty" in answer.err) == (2, True)
+    (tmp_path / "report.md").unlink()
+    assert invoke(*small).status == 0  # killed before its first line
+    for left in tmp_path.iterdir():  # as if killed before the report
+        if left.name != NAME:
+            left.unlink()
+    (tmp_path / "report.md").write_text("mine", encoding="utf-8")
+    answer = invoke(*small)
+    assert (answer.status, "report.md in it was not written" in answer.err) == (2, True)
+    assert (tmp_path / "report.md").read_text(encoding="utf-8") == "mine"
+
+
 def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -> None:
     small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")

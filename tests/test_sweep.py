@@ -316,15 +316,19 @@ def test_classes_of_the_settings_are_left_aside(
     assert "left aside" in answer.err
 
 
+MANIFEST = ".tgospa-eval.json"
+
+
 def test_the_folder(invoke: Invoke, quickstart: Pair, tmp_path: Path) -> None:
     given = (*quickstart, "--sweep", "order=1,2,3", "-c", "10", "-g", "5", "-q", "-o")
     assert invoke(*given, "out").status == 0
     document = json.loads((tmp_path / "out" / "sweep.json").read_text())
     assert [point["value"] for point in document["points"]] == [1, 2, 3]
     assert (tmp_path / "out" / "sweep.csv").read_text().startswith("order,tgospa")
-    (tmp_path / "out" / "sweep.svg").write_text("old")
+    (tmp_path / "out" / "sweep.svg").write_text("mine")
     assert invoke(*given, "out").status == 0
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["sweep.csv", "sweep.json"]
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == [MANIFEST, "sweep.csv", "sweep.json", "sweep.svg"]
     result = invoke(*quickstart, "-o", "out")  # of another kind
     assert result.status == 2
     assert "is not empty" in result.err
@@ -338,7 +342,7 @@ def test_pictures_of_the_folder(
     given = (*quickstart, "--sweep", "order=1,2", "-c", "10", "-g", "5", "-q", "-o", "out")
     assert invoke(*given, "--pictures", formats).status == 0
     found = {path.name for path in (tmp_path / "out").iterdir()}
-    assert found == {"sweep.json", "sweep.csv", *(f"sweep.{kind}" for kind in files)}
+    assert found == {MANIFEST, "sweep.json", "sweep.csv", *(f"sweep.{kind}" for kind in files)}
 
 
 # --- picture --------------------------------------------------------------------------------------

@@ -38,14 +38,25 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         return work()
     if child == 0:
         os.setpgid(0, 0)  # a terminal interrupts the parent alone, which passes it on
+        # Each thread takes address space; without it OpenBLAS waits for ever, or interrupts us.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         status = work()
         os.write(mark, b"\n")
         return status
     os.close(mark)
+    heard: list[int] = []
+
+    def pass_on(number: int, _: object) -> None:
+        heard.append(number)
+        # The second Ctrl-C ends the work at once, also where compiled code answers no signal.
+        os.kill(child, signal.SIGKILL if heard.count(signal.SIGINT) > 1 else number)
+
     for name in PASSED_ON:
-        signal.signal(getattr(signal, name), lambda number, _: os.kill(child, number))
+        signal.signal(getattr(signal, name), pass_on)
     finished = os.read(done, 1)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if heard.count(signal.SIGINT) > 1:
+        return interrupted
     if finished or status == interrupted:
         return status
     if status < 0 and signal.Signals(-status).name not in FATAL:

@@ -74,8 +74,9 @@ def sweep_files(
     solver = make_solver(options)
     wanted = None
     if options["output"] is not None:
-        probe_folder(options["output"], SWEEP, force=options["force"])
         wanted = wanted_pictures(options)
+        also = () if wanted is None else tuple(f"sweep.{kind}" for kind in wanted.formats)
+        probe_folder(options["output"], SWEEP, force=options["force"], also=also)
     stopwatch = Stopwatch()
     if not options["quiet"]:
         stopwatch.tell = say

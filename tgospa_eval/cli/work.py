@@ -84,8 +84,11 @@ def evaluate_files(
         check_curve(solver)
     wanted = None
     if options["output"] is not None:
-        probe_folder(options["output"], RESULT, force=options["force"])
         wanted = wanted_pictures(options)
+        also = () if wanted is None else wanted.names
+        also += ("curve.csv",) if options.get("curve") else ()
+        also += ("per_class.csv",) if options.get("by") else ()
+        probe_folder(options["output"], RESULT, force=options["force"], also=also)
     stopwatch = Stopwatch()
     if not quiet:
         stopwatch.tell = say

@@ -10,12 +10,14 @@ from tgospa_eval.plots import FILES, available, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.files import result_texts
-from tgospa_eval.reports.folders import RESULT, check_folder, write_texts
+from tgospa_eval.reports.folders import RESULT, probe_folder, write_texts
 from tgospa_eval.summary import Summary
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+DRAWN = ("costs", "lanes", "plane", "cumulative", "worst")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +53,11 @@ class Pictures:
         if self.style not in STYLES:
             raise ConfigError(f"style {quoted(self.style)}: must be one of {', '.join(STYLES)}")
         parts_of(self.components)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The files of `result_pictures`."""
+        return tuple(f"{name}.{kind}" for name in DRAWN for kind in self.formats)
 
     def check(self, known: Sequence[str]) -> None:
         """See that the plane can be drawn of these state columns, before any work is done.
@@ -100,7 +107,7 @@ def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> N
     """`Result.save`: the result folder, with what the extras that are installed can draw."""
     path = os.fspath(folder)
     try:
-        check_folder(path, RESULT, force=force, option="folder")
+        probe_folder(path, RESULT, force=force, option="folder")
         files: dict[str, str | bytes] = {**result_texts(result)[0]}
         if available():
             files |= result_pictures(result, Pictures())

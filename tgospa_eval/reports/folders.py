@@ -1,7 +1,7 @@
 """Folders of results: known again, without files of the run before, whole or absent."""
 
 import os
-import re
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -10,10 +10,14 @@ from pathlib import Path
 
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.files import named
+from tgospa_eval.reports import manifest
 
 PICTURES = ("png", "svg", "pdf")
-FRESH, REPLACED = ".tgospa-eval-new-", ".tgospa-eval-replaced-"
-"""What names begin with that stand in a folder only while it is written."""
+FRESH = ".tgospa-eval-new-"
+"""What names begin with that stand in a folder only while it is written; a process id follows."""
+
+OLD = 3600.0
+"""Seconds after which nobody writes any more."""
 
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
@@ -28,75 +32,68 @@ class Kind:
 
     Parameters
     ----------
+    name : str
+        What it is called in the manifest.
     document : str
         The file that goes first and comes last, so that it never stands beside files of another
         run.
-    pattern : bytes
-        Regular expression by which a document of ours is known.
     names : collection of str
-        All files that may be there; those that a run does not write are of an older one.
+        Files that are looked for before any work is done: those of others are not written over.
     log : str, optional
-        A file by which the folder is known even without a document, and which stays.
+        A file by which the folder is known even without a manifest, and which stays.
     opens : tuple of str
         What to open, the first that there is.
     options : str
         Options that make pictures, for messages.
     """
 
+    name: str
     document: str
-    pattern: bytes
     names: Collection[str]
     log: str | None = None
     opens: tuple[str, ...] = ()
     options: str = ""
 
     def owns(self, folder: Path) -> bool:
-        """Whether the folder is one of this kind."""
-        if self.log is not None and (folder / self.log).is_file():
+        """Whether the folder is one of this kind; what the log says is for its reader."""
+        if manifest.read_manifest(folder, self.name) is not None:
             return True
-        document = folder / self.document
-        return (folder / (REPLACED + self.document)).is_file() or (
-            document.is_file() and re.search(self.pattern, document.read_bytes()) is not None
-        )
+        if self.log is None or not (folder / self.log).is_file():
+            return False
+        # An empty one is of a study that was killed at once, which has nothing beside it.
+        return bool((folder / self.log).stat().st_size) or len(list(_others(folder))) == 1
 
 
 RESULT = Kind(
+    name="result",
     document="result.json",
-    pattern=rb'"schema": "tgospa-eval/result/',
-    names=frozenset(
-        (
-            "result.json", "per_step.csv", "assignments.csv", "switches.csv", "per_truth.csv",
-            "per_estimate.csv", "timings.csv", "curve.csv", "per_class.csv", "report.html",
-            *_pictures("costs", "lanes", "plane", "cumulative", "worst"),
-        )
+    names=(
+        "result.json", "per_step.csv", "assignments.csv", "switches.csv", "per_truth.csv",
+        "per_estimate.csv", "timings.csv", "report.html",
     ),
     opens=("report.html",),
     options=" --pictures {0}",
 )  # fmt: skip
 SWEEP = Kind(
+    name="sweep",
     document="sweep.json",
-    pattern=rb'"schema": "tgospa-eval/sweep/',
-    names=frozenset(("sweep.json", "sweep.csv", *_pictures("sweep"))),
+    names=("sweep.json", "sweep.csv"),
     opens=_pictures("sweep"),
     options=" --pictures {0}",
 )
 COMPARISON = Kind(
+    name="compare",
     document="compare.json",
-    pattern=rb'(?s)"kind": "(solvers|estimates)".*"schema": "tgospa-eval/compare/',
-    names=frozenset(
-        (
-            "compare.json", "compare.csv", "per_step.csv", "pairs.csv",
-            *_pictures("time_over_error", "error_over_epsilon", "convergence", "cumulative"),
-        )
+    names=(
+        "compare.json", "compare.csv", "per_step.csv", "pairs.csv", "time_over_error.png",
+        "error_over_epsilon.png", "convergence.png", "cumulative.png",
     ),
     opens=("time_over_error.png", "cumulative.png"),
 )  # fmt: skip
 STUDY = Kind(
+    name="study",
     document="compare.json",
-    pattern=rb'(?s)"kind": "study".*"schema": "tgospa-eval/compare/',
-    names=frozenset(
-        ("compare.json", "compare.csv", "report.md", *_pictures("error_over_epsilon", "scaling"))
-    ),
+    names=("compare.json", "compare.csv", "report.md", "error_over_epsilon.png", "scaling.png"),
     log="runs.jsonl",
     opens=("report.md",),
 )
@@ -171,22 +168,33 @@ def check_folder(
 
 
 def probe_folder(
-    folder: str, kind: Kind | None = None, *, force: bool, option: str = "--output"
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+    also: Collection[str] = (),
 ) -> None:
     """`check_folder`, and see that files can be made where `write_texts` will make them.
+
+    `also` are names of files that will be there beside those of all of this kind.
 
     Raises
     ------
     ConfigError
-        As for `check_folder`, or nothing can be written there.
+        As for `check_folder`, or nothing can be written there, or only over files of others.
     """
-    import tempfile
-
     check_folder(folder, kind, force=force, option=option)
     with named(f"{option} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
         there = next(above for above in (path, *path.parents) if above.exists())
-        os.rmdir(tempfile.mkdtemp(prefix=FRESH, dir=there))
+        probe = there / _unique(FRESH)
+        probe.mkdir(mode=0o700)
+        with suppress(FileNotFoundError):
+            probe.rmdir()
+        if kind is not None and there == path and not force:
+            with _locked(path):
+                _check_names(path, kind, (*kind.names, *also), f"{option} {folder}")
 
 
 def write_texts(
@@ -200,21 +208,28 @@ def write_texts(
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
-    changes and the new one comes last; of two runs that write it at once one waits.
+    changes and the new one comes last; of two runs that write it at once one waits. Those of a
+    kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
+    replaced by force alone.
 
     Raises
     ------
     ConfigError
-        As for `check_folder`, or the folder cannot be written.
+        As for `check_folder`, or the folder cannot be written, or only over files of others.
     """
     check_folder(folder, kind, force=force, option=option)
     with named(f"{option} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
-        if not path.exists() and _write_new(texts, path):
+        data = {
+            name: text if isinstance(text, bytes) else text.encode("utf-8")
+            for name, text in texts.items()
+        }
+        if not path.exists() and _write_new(data, path, kind):
             removed = 0
         else:  # perhaps since a moment ago
             check_folder(folder, kind, force=force, option=option)
-            removed = _write_over(texts, path, kind)
+            where = None if force else f"{option} {folder}"
+            removed = _write_over(data, path, kind, where)
     opens = () if kind is None else kind.opens
     return Written(folder=folder, names=tuple(texts), removed=removed, opens=opens)
 
@@ -243,29 +258,63 @@ def _check_name(folder: str, kind: Kind | None, option: str) -> None:
     raise ConfigError(f"{option} {folder}: must be a folder, not a file; type {remedy}")
 
 
+def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
+    """See that all files of these names are there as a run of this kind wrote them.
+
+    Raises
+    ------
+    ConfigError
+        One is not.
+    """
+    own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
+    for name in names:
+        if os.path.lexists(path / name) and name not in own:
+            raise ConfigError(
+                f"{where}: {name} in it was not written by a run before, or was changed since; "
+                "name another folder, or --force"
+            )
+
+
 def _others(path: Path) -> Iterator[Path]:
     """What is in a folder but for what an interrupted run has left."""
-    return (item for item in path.iterdir() if not item.name.startswith((FRESH, REPLACED)))
+    return (item for item in path.iterdir() if not item.name.startswith(FRESH))
 
 
-def _write_all(texts: Mapping[str, str | bytes], folder: Path) -> None:
+def _write_all(files: Mapping[str, bytes], folder: Path, kind: Kind | None) -> None:
     folder.mkdir()
-    for name, text in texts.items():
-        (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    if kind is not None:
+        text = manifest.text_of(kind.name, manifest.entries(files))
+        (folder / manifest.NAME).write_text(text, encoding="utf-8")
 
 
 def _unique(prefix: str) -> str:
     return f"{prefix}{os.getpid()}-{os.urandom(4).hex()}"
 
 
-def _write_new(texts: Mapping[str, str | bytes], path: Path) -> bool:
+def _is_left(path: Path) -> bool:
+    """Whether nobody is at work any more on what has a name of `_unique`."""
+    number = path.name.removeprefix(FRESH).partition("-")[0]
+    try:
+        if time.time() - path.stat().st_mtime > OLD:
+            return True
+        os.kill(int(number), 0)
+    except (ProcessLookupError, ValueError, OverflowError):
+        return True
+    except OSError:  # it is there, and somebody else's; or the path is gone
+        return False
+    return False
+
+
+def _write_new(files: Mapping[str, bytes], path: Path, kind: Kind | None) -> bool:
     """Write a folder beside, then rename it; False if another one has come up meanwhile."""
     import shutil  # here: it brings compression
 
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(_unique(FRESH))
     try:
-        _write_all(texts, beside)
+        _write_all(files, beside, kind)
         try:
             os.rename(beside, path)
         except OSError:
@@ -277,47 +326,53 @@ def _write_new(texts: Mapping[str, str | bytes], path: Path) -> bool:
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _write_over(texts: Mapping[str, str | bytes], path: Path, kind: Kind | None) -> int:
-    """Write into a folder that is there; how many files of an older run were taken away."""
+def _write_over(
+    files: Mapping[str, bytes], path: Path, kind: Kind | None, where: str | None
+) -> int:
+    """Write into a folder that is there; how many files of an older run were taken away.
+
+    `where` begins a refusal to write over files of others; without it they are replaced.
+    """
     import shutil
 
     with _locked(path) as locked:
         for left in path.glob(f"{FRESH}*") if locked else ():
-            shutil.rmtree(left, ignore_errors=True)
+            if _is_left(left):
+                shutil.rmtree(left, ignore_errors=True)
         fresh = path / _unique(FRESH)
         try:
-            _write_all(texts, fresh)
-            owned = kind is not None and kind.owns(path)
-            stale = [
-                path / name
-                for name in (kind.names if owned and kind is not None else ())
-                if name not in texts and (path / name).is_file()
-            ]
-            blocked = next((name for name in texts if (path / name).is_dir()), None)
+            _write_all(files, fresh, kind)
+            if kind is not None and where is not None:
+                _check_names(path, kind, files, where)
+            blocked = next((name for name in files if (path / name).is_dir()), None)
             if blocked is not None:
                 raise IsADirectoryError(0, f"{blocked} is a folder in it")
-            _replace(fresh, path, tuple(texts), stale, None if kind is None else kind.document)
+            return _replace(fresh, path, files, kind)
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
-    return len(stale)
 
 
-def _replace(
-    fresh: Path, path: Path, names: tuple[str, ...], stale: list[Path], document: str | None
-) -> None:
-    """Files of a folder by fresh ones; while that is going on, a hidden file says whose it is."""
-    mark = path / (REPLACED + (document or ""))
-    if document is not None:
-        if (path / document).is_file():
-            os.replace(path / document, mark)
-        else:
-            mark.touch()
-    for old in stale:
-        old.unlink()
-    for name in sorted(names, key=lambda name: name == document):
+def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | None) -> int:
+    """Files of a folder by fresh ones; while that is going on, the manifest lists both.
+
+    Returns how many of an older run were taken away.
+    """
+    if kind is None:
+        for name in files:
+            os.replace(fresh / name, path / name)
+        return 0
+    old = manifest.read_manifest(path, kind.name) or ()
+    stale = manifest.unchanged(path, old) - set(files)
+    both = fresh / f"{manifest.NAME}-both"
+    both.write_text(manifest.text_of(kind.name, {*old, *manifest.entries(files)}), encoding="utf-8")
+    os.replace(both, path / manifest.NAME)
+    (path / kind.document).unlink(missing_ok=True)
+    for name in stale:
+        (path / name).unlink()
+    for name in sorted(files, key=lambda name: name == kind.document):
         os.replace(fresh / name, path / name)
-    if document is not None:
-        mark.unlink()
+    os.replace(fresh / manifest.NAME, path / manifest.NAME)
+    return len(stale)
 
 
 @contextmanager
