@@ -47,8 +47,8 @@ STATES: dict[str, tuple[str, Callable[[np.ndarray], Any], str]] = {
     "turned": ("axis-swap", lambda x: x[:, ::-1] * [1, -1], "with x negated"),
     "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated: "),
     "image": ("axis-sign", lambda x: np.add(x * [1, -1], [0, 480]), "about another origin"),
-    "far": ("offset", lambda x: np.add(x, [5e5, 5e6]), "displaced by (5e+05, 5e+06) in x,y"),
-    "biased": ("offset", lambda x: np.add(x, [3, 4]), "displaced by (2.987, 3.927) in x,y"),
+    "far": ("offset", lambda x: np.add(x, [5e5, 5e6]), "displaced by (500000, 5000000) in x,y"),
+    "biased": ("offset", lambda x: np.add(x, [3, 4]), "displaced by (2.965, 3.911) in x,y"),
 }
 
 
@@ -66,9 +66,15 @@ def test_states(sample: Sides, fault: str) -> None:
     [
         (lambda t: t + 2, "be 2 ahead"),
         (lambda t: t - 1_700_000_000, "be 1700000000 behind"),
-        (lambda t: t * 1000, "count in milliseconds where that of the truth counts in seconds"),
-        (lambda t: t * 10**9, "count in nanoseconds"),
-        (lambda t: t / 1000, "count in seconds where that of the truth counts in milliseconds"),
+        (
+            lambda t: t * 1000,
+            "run 1,000 times as fast as that of the truth, like milliseconds",
+        ),
+        (lambda t: t * 10**9, "run 1,000,000,000 times as fast"),
+        (
+            lambda t: t / 1000,
+            "run 1,000 times slower than that of the truth, like seconds beside",
+        ),
     ],
 )
 def test_clocks(sample: Sides, change: Callable[[np.ndarray], Any], said: str) -> None:
@@ -178,3 +184,44 @@ def test_python_warns(sample: Sides) -> None:
     with pytest.warns(TgospaWarning, match="choose with cutoff"):
         result = evaluate(np.zeros((3, 1, 2)), np.full((3, 1, 2), 30.0))
     assert "default-parameters" in [notice.code for notice in result.warnings]
+
+
+def test_small_numbers_are_no_fault(sample: Sides) -> None:
+    """Rounded coordinates, a truth that rests at the origin, ids with a number after a point."""
+    truth = sample[0]
+    assert found(truth, moved(truth, lambda x: np.floor(x * 100) / 100)) == []
+    still = Trajectories.from_array(np.zeros((40, 3, 2)))
+    noise = np.random.default_rng(0).normal(0, 15, (40, 3, 2))
+    codes = [notice.code for notice in found(still, Trajectories.from_array(noise))]
+    assert "unit-scale" not in codes
+    parts = replace(truth, ids=np.array(["1", "1.1", "1.10", "2", "2.5"], object))
+    assert found(truth, parts) == []
+
+
+@pytest.mark.parametrize(
+    ("truth_unit", "estimate_unit", "said"),
+    [
+        (10**9, 1, "run 1,000,000,000 times slower than that of the truth"),
+        (10**6, 1, "run 1,000,000 times slower"),
+        (10**9, 10**6, "run 1,000 times slower"),
+        (10**6, 10**9, "run 1,000 times as fast"),
+    ],
+)
+def test_epochs_in_other_units(
+    sample: Sides, truth_unit: int, estimate_unit: int, said: str
+) -> None:
+    """Integers, which no double holds."""
+    epoch = 1_700_000_000
+    truth, estimate = (
+        replace(side, times=(side.times.astype(np.int64) + epoch) * unit)
+        for side, unit in zip(sample, (truth_unit, estimate_unit), strict=True)
+    )
+    texts = [notice.text for notice in found(truth, estimate) if notice.code == "clock-shift"]
+    assert len(texts) == 1
+    assert said in texts[0]
+
+
+def test_few_common_steps_are_told_with_any_grid(sample: Sides) -> None:
+    truth, estimate = sample
+    with pytest.warns(TgospaWarning, match="and the others are left out"):
+        evaluate(truth, replace(estimate, times=estimate.times + 50), 10.0, 2, 5.0, grid="common")

@@ -246,6 +246,11 @@ def fit(
     check_columns(truth, estimate, names)
     check_states(truth, estimate, distance, names)
     aligned = align(truth, estimate, stamps, names)
+    if aligned.union and not len(aligned.truth.times):
+        raise ConfigError(
+            f"--grid {stamps.grid}: no step is left, none of {aligned.union:,} counts; if the "
+            "clocks differ, see --time-tolerance"
+        )
     return distance.fitted(aligned.truth, aligned.estimate), aligned
 
 

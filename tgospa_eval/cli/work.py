@@ -309,8 +309,12 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
 
 def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
-    if options["output"] is not None:
-        _write(result, options, names)
+    try:
+        if options["output"] is not None:
+            _write(result, options, names)
+    except ConfigError:  # a full disk must not cost what was computed
+        _print(result, options)
+        raise
     with undisturbed():
         _print(result, options)
 

@@ -4,8 +4,10 @@ They cost little beside an evaluation: they look at the stamps, and at some step
 evenly, of which bounds settle all but suspicious cases.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from tgospa_eval.alignment import SECOND, Alignment, Stamps, nearest, within
 from tgospa_eval.diagnosis.costs import (
     FEWEST,
+    FIRST,
     StepCosts,
     affordable,
     at_steps,
@@ -39,8 +42,8 @@ FAR = 10
 SAME = 0.1
 """Of the median step: stamps that are so close after a change of the clock are the same moment."""
 
-UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
-"""What stamps beside seconds may be counted in, by the factor that makes seconds of them."""
+POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
+"""What stamps beside seconds may be counted in, by the power of ten that makes seconds of them."""
 
 MORE = 0.1
 """Share of the cost that another clock must save beyond a shift by one step, to be told instead."""
@@ -78,7 +81,7 @@ def clock_warnings(
 ) -> list[Notice]:
     """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
     near = _near_misses((sides[0].times, sides[1].times), aligned, stamps, spell)
-    found = [_few_common(aligned, spell), near]
+    found = [_few_common(sides, aligned, stamps, spell), near]
     if near is None:  # else the next step is the same moment: no shift
         shift = find_shift(aligned, parameters, distance)
         clock = _find_clock(sides, aligned, parameters, distance)
@@ -89,15 +92,18 @@ def clock_warnings(
     return [notice for notice in found if notice]
 
 
-def _few_common(aligned: Alignment, spell: Spelling) -> Notice | None:
-    steps = len(aligned.truth.times)
+def _few_common(
+    sides: tuple[Trajectories, Trajectories], aligned: Alignment, stamps: Stamps, spell: Spelling
+) -> Notice | None:
+    steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
+    if stamps.grid == "common":  # of two rates the lower one may be wholly in the other
+        steps, meaning = min(len(side.times) for side in sides), "the others are left out"
     if not steps or aligned.common >= FEW * steps:
         return None
     share = f"{100 * aligned.common / steps:.0f} %"
     return Notice(
         code="steps-unmatched",
-        text=f"only {share} of the steps are in both files, and what exists at another is missed "
-        "or false",
+        text=f"only {share} of the steps are in both files, and {meaning}",
         remedy=f"if the clocks differ, see {spell('time_tolerance', '')} and {spell('grid', '')}",
     )
 
@@ -171,11 +177,27 @@ def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
 
 
 def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -> Shift | None:
-    """Whether moving the estimate by one step at least halves the per-step GOSPA cost."""
+    """Whether moving the estimate by one step at least halves the per-step GOSPA cost.
+
+    Few steps rule that out for most recordings; where they do not, more are asked.
+    """
     inside = len(aligned.truth.times) - 2  # each of these has a step before and one after
     count = min(inside, affordable((aligned.truth, aligned.estimate)))
     if count < FEWEST:
         return None
+    shift = _shift_of(aligned, parameters, distance, min(count, FIRST))
+    return (
+        shift
+        if shift is None or count <= FIRST
+        else _shift_of(aligned, parameters, distance, count)
+    )
+
+
+def _shift_of(
+    aligned: Alignment, parameters: Parameters, distance: Distance, count: int
+) -> Shift | None:
+    """The same, of so many steps."""
+    inside = len(aligned.truth.times) - 2
     steps = 1 + np.arange(count) * inside // count
     truth = at_steps(aligned.truth, steps)
     here = StepCosts(truth, at_steps(aligned.estimate, steps), parameters, distance)
@@ -191,12 +213,16 @@ def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -
 
 @dataclass(frozen=True, kw_only=True)
 class Clock:
-    """Stamps of the estimate times a factor, plus an offset, from the first stamp of the truth.
+    """Another clock: time since the first stamp of the estimate, times a factor, plus an offset.
+
+    That is the time since the first stamp of the truth.
 
     Parameters
     ----------
     factor, offset : float
-        Both in the unit in which the times are held.
+        In the unit in which the times are held.
+    ahead : float
+        How far the stamps of the estimate are ahead, where the factor is 1.
     saving : float
         Share of the per-step GOSPA cost that goes away.
     steps : int
@@ -205,6 +231,7 @@ class Clock:
 
     factor: float
     offset: float
+    ahead: float = 0.0
     saving: float = 0.0
     steps: int = 0
 
@@ -240,10 +267,10 @@ def _find_clock(
     here = StepCosts(chosen, at_steps(aligned.estimate, own), parameters, distance)
     if 2 * here.upper.sum() < here.alone.sum():
         return None
-    start = truth.times[0]
-    moments, theirs = ((side.times - start).astype(np.float64) for side in sides)
+    moments, theirs = map(_from_first, (truth.times, estimate.times))
+    starts = Fraction(truth.times[0].item()), Fraction(estimate.times[0].item())
     best: Clock | None = None
-    for clock in _clocks(moments, theirs, step, float(start)):
+    for clock in _clocks((moments, theirs), starts, step):
         at, is_there = _same_moments(moments[steps], theirs * clock.factor + clock.offset, step)
         if np.count_nonzero(is_there) < FEWEST / 2:
             continue
@@ -254,23 +281,38 @@ def _find_clock(
     return best
 
 
-def _clocks(moments: Floats, theirs: Floats, step: float, start: float) -> Iterator[Clock]:
-    """What may be wrong: moments count from the first stamp of the truth, `start`."""
+def _from_first(times: NDArray[Any]) -> Floats:
+    """Times since the first; exact before they are rounded to doubles, however far apart."""
+    if times.dtype.kind == "i":
+        unsigned = times.astype(np.int64).view(np.uint64)
+        return np.asarray(unsigned - unsigned[0], np.float64)
+    return np.asarray(times - times[0], np.float64)
+
+
+def _clocks(
+    times: tuple[Floats, Floats], starts: tuple[Fraction, Fraction], step: float
+) -> Iterator[Clock]:
+    """What may be wrong: times of both sides since their first stamps, and these stamps."""
+    moments, theirs = times
     own = median_step(theirs) or step
-    for factor in (*UNITS, *(1 / factor for factor in UNITS)):
-        if 1 / RATES <= own * factor / step <= RATES:
-            yield Clock(factor=factor, offset=start * (factor - 1))  # stamps count from 0
-            yield Clock(factor=factor, offset=-float(theirs[0]) * factor)
-    ends = (-float(theirs[0]), float(moments[-1] - theirs[-1]))
-    moves = [sign * k * step for k in range(1, FAR + 1) for sign in (1, -1)]
-    yield from (Clock(factor=1.0, offset=offset) for offset in (*ends, *moves) if offset)
+    for power in (*POWERS, *(-power for power in POWERS)):
+        factor = Fraction(10) ** power
+        if 1 / RATES <= own * float(factor) / step <= RATES:
+            since = float(starts[1] * factor - starts[0])  # both count from one moment
+            yield from (Clock(factor=float(factor), offset=offset) for offset in (since, 0.0))
+    apart = float(starts[1] - starts[0])
+    ends = (0.0, float(moments[-1] - theirs[-1]))
+    moves = [apart + sign * k * step for k in range(1, FAR + 1) for sign in (1, -1)]
+    for offset in (*ends, *moves):
+        if offset != apart:
+            yield Clock(factor=1.0, offset=offset, ahead=apart - offset)
 
 
 def _same_moments(wanted: Floats, theirs: Floats, step: float) -> tuple[Ints, NDArray[np.bool_]]:
     """The step of the estimate nearest to each moment, and whether it is the same moment."""
     after = np.searchsorted(theirs, wanted).clip(1, len(theirs) - 1)
     at = after - (wanted - theirs[after - 1] <= theirs[after] - wanted)
-    return at, np.abs(theirs[at] - wanted) <= SAME * step
+    return at, np.asarray(np.abs(theirs[at] - wanted) <= SAME * step)
 
 
 def _moved(estimate: Trajectories, at: Ints, is_there: NDArray[np.bool_]) -> Trajectories:
@@ -282,10 +324,11 @@ def _moved(estimate: Trajectories, at: Ints, is_there: NDArray[np.bool_]) -> Tra
 
 def _said(clock: Clock, kind: str) -> str:
     if clock.factor == 1.0:
-        way = "ahead" if clock.offset < 0 else "behind"
+        way = "ahead" if clock.ahead > 0 else "behind"
         unit, name = (1, "") if kind == "number" else (SECOND, " s")
-        return f"be {abs(clock.offset) / unit:.10g}{name} {way}"
-    if clock.factor < 1:
-        return f"count in {UNITS[clock.factor]} where that of the truth counts in seconds"
-    small = min(UNITS, key=lambda factor: abs(factor * clock.factor - 1))
-    return f"count in seconds where that of the truth counts in {UNITS[small]}"
+        return f"be {abs(clock.ahead) / unit:.10g}{name} {way}"
+    power = round(math.log10(clock.factor))
+    small, times = POWERS[-abs(power)], f"{10 ** abs(power):,} times"
+    if power < 0:
+        return f"run {times} as fast as that of the truth, like {small} beside seconds"
+    return f"run {times} slower than that of the truth, like seconds beside {small}"

@@ -18,6 +18,9 @@ from tgospa_eval.trajectories import Ints, Trajectories
 SAMPLE = 100
 """Steps that are looked at."""
 
+FIRST = 25
+"""Steps that are looked at first."""
+
 ROWS = 20_000
 """Rows of either side at these steps, at most."""
 
@@ -137,9 +140,9 @@ def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
     return min(SAMPLE, by_pairs, int(ROWS / max(*objects, 1)))
 
 
-def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories]) -> Ints:
+def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:
     """As many of the steps as may be looked at, evenly spread."""
-    count = max(1, min(len(steps), affordable(sides)))
+    count = max(1, min(len(steps), affordable(sides), most))
     return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
 
 

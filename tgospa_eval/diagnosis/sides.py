@@ -3,6 +3,7 @@
 import numpy as np
 
 from tgospa_eval.notices import Notice
+from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Trajectories
 
 NAMES = ("truth", "estimate")
@@ -36,21 +37,15 @@ def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
 
 def _spellings(name: str, side: Trajectories) -> list[Notice]:
     """Ids that are one number, and different texts: 7 and 7.0."""
-    ids = [text for text in side.ids.tolist() if text[:1].isdigit()]
-    if not any("." in text for text in ids):
-        return []
-    seen: dict[float, str] = {}
-    for text in ids:
-        try:
-            other = seen.setdefault(float(text), text)
-        except ValueError:
-            continue
-        if other != text:
+    whole = {text for text in side.ids.tolist() if text.isdigit()}
+    for text in side.ids.tolist() if whole else ():
+        number, point, zeros = text.partition(".")
+        if point and zeros and not zeros.strip("0") and number in whole:
             return [
                 Notice(
                     code="id-types",
-                    text=f"ids {other!r} and {text!r} of the {name} are one number in two "
-                    "spellings, and two trajectories",
+                    text=f"ids {quoted(number)} and {quoted(text)} of the {name} are one number in "
+                    "two spellings, and two trajectories",
                     remedy="write ids alike",
                 )
             ]

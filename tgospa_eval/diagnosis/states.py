@@ -10,7 +10,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from tgospa_eval.diagnosis.costs import StepCosts, at_steps, evenly, occupied, saving
+from tgospa_eval.diagnosis.costs import FIRST, SAMPLE, StepCosts, at_steps, evenly, occupied, saving
 from tgospa_eval.distances import Distance
 from tgospa_eval.notices import Notice, Spelling, as_option
 from tgospa_eval.problem import Floats, Parameters
@@ -29,8 +29,12 @@ PAIRS = 6
 
 FITTED = 12
 
-VOTES = 6_000
-"""Differences of states among which an offset is sought."""
+VOTES, EACH = 6_000, 40
+"""Differences of states among which an offset is sought: so many, and so many for each estimate of
+a step, of which one may be right."""
+
+WORTH = 1e-3
+"""Of the cost of leaving all unassigned: less is not worth a warning, but about rounding."""
 
 TRACKS = 3
 """Truths that must agree on an offset below the cutoff: that of one may be its own error."""
@@ -88,9 +92,10 @@ class _Sample:
         aligned: tuple[Trajectories, Trajectories],
         parameters: Parameters,
         distance: Distance,
+        most: int = SAMPLE,
     ) -> None:
         common = np.flatnonzero(occupied(aligned[0]) & occupied(aligned[1]))
-        self.steps = evenly(common, aligned)
+        self.steps = evenly(common, aligned, most)
         self.truth, self.estimate = (at_steps(side, self.steps) for side in aligned)
         self.parameters, self.distance = parameters, distance
         self.columns = self.truth.columns
@@ -109,7 +114,14 @@ class _Sample:
         """Share of the cost that a change saves; 0 where that is not convincing."""
         there = self.costs(change(self.estimate))
         saved = saving(self.here, there, min(len(self.steps), 2))
-        return saved if saved and len(there.taken) >= fewest else 0.0
+        if not saved or len(there.taken) < fewest:
+            return 0.0
+        if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
+            # Whatever shrinks comes near to truths at the origin.
+            origin = self.costs(replace(change, factor=0 * change.factor)(self.estimate))
+            if origin.upper.sum() < 2 * there.upper.sum():
+                return 0.0
+        return saved
 
 
 def state_warnings(
@@ -131,11 +143,15 @@ def state_warnings(
     spell : callable
         How settings are written in remedies.
     """
-    sample = _Sample(aligned, parameters, distance)
-    if not len(sample.steps) or not sample.here.upper.any():
+    sample = _Sample(aligned, parameters, distance, FIRST)
+    if not len(sample.steps) or sample.here.upper.sum() < WORTH * sample.here.alone.sum():
         return []
     found = _best(sample, _linear(sample)) if sample.is_bad else None
     found = found or _best(sample, _displaced(sample), FITTED)
+    if len(sample.steps) >= FIRST:  # what few steps suggest, more must confirm
+        sample = _Sample(aligned, parameters, distance)
+        saved = sample.saving(found[1]) if found else 0.0
+        found = (saved, found[1]) if found and saved else None
     if found is not None:
         saved, change = found
         return [
@@ -294,7 +310,9 @@ def _displaced(sample: _Sample) -> Iterator[_Change]:
 
 def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
     size = len(columns)
-    vector = ", ".join(f"{-value:.4g}" for value in offset)
+    vector = ", ".join(
+        f"{0.0 - value:.0f}" if abs(value) >= 1e4 else f"{0.0 - value:.4g}" for value in offset
+    )
     return _Change(
         code="offset",
         text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}: without that",
@@ -348,10 +366,11 @@ def _crossed(first: Ints, second: Ints, steps: int) -> tuple[Ints, Ints] | None:
     together = int(pairs.sum())
     if not together:
         return None
-    chosen = chosen[:: -(-together // VOTES)]
+    votes = max(VOTES, EACH * int(counts[1].max()))
+    chosen = chosen[:: -(-together // votes)]
     left, right = [], []
     for step in chosen.tolist():
-        thin = -(-int(pairs[step]) // VOTES)
+        thin = -(-int(pairs[step]) // votes)
         i = np.arange(starts[0][step], starts[0][step + 1])[::thin]
         j = np.arange(starts[1][step], starts[1][step + 1])
         left.append(np.repeat(i, len(j)))
