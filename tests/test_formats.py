@@ -198,6 +198,10 @@ def test_parquet_is_read_like_csv(write: Write, tmp_path: Path, quickstart: Any)
     assert reading.format == "parquet"
     assert "columns not used: note" in reading.notices
     assert states(reading) == states(read(quickstart[0]))
+    frame.rename(columns={"t": "timestamp"}).assign(frame=0).to_parquet(path)
+    reading = read(path)
+    assert 't is read from "timestamp", not from "frame"' in reading.notices[1]
+    assert states(reading) == states(read(quickstart[0]))
     frame.loc[3, "x"] = np.inf
     frame.to_parquet(path)
     with pytest.raises(InputError, match=r'truth.parquet, row 3, column "x": infinite'):

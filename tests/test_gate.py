@@ -223,6 +223,13 @@ def test_header_maps_and_matrices_come_from_the_baseline(invoke: Invoke, write: 
     assert "covariance" in answer.out
 
 
+def test_a_baseline_stands_where_a_file_has_two_times(gate: Invoke, write: Write) -> None:
+    rows = [f"{9 - t},{t},a,{t},0" for t in range(5)]
+    write("t.csv", "\n".join(["frame,timestamp,id,x,y", *rows, ""]))
+    answer = gate()
+    assert answer.status == 0, answer.err
+
+
 def test_defaults_of_the_distance_are_kept(invoke: Invoke, write: Write) -> None:
     write("t.csv", "id,t,left,top,width,height\n1,1,0,0,10,10\n")
     common = ("gate", "t.csv", "t.csv", "--baseline", "b.json", "-q")

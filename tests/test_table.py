@@ -116,13 +116,61 @@ def test_usual_headers(write: Write, header: str) -> None:
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        ("id,frame,timestamp,x", '"frame" and "timestamp" may both be t; say which, columns=('),
+        ("id,stamp,ts,x", '"stamp" and "ts" may both be t; say which, columns=(\'t=ts\','),
         ("id,t,pos_x,utm_x", '"pos_x" and "utm_x" may both be x; say which, columns=('),
-        ("track_id,object_id,t,x", '"track_id" and "object_id" may both be id'),
+        ("mmsi,track,t,x", '"mmsi" and "track" may both be id; say which, columns=(\'id=track\','),
+        ("id,Time,TIME,x", '"Time" and "TIME" may both be t'),
     ],
 )
 def test_two_candidates_are_refused(write: Write, header: str, said: str) -> None:
     assert said in refusal(write("a.csv", f"{header}\n1,2,3,4\n"))[0]
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize(
+    ("name", "taken", "passed"),
+    [
+        ("t", "time", "frame"),
+        ("t", "timestamp", "step"),
+        ("t", "timestamp", "frame"),
+        ("t", "Time", "TIMESTAMP"),
+        ("t", "time", "ts"),
+        ("t", "time", "time_ns"),
+        ("t", "frame", "time_s"),
+        ("t", "frame", "frame_id"),
+        ("id", "track_id", "object_id"),
+        ("id", "track_id", "mmsi"),
+        ("id", "track_id", "track_name"),
+        ("id", "target_id", "track"),
+    ],
+)
+def test_the_first_aliases_have_an_order(
+    write: Write, name: str, taken: str, passed: str, swapped: bool
+) -> None:
+    pair = (passed, taken) if swapped else (taken, passed)
+    other = "t" if name == "id" else "id"
+    values = {taken: 1, passed: 2, other: 3, "x": 4, "y": 5}
+    header = (*pair, other, "x", "y")
+    text = f"{','.join(header)}\n{','.join(str(values[column]) for column in header)}\n"
+    path = write("a.csv", text)
+    reading = read(path)
+    key = ("1", 3) if name == "id" else ("3", 1)
+    assert rows_of(reading.trajectories) == {key: (4.0, 5.0)}
+    remedy = f"columns=('{name}={passed}',)"
+    said = f'{name} is read from "{taken}", not from "{passed}"; {remedy} reads that'
+    assert said in reading.notices
+    mapped = read(path, ReadOptions(columns=(f"{name}={passed}",)))
+    key = ("2", 3) if name == "id" else ("3", 2)
+    assert rows_of(mapped.trajectories) == {key: (4.0, 5.0)}
+
+
+def test_only_columns_that_are_wanted_may_be_doubtful(write: Write) -> None:
+    path = write("a.csv", "id,t,x,y,bb_left,bbox_left\n1,2,3,4,5,6\n")
+    assert rows_of(read_trajectories(path)) == {("1", 2): (3.0, 4.0)}
+    path = write("b.csv", "id,time,frame,x\n1,2,3,4\n")
+    named = read(path, ReadOptions(columns=("x", "frame")))
+    assert rows_of(named.trajectories) == {("1", 2): (4.0, 3.0)}
+    assert not named.notices
 
 
 def test_a_plain_name_goes_before_aliases(write: Write) -> None:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import evaluate, read_trajectories
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.notices import in_python
 from tgospa_eval.trajectories import Trajectories
 
@@ -80,8 +80,8 @@ def test_arrays_have_one_number_of_steps() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"z": 0.0}, r"columns=\('x', 'y'\)"),
-        ({"id": "a", "t": 0}, 'on_duplicate="first" or last'),
+        ({"z": 0.0}, r"leave out the other columns of a DataFrame.* read_trajectories"),
+        ({"id": "a", "t": 0}, r"drop_duplicates\(\['id', 't'\]\)"),
     ],
 )
 def test_messages_name_arguments(change: dict[str, Any], said: str) -> None:
@@ -91,12 +91,21 @@ def test_messages_name_arguments(change: dict[str, Any], said: str) -> None:
     assert "--" not in str(raised.value)
 
 
+def test_a_frame_is_no_path() -> None:
+    frame: Any = pd.DataFrame({"id": ["a"], "t": [0], "x": [0.0]})
+    with pytest.raises(ConfigError) as raised:
+        read_trajectories(frame)
+    said = "path is of the type DataFrame: must be a path; evaluate takes DataFrames themselves"
+    assert str(raised.value) == said
+
+
 def test_options_are_spelled_as_arguments() -> None:
     for text, spelled in (
         ("or use --fix-cov", "or use fix_covariance"),
         ("use --missing-cov zero", 'use missing_covariance="zero"'),
         ("or --decimal ,", 'or decimal=","'),
         ("try --truth-columns id=trk,x=px", "try columns=('id=trk', 'x=px')"),
+        ("with --columns a=B, or", "with columns=('a=B',), or"),
         ("only 1 -- or 2", "only 1 -- or 2"),
     ):
         assert in_python(text) == spelled

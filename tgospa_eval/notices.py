@@ -85,16 +85,29 @@ WORDS = ("distance", "grid", "missing-cov", "on-duplicate")
 """Options whose value in messages is a word."""
 
 _OPTION = re.compile(
-    r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=,]+)"
+    r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
     rf"|(?P<named>{'|'.join(WORDS)}) (?P<word>[\w-]+)"
     r"|(?P<alone>[a-z][a-z-]*))"
 )
 
 
-def in_python(text: str) -> str:
-    """A message with the names of arguments where it has those of options."""
-    return _OPTION.sub(_argument, text.replace("--covariance FILE, or ", ""))
+_READING = re.compile(r"\b(columns=\(|on_duplicate=|decimal=|boxes=|(fix|missing)_covariance)")
+"""Arguments of `read_trajectories` in messages."""
+
+
+def in_python(text: str, *, reads: bool = True) -> str:
+    """A message with the names of arguments where it has those of options.
+
+    Where what was called does not have those that `reads`, it says what has.
+    """
+    if not reads:
+        text = text.replace(
+            "choose what to compare with ",
+            "leave out the other columns of a DataFrame, or read files with ",
+        )
+    spelt = _OPTION.sub(_argument, text.replace("--covariance FILE, or ", ""))
+    return f"{spelt} (see read_trajectories)" if not reads and _READING.search(spelt) else spelt
 
 
 def _argument(found: re.Match[str]) -> str:
@@ -107,8 +120,8 @@ def _argument(found: re.Match[str]) -> str:
 
 
 @contextmanager
-def spoken_in_python() -> Iterator[None]:
-    """What is raised inside names arguments.
+def spoken_in_python(*, reads: bool = True) -> Iterator[None]:
+    """What is raised inside names arguments, see `in_python`.
 
     Raises
     ------
@@ -118,7 +131,7 @@ def spoken_in_python() -> Iterator[None]:
     try:
         yield
     except TgospaError as error:
-        text = in_python(str(error))
+        text = in_python(str(error), reads=reads)
         if text == str(error):
             raise
         raise type(error)(text) from None

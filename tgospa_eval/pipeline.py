@@ -43,7 +43,7 @@ GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
 
 
-@spoken_in_python()
+@spoken_in_python(reads=False)
 def evaluate(
     truth: TrajectoriesLike,
     estimate: TrajectoriesLike,

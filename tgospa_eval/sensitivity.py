@@ -52,7 +52,7 @@ them, and iterations."""
 Values = float | Sequence[float] | Floats
 
 
-@spoken_in_python()
+@spoken_in_python(reads=False)
 def sweep(
     truth: TrajectoriesLike,
     estimate: TrajectoriesLike,

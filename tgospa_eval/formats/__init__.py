@@ -238,7 +238,9 @@ def read(
     try:
         name = os.fsdecode(path)
     except TypeError:
-        raise ConfigError(f"path is {path!r}: must be a path") from None
+        tables = "; evaluate takes DataFrames themselves" if hasattr(path, "columns") else ""
+        kind = type(path).__name__
+        raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
     options = options or ReadOptions()
     data = load(name, most_bytes(options.max_input))
     chosen = format or guess(name, data)

@@ -127,7 +127,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         chosen.notices += particles.notices(clouds, compared=options.clouds)
     elif len(again):
         if options.on_duplicate == "error":
-            raise InputError(_duplicate(taken, again, key, rows))
+            raise InputError(_duplicate(taken, again, key, rows, format))
         drop = again + 1 if options.on_duplicate == "first" else again
         taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
         rows_repeat = counted(len(again), "row repeats", "rows repeat")
@@ -305,16 +305,18 @@ def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
     return keys, text
 
 
-def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows) -> str:
+def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
     """Message for the repeated row that comes first in the file."""
     second = taken[again + 1]
     k = int(np.argmin(second))
     row = int(second[k])
     first = int(taken[np.searchsorted(key[taken], key[row])])
-    where = rows.where
+    where, roles = rows.where, rows.roles
+    remedy = "--on-duplicate first or last"
+    if format == "frame":
+        remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
     return (
         f"{where(row)}: id {_name(rows, row)} at t {_moment(rows, row)} was given before, "
         f"{where(first)}{more(len(again))}; "
-        "one row per object and step, or --on-duplicate first or last; particles of one object "
-        "need a column weight"
+        f"one row per object and step, or {remedy}; particles of one object need a column weight"
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +54,8 @@ class Roles:
         All headers.
     fixed : bool
         They are names of ours, for columns of a format without headers.
+    passed : tuple of str
+        Notices about headers that may be ids or times as well.
     lacking : dict of str to str
         Of the columns that another file may have: those that this one lacks, and what to say if
         every file does.
@@ -73,6 +75,7 @@ class Roles:
     asked: bool = False
     headers: tuple[str, ...] = ()
     fixed: bool = False
+    passed: tuple[str, ...] = ()
     lacking: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -110,6 +113,7 @@ class Roles:
                     f"{name} is read from column {quoted(self.headers[column])}: it has no header "
                     "as named by --columns"
                 )
+        yield from self.passed
         unused = list(self.unused)
         if clouds and self.spread is not None:
             unused += [self.headers[column] for column in self.spread.columns]
@@ -193,7 +197,8 @@ def find_roles(
     headers = Headers(names, mapped, options.option, where)
     lacking = _without_maps(headers, options)
     find, plainly = headers.find, partial(headers.find, plainly=True)
-    box, plain_box = _box(find), _box(plainly)
+    plain_box = _box(plainly)
+    box = cache(lambda: plain_box or _box(find))  # where it is needed: its headers may be doubtful
 
     def quantity(name: str) -> Mix | None:
         found = plainly(name)
@@ -201,10 +206,10 @@ def find_roles(
             found = find(f"loc_{name}")
         if found is None and name not in plain_box:
             found = find(name)
-        return box.get(name) if found is None else ((found, 1.0),)
+        return box().get(name) if found is None else ((found, 1.0),)
 
     identity, time = find("id"), find("t")
-    wanted = wanted or _default_states(plainly, plain_box) or _default_states(find, box)
+    wanted = wanted or _default_states(plainly, lambda: plain_box) or _default_states(find, box)
     state = tuple(mix for name in wanted if (mix := quantity(name)) is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
         states = {name: quantity(name) for name in wanted}
@@ -235,12 +240,13 @@ def find_roles(
             spread = spread or find_spread(naming, find, where)
     weight = None if options.boxes else find(WEIGHT)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
-    sizes = (box["width"], box["height"]) if centres or options.boxes else ()
+    sizes = (box()["width"], box()["height"]) if centres or options.boxes else ()
     mixes = (*state, *region.values(), *sizes)
     used = {identity, time, klass, *(k for mix in mixes for k, _ in mix)}
     if weight in used:
         weight = None
     used |= {weight, *(spread.columns if spread else ())}
+    unused = tuple(name for k, name in enumerate(names) if k not in used)
     return Roles(
         id=identity,
         time=time,
@@ -250,12 +256,13 @@ def find_roles(
         region=region,
         sizes=sizes,
         centres=centres,
-        unused=tuple(name for k, name in enumerate(names) if k not in used),
+        unused=unused,
         weight=weight,
         spread=spread,
         asked=options.covariance and not options.clouds,
         headers=tuple(names),
         fixed=fixed,
+        passed=tuple(said for name in ("id", "t") for said in headers.passed_over(name, unused)),
         lacking=lacking,
     )
 
@@ -360,14 +367,16 @@ def _box(find: Callable[[str], int | None]) -> dict[str, Mix]:
     return box if len(box) == 4 else {}
 
 
-def _default_states(find: Callable[[str], int | None], box: dict[str, Mix]) -> tuple[str, ...]:
+def _default_states(
+    find: Callable[[str], int | None], box: Callable[[], dict[str, Mix]]
+) -> tuple[str, ...]:
     places = [find(name) for name in ("x", "y", "z")]
     size = places.index(None) if None in places else 3
     if size:
         return ("x", "y", "z")[:size]
     if find("lat") is not None and find("lon") is not None:
         return ("lat", "lon")
-    return ("x", "y") if box else ()
+    return ("x", "y") if box() else ()
 
 
 def _check_names(names: list[str], where: str) -> None:

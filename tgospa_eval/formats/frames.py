@@ -41,9 +41,8 @@ def from_frame(
     InputError
         As for files, with the position of the row (from 0) instead of a line.
     """
-    options = options or ReadOptions()
-    asked = options if options.columns else replace(options, option="")
-    roles = find_roles([str(column) for column in frame.columns], asked, name)
+    options = replace(options or ReadOptions(), option="")
+    roles = find_roles([str(column) for column in frame.columns], options, name)
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 

@@ -8,15 +8,22 @@ from tgospa_eval.formats.asked import ask
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.text import listed, quoted
 
+FIRST = {
+    "id": ("id", "track_id", "target_id", "object_id"),
+    "t": ("t", "time", "timestamp", "frame", "step"),
+    "weight": ("weight", "w"),
+}
+"""Aliases in the order in which they are taken, before all others: case alone does not matter."""
+
 ALIASES = {
     "id": (
-        "id", "track_id", "target_id", "object_id", "obj_id", "trk_id", "tid", "track", "uuid",
+        *FIRST["id"], "obj_id", "trk_id", "tid", "track", "uuid",
         "track_uuid", "object_uuid", "track_no", "track_num", "track_number", "target_number",
         "track_name", "target_name", "track_token", "instance_id", "instance_token", "entity_id",
         "agent_id", "vehicle_id", "person_id", "pedestrian_id", "actor_id", "mmsi", "icao24",
     ),
     "t": (
-        "t", "time", "timestamp", "frame", "step", "ts", "stamp", "datetime", "utc", "utc_time",
+        *FIRST["t"], "ts", "stamp", "datetime", "utc", "utc_time",
         "time_utc", "timestep", "frame_id", "frame_idx", "frame_index", "frame_no", "frame_num",
         "frame_number",
     ),
@@ -39,7 +46,7 @@ ALIASES = {
     "height": ("height", "bb_height", "bbox_height"),
     "right": ("right", "bb_right", "bbox_right", "x_max"),
     "bottom": ("bottom", "bb_bottom", "bbox_bottom", "y_max"),
-    "weight": ("weight", "w"),
+    "weight": FIRST["weight"],
 }  # fmt: skip
 """Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
 
@@ -125,19 +132,37 @@ class Headers:
         """
         if name in self.mapped:
             return self.spelt(self.mapped[name], name)
-        found = self.spelt(name, name)
-        if found is not None or plainly:
-            return found
+        for alias in (name,) if plainly else FIRST.get(name, (name,)):
+            found = self.spelt(alias, name)
+            if found is not None:
+                return found
+        return None if plainly else self._only(self._places(name), name)
+
+    def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
+        """A notice if unused headers may be a column as well as the one taken by an alias."""
+        if name in self.mapped or self.spelt(name, name) is not None:
+            return
+        found = self.find(name)
+        others = [self.names[k] for k in self._places(name) if k != found]
+        others = [header for header in others if header in unused]
+        if found is not None and others:
+            passed = " or ".join(map(quoted, others))
+            remedy = ask(self.option, [f"{name}={others[0]}"])
+            taken = quoted(self.names[found])
+            yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
+
+    def _places(self, name: str) -> list[int]:
+        """Positions of all headers that may be a column, the most usual first."""
         units = UNITS.get(name, ())
         keys = dict.fromkeys(_joined(alias) for alias in ALIASES.get(name, ()))
-        places = {
+        places = (
             k for key in keys for k, unit in self.keyed.get(key, ()) if not unit or unit in units
-        }
-        return self._only(sorted(places), name)
+        )
+        return list(dict.fromkeys(places))
 
     def _only(self, places: list[int], name: str) -> int | None:
         if len(places) > 1:
-            alike = " and ".join(quoted(self.names[k]) for k in places)
+            alike = " and ".join(quoted(self.names[k]) for k in sorted(places))
             both = "both" if len(places) == 2 else "all"
             remedy = ask(self.option, [f"{name}={self.names[places[0]]}"])
             raise InputError(f"{self.where}: {alike} may {both} be {name}; say which, {remedy}")

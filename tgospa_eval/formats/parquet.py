@@ -68,8 +68,9 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     del table
     # The same roles by position in the subset, where mapped headers without a use are missing.
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
-    found = replace(find_roles(subset, shared, path), unused=roles.unused, lacking=roles.lacking)
-    return frame_rows(frame, found, path, options.decimal)
+    found = find_roles(subset, shared, path)
+    whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
+    return frame_rows(frame, replace(found, **whole), path, options.decimal)
 
 
 def _check_types(schema: Any, roles: Roles, path: str) -> None:
