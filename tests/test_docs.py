@@ -105,3 +105,10 @@ def test_a_page_from_its_top(
 
 def test_readme_has_an_example() -> None:
     assert "evaluate(" in "".join(text for _, text in blocks(README))
+
+
+def test_readme_prints_what_the_start_page_does() -> None:
+    _, _, text = README.read_text(encoding="utf-8").partition("## What it prints\n\n```\n")
+    printed = text.partition("```")[0]
+    assert printed
+    assert printed in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
