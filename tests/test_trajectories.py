@@ -72,6 +72,13 @@ def test_sides_may_be_paths_and_arrow_tables(quickstart: tuple[str, str]) -> Non
         assert evaluate(*sides, **given).total == expected.total
 
 
+def test_masked_states_are_absent() -> None:
+    """Two of four steps are masked: missed, at c^2 / 2 each."""
+    masked = np.ma.array(np.zeros((4, 1, 2)), mask=False)
+    masked[2:] = np.ma.masked
+    assert evaluate(np.zeros((4, 1, 2)), masked, 10.0).total == 100
+
+
 def test_arrays_have_one_number_of_steps() -> None:
     with pytest.raises(InputError, match=r"truth has 3 steps and estimate 2: arrays \(T, k, d\)"):
         evaluate(np.zeros((3, 1, 2)), np.zeros((2, 1, 2)), 1.0)

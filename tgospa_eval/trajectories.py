@@ -224,7 +224,7 @@ class Trajectories:
         Parameters
         ----------
         states : (T, k, d) array
-            States; of normal laws the means.
+            States, NaN or masked where absent; of normal laws the means.
         columns : tuple of str, optional
             Names of the d columns; x, y, z by default.
         covariance : (T, k, d, d) array, optional
@@ -236,6 +236,8 @@ class Trajectories:
             Not three axes, or a value is infinite; covariances that do not fit or are none.
         """
         try:
+            if isinstance(states, np.ma.MaskedArray):
+                states = np.ma.filled(states.astype(np.float64), np.nan)
             states = np.asarray(states)
             if states.dtype.kind not in "biufO":
                 raise TypeError(f"not of type {states.dtype}")

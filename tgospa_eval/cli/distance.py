@@ -11,6 +11,7 @@ from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.asked import BOX, parse_columns
+from tgospa_eval.notices import Notice
 from tgospa_eval.text import quoted
 
 
@@ -99,18 +100,29 @@ class DistanceOptions:
         return _with(self.named, **{name: value for name, value in given.items() if value})
 
 
-def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[str]:
+WIDE = 1.0
+"""Degrees, 111 km: a larger cutoff was meant in metres."""
+
+
+def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[Notice]:
     """What the user should know about the choice."""
     found = []
     if isinstance(distance, Norm) and columns == ("lat", "lon"):
         found.append(
-            "lat and lon are compared as plain numbers: c, gamma and errors are in degrees; "
-            "--distance haversine gives metres"
+            Notice(
+                code="degrees" if cutoff >= WIDE else "",
+                text="lat and lon are compared as plain numbers: c, gamma and errors are in "
+                "degrees",
+                remedy="--distance haversine gives metres",
+            )
         )
     if distance.name == "iou" and cutoff > 1:
         found.append(
-            f"cutoff {cutoff:g} is above 1, the largest distance of boxes: all pairs of a step "
-            "count as near, also those that share nothing; time and memory grow with all pairs"
+            Notice(
+                text=f"cutoff {cutoff:g} is above 1, the largest distance of boxes: all pairs of a "
+                "step count as near, also those that share nothing; time and memory grow with all "
+                "pairs"
+            )
         )
     return found
 

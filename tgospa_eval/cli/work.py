@@ -263,8 +263,7 @@ def pair_notices(
     given: dict[str, bool],
 ) -> Iterator[Notice]:
     """What the user should know of the choice of the distance, and of the two files together."""
-    for text in notices(distance, aligned.truth.columns, settings.parameters.cutoff):
-        yield Notice(text=text)
+    yield from notices(distance, aligned.truth.columns, settings.parameters.cutoff)
     truth, estimate = (side.trajectories for side in sides)
     if "gaussian" in distance.kinds:
         for text in _about_points(truth.kind == "point", estimate.kind == "point"):

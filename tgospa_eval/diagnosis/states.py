@@ -252,7 +252,7 @@ def _turned(
         (name, columns[source]) for k, (name, source) in enumerate(zip(columns, order, strict=True))
         if source != k
     ]  # fmt: skip
-    mapping = ",".join(f"{name}={source}" for name, source in moved)
+    mapping = ",".join(f"{name}=HEADER" for name, _ in moved)
     names = " and ".join(name for name, _ in moved)
     if moved:
         text = f"{names} of the estimate seem exchanged"
@@ -263,7 +263,10 @@ def _turned(
 
     def remedy(spell: Spelling) -> str:
         if moved and not negated and spell is as_option:
-            return f"write both files in the same axes, or try {spell('estimate_columns', mapping)}"
+            return (
+                "write both files in the same axes, or name the headers in the other order with "
+                f"{spell('estimate_columns', mapping)}"
+            )
         return "write both files in the same axes"
 
     return _Change(

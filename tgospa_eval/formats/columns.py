@@ -385,6 +385,7 @@ def _check_names(names: list[str], where: str) -> None:
         if not name:
             raise InputError(
                 f"{where}: column {k} has no name in the header; name it, also if unused"
+                " (pandas writes such a one but for to_csv(..., index=False))"
             )
         if name in seen:
             raise InputError(f"{where}: the header names {quoted(name)} twice; rename one")

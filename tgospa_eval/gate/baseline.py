@@ -169,8 +169,8 @@ def load(path: str) -> Baseline | None:
         line = (text.splitlines() or [""])[error.lineno - 1 : error.lineno]
         mark = " (a merge conflict)" if line and line[0].startswith(("<<<<<<<", "=======")) else ""
         raise ConfigError(
-            f"{path}, line {error.lineno}: not valid JSON{mark}: {error.msg}; mend it, or "
-            "delete the file and make it anew with --update-baseline"
+            f"{path}, line {error.lineno}: not valid JSON{mark}: {error.msg}; is this "
+            "the baseline? If so, mend it, or delete it and make it anew with --update-baseline"
         ) from None
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: {error}") from None

@@ -111,7 +111,8 @@ def _parts(result: Summary) -> Iterator[str]:
         if name == "localisation" and result.split is not None:
             for part, half in zip(("means", "spread"), result.split, strict=True):
                 yield f"    {part:<12}{number(half):>12}{result.share(half):>9}"
-    yield f"  {'total':<14}{number(total):>12}{result.share(total):>9}{'':>10}  = TGOSPA^p".rstrip()
+    of = "= TGOSPA^p" if result.certified else "= upper bound^p: another may cost less"
+    yield f"  {'total':<14}{number(total):>12}{result.share(total):>9}{'':>10}  {of}"
 
 
 def _classes(result: Summary) -> Iterator[str]:
