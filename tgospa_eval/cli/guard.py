@@ -32,11 +32,15 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
     if limit is None:
         return work()
     done, mark = os.pipe()
+    passed_on = {getattr(signal, name) for name in PASSED_ON}
+    signal.pthread_sigmask(signal.SIG_BLOCK, passed_on)  # until there is a child to pass them on to
     try:
         child = os.fork()
     except OSError:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
         return work()
     if child == 0:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
         os.setpgid(0, 0)  # a terminal interrupts the parent alone, which passes it on
         # Each thread takes address space; without it OpenBLAS waits for ever, or interrupts us.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -51,8 +55,9 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         # The second Ctrl-C ends the work at once, also where compiled code answers no signal.
         os.kill(child, signal.SIGKILL if heard.count(signal.SIGINT) > 1 else number)
 
-    for name in PASSED_ON:
-        signal.signal(getattr(signal, name), pass_on)
+    for number in passed_on:
+        signal.signal(number, pass_on)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
     finished = os.read(done, 1)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if heard.count(signal.SIGINT) > 1:

@@ -187,6 +187,8 @@ def probe_folder(
     check_folder(folder, kind, force=force, option=option)
     with named(f"{option} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
+        if path.is_symlink():
+            path.stat()  # links that go in a circle, which this refuses
         there = next(above for above in (path, *path.parents) if above.exists())
         probe = there / _unique(FRESH)
         probe.mkdir(mode=0o700)
