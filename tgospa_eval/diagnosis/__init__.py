@@ -57,7 +57,7 @@ def alignment_notices(aligned: Alignment, stamps: Stamps, spell: Spelling = as_o
     alone = aligned.union - aligned.common
     at = "what exists at the other is missed or false"
     if alone > 1:
-        at = f"what exists at the other {alone} is missed or false"
+        at = f"what exists at the other {alone:,} is missed or false"
     costly = stamps.grid == "union" and alone and aligned.common
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:

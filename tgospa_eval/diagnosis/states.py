@@ -15,6 +15,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.notices import Notice, Spelling, as_option
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.trajectories import Ints, Trajectories
+from tgospa_eval.words import counted
 
 FACTORS = {
     1000.0: ("metres", "kilometres"),
@@ -148,7 +149,8 @@ def state_warnings(
         return []
     found = _best(sample, _linear(sample)) if sample.is_bad else None
     found = found or _best(sample, _displaced(sample), FITTED)
-    if len(sample.steps) >= FIRST:  # what few steps suggest, more must confirm
+    suspicious = found is not None or not len(sample.here.gain)
+    if suspicious and len(sample.steps) >= FIRST:  # what few steps suggest, more must confirm
         sample = _Sample(aligned, parameters, distance)
         saved = sample.saving(found[1]) if found else 0.0
         found = (saved, found[1]) if found and saved else None
@@ -157,9 +159,8 @@ def state_warnings(
         return [
             Notice(
                 code=change.code,
-                text=f"{change.text} the per-step GOSPA cost of {len(sample.steps)} "
-                f"{'step' if len(sample.steps) == 1 else 'steps'} falls by {100 * saved:.0f} % "
-                "or more",
+                text=f"{change.text} the per-step GOSPA cost of "
+                f"{counted(len(sample.steps), 'step')} falls by {100 * saved:.0f} % or more",
                 remedy=change.remedy(spell),
             )
         ]
