@@ -188,7 +188,7 @@ def test_a_plain_name_goes_before_aliases(write: Write) -> None:
     ("header", "row", "items"),
     [
         ("trk,clock,px,py", "a,1,2,3", "id=trk,t=clock,x=px,y=py"),
-        ("no,name,secs,east,north", "1,b,2,3,4", "id=name,t=secs,x=east,y=north"),
+        ("no,name,secs,gps_east,gps_north", "1,b,2,3,4", "id=name,t=secs,x=gps_east,y=gps_north"),
         ("vx,vy,x1,y1,who,when", "0,0,1,1,a,2024-01-01", "id=who,t=when,x=x1,y=y1"),
         ("a,b,c,d", "car,1,2,3", "id=a,t=b,x=c,y=d"),
         ("my id,t,a b,c", "a,1,2,3", "id=my id,x=a b,y=c"),
@@ -198,6 +198,33 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
     path = write("a.csv", f"{header}\n{row}\n")
     assert f"columns={tuple(items.split(','))!r}" in refusal(path)[0]
     assert len(read_trajectories(path, columns=tuple(items.split(","))).ids) == 1
+
+
+@pytest.mark.parametrize("header", ["t,x,y,conf", "frame,score,x,y", "t,x,y,p_exist,class,heading"])
+def test_scores_are_no_ids(write: Write, header: str) -> None:
+    row = ",".join("0.5" if name[0] in "cphs" else "2" for name in header.split(","))
+    (message,) = refusal(write("a.csv", f"{header}\n{row}\n"))
+    assert "no column for id (" in message
+    assert "columns=('id=HEADER',)" in message
+    assert message.endswith("rows without ids are detections, and TGOSPA compares tracks")
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "state"),
+    [
+        ("device_id,t,East,North,Up", ("x", "y", "z"), (4.0, 5.0, 6.0)),
+        ("device_id,t,e [m],n [m],v", ("x", "y"), (4.0, 5.0)),
+        ("mmsi,t,pos_x,east,north", ("x",), (4.0,)),
+        ("device_id,t,latitude,longitude,east,north", ("lat", "lon"), (4.0, 5.0)),
+    ],
+)
+def test_east_and_north_are_the_last_choice(
+    write: Write, header: str, columns: tuple[str, ...], state: tuple[float, ...]
+) -> None:
+    row = ",".join(map(str, range(2, 3 + header.count(","))))
+    trajectories = read_trajectories(write("a.csv", f"{header}\n{row}\n"))
+    assert trajectories.columns == columns
+    assert rows_of(trajectories) == {("2", 3): state}
 
 
 def test_latitude_and_longitude_are_the_second_choice(write: Write) -> None:
@@ -407,6 +434,32 @@ def test_duplicates(write: Write) -> None:
         assert len(rows_of(reading.trajectories)) == 3
         assert [n for n in reading.notices if n.startswith("2 rows ") and choice in n]
     assert kept == {"first": (1.0,), "last": (3.0,)}
+
+
+@pytest.mark.parametrize(
+    ("ids", "cause"),
+    [
+        ("-1", "every id is -1: these are detections, and TGOSPA compares tracks"),
+        ("7", 'every id is "7", as of detections, and TGOSPA compares tracks'),
+        ("abcde", "name the columns of ids and times"),
+    ],
+)
+def test_most_rows_are_duplicates(write: Write, ids: str, cause: str) -> None:
+    names = [ids] if ids != "abcde" else list(ids)
+    rows = [f"{name},0,{k}" for name in names for k in range(3)]
+    path = write("a.csv", "\n".join(["id,t,x", *rows]))
+    reading = read(path, ReadOptions(on_duplicate="first"))
+    (warning,) = reading.warnings
+    assert warning.code == "duplicates"
+    assert f"{2 * len(names)} of {3 * len(names)} rows repeat an (id, t)" in warning.text
+    assert warning.remedy.startswith(cause)
+    (message,) = refusal(path)
+    assert (cause in message) == (ids != "abcde")
+
+
+def test_half_of_the_rows_are_duplicates(write: Write) -> None:
+    path = write("a.csv", "id,t,x\na,0,1\na,0,2\nb,0,3\nb,0,4\n")
+    assert not read(path, ReadOptions(on_duplicate="last")).warnings
 
 
 def test_an_absent_row_is_no_duplicate(write: Write) -> None:

@@ -98,6 +98,24 @@ def test_messages_name_arguments(change: dict[str, Any], said: str) -> None:
     assert "--" not in str(raised.value)
 
 
+@pytest.mark.parametrize("levels", [["id"], ["id", "t"]])
+def test_columns_in_the_index_are_told(levels: list[str]) -> None:
+    frame = pd.DataFrame({"id": ["a", "b"], "t": [0, 1], "x": 0.0}).set_index(levels)
+    with pytest.raises(InputError) as raised:
+        evaluate(frame, frame, 1.0)
+    named = ", ".join(f'"{level}"' for level in levels)
+    said = f"truth: {named} must be a column and is in the index; call reset_index() first"
+    assert str(raised.value) == said
+    with pytest.raises(InputError, match="no column for position"):
+        evaluate(frame.drop(columns="x"), frame, 1.0)
+
+
+def test_a_lazy_frame_is_to_be_collected() -> None:
+    lazy: Any = type("LazyFrame", (), {})()
+    with pytest.raises(ConfigError, match=r"truth is of the type LazyFrame: call its collect\(\)"):
+        evaluate(lazy, lazy, 1.0)
+
+
 def test_a_frame_is_no_path() -> None:
     frame: Any = pd.DataFrame({"id": ["a"], "t": [0], "x": [0.0]})
     with pytest.raises(ConfigError) as raised:

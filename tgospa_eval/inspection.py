@@ -75,7 +75,7 @@ def _about(reading: Reading) -> Iterator[Notice]:
     """What is wrong with one file by itself."""
     yield from reading.warnings
     count = reading.left_out.get("duplicate", 0)
-    if count:
+    if count and not any(notice.code == "duplicates" for notice in reading.warnings):
         yield Notice(
             code="duplicates",
             text=f"{counted(count, 'row repeats', 'rows repeat')} an (id, t)",

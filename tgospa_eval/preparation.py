@@ -353,9 +353,10 @@ def as_trajectories(
 
         options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
         return from_frame(frame, options, name=name).warn()
+    lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
     raise ConfigError(
-        f"{name} is of the type {type(side).__name__}: must be Trajectories, a DataFrame (pandas, "
-        "Polars or another that Arrow knows), an array (T, k, d) or a path"
+        f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
+        "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a path"
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
-from tgospa_eval.notices import Notice, spoken_in_python
+from tgospa_eval.notices import Notice, in_python, spoken_in_python
 from tgospa_eval.text import quoted
 from tgospa_eval.trajectories import Floats, Ints, Trajectories
 
@@ -79,7 +79,7 @@ class Reading:
         import warnings
 
         for notice in self.warnings:
-            warnings.warn(notice.sentence, TgospaWarning, stacklevel=4)
+            warnings.warn(in_python(notice.sentence), TgospaWarning, stacklevel=4)
         return self.trajectories
 
     def of_class(self, name: str) -> Trajectories:

@@ -62,6 +62,15 @@ class Rows:
     weight_fault: str | None = None
     apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
 
+    def called(self, row: int) -> str:
+        """Id of a row, for messages."""
+        return quoted(self.ids[0][self.ids[1][row]])
+
+    def moment(self, row: int) -> Any:
+        """Time of a row as read."""
+        times = self.times
+        return times.text[row].strip() if times.text is not None else times.value[row].item()
+
 
 def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     """Trajectories of the rows that take part, with counts of the others.
@@ -122,12 +131,16 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
     taken, ordered = _by_key(key, None if chosen.all() else np.flatnonzero(chosen.mask))
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
     clouds = None
+    warnings: list[Notice] = []
     if particles is not None:
         clouds, taken, ordered = particles.clouds(rows, state, taken, ordered)
         chosen.notices += particles.notices(clouds, compared=options.clouds)
     elif len(again):
+        from tgospa_eval.formats.repeats import most_repeat, refusal  # here: few files have any
+
         if options.on_duplicate == "error":
-            raise InputError(_duplicate(taken, again, key, rows, format))
+            raise InputError(refusal(taken, again, key, rows, format))
+        warnings += most_repeat(taken, again, rows, options.on_duplicate)
         drop = again + 1 if options.on_duplicate == "first" else again
         taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
         rows_repeat = counted(len(again), "row repeats", "rows repeat")
@@ -142,10 +155,9 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         track_used = (np.cumsum(has_rows) - 1)[track_used]
     notices = chosen.notices
     covariance: Floats | None = None
-    warnings: tuple[Notice, ...] = ()
     if roles.spread is not None and clouds is None:
         covariance, said = _covariances(rows, taken, roles.spread, options)
-        warnings = tuple(notice for notice in said if notice.code)
+        warnings += [notice for notice in said if notice.code]
         notices += [notice.text for notice in said if not notice.code]
     trajectories = Trajectories(
         step=step_used,
@@ -175,7 +187,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         trajectories=trajectories,
         rows=len(state),
         notices=tuple(notices),
-        warnings=warnings,
+        warnings=tuple(warnings),
         left_out=chosen.left_out,
         format=format,
         classes=classes,
@@ -243,20 +255,11 @@ def _covariances(
     cells = Cells(
         values={column: rows.numbers[taken, numbers.index(column)] for column in spread.columns},
         row=taken,
-        where=lambda row: f"{rows.where(row)} (id {_name(rows, row)}, t {_moment(rows, row)})",
+        where=lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
     )
     return covariances_of(
         cells, spread, missing=options.missing_covariance, fix=options.fix_covariance
     )
-
-
-def _name(rows: Rows, row: int) -> str:
-    return quoted(rows.ids[0][rows.ids[1][row]])
-
-
-def _moment(rows: Rows, row: int) -> Any:
-    times = rows.times
-    return times.text[row].strip() if times.text is not None else times.value[row].item()
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
@@ -303,20 +306,3 @@ def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
     keys = [(0, len(p.lstrip("0")), p.lstrip("0")) if p[0].isdigit() else (1, 0, p) for p in parts]
     return keys, text
-
-
-def _duplicate(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
-    """Message for the repeated row that comes first in the file."""
-    second = taken[again + 1]
-    k = int(np.argmin(second))
-    row = int(second[k])
-    first = int(taken[np.searchsorted(key[taken], key[row])])
-    where, roles = rows.where, rows.roles
-    remedy = "--on-duplicate first or last"
-    if format == "frame":
-        remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
-    return (
-        f"{where(row)}: id {_name(rows, row)} at t {_moment(rows, row)} was given before, "
-        f"{where(first)}{more(len(again))}; "
-        f"one row per object and step, or {remedy}; particles of one object need a column weight"
-    )

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.asked import BOX, PREFIXES, WEIGHT, ask, parse_columns
+from tgospa_eval.formats.asked import BOX, PREFIXES, WEIGHT, parse_columns
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.headers import Headers
+from tgospa_eval.formats.lacking import absent, no_class, without_maps
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.trajectories import Floats
 
@@ -195,7 +196,7 @@ def find_roles(
             )
         wanted = BOX
     headers = Headers(names, mapped, options.option, where)
-    lacking = _without_maps(headers, options)
+    lacking = without_maps(headers, options)
     find, plainly = headers.find, partial(headers.find, plainly=True)
     plain_box = _box(plainly)
     box = cache(lambda: plain_box or _box(find))  # where it is needed: its headers may be doubtful
@@ -206,14 +207,19 @@ def find_roles(
             found = find(f"loc_{name}")
         if found is None and name not in plain_box:
             found = find(name)
+        if found is None and name not in box():
+            found = headers.last(name)
         return box().get(name) if found is None else ((found, 1.0),)
 
     identity, time = find("id"), find("t")
+    if identity is None:
+        identity = headers.last("id")
     wanted = wanted or _default_states(plainly, lambda: plain_box) or _default_states(find, box)
+    wanted = wanted or _default_states(headers.last, dict)
     state = tuple(mix for name in wanted if (mix := quantity(name)) is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
         states = {name: quantity(name) for name in wanted}
-        fault = _absent(headers, (identity, time), states, sample)
+        fault = absent(headers, (identity, time), states, sample)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
     region = {}
     for name in options.ranges:
@@ -228,7 +234,7 @@ def find_roles(
     if options.classes is not None or options.by_class:
         klass = find("class")
         if klass is None:
-            fault = _no_class(headers, options, fixed=fixed)
+            fault = no_class(headers, options, fixed=fixed)
             if options.by_class or "class" not in options.shared:
                 raise InputError(fault)
             lacking["class"] = fault
@@ -264,71 +270,6 @@ def find_roles(
         fixed=fixed,
         passed=tuple(said for name in ("id", "t") for said in headers.passed_over(name, unused)),
         lacking=lacking,
-    )
-
-
-def _without_maps(headers: Headers, options: "ReadOptions") -> dict[str, str]:
-    """Take back what is mapped to headers that another file may have; what to say if none has.
-
-    Raises
-    ------
-    InputError
-        A header is missing that this very file should have.
-    """
-    lacking = {}
-    spreads = [name for name in headers.mapped if name.startswith(PREFIXES)]
-    points = all(headers.spelt(headers.mapped[name], name) is None for name in spreads)
-    for name, header in list(headers.mapped.items()):
-        if headers.spelt(header, name) is None:
-            near = headers.nearest(header)
-            mend = {f"{name}={header}": name if near == name else f"{name}={near or 'HEADER'}"}
-            given = ("=".join(map(str.strip, item.split("=", 1))) for item in options.columns or ())
-            remedy = ask(headers.option, [mend.get(item, item) for item in given])
-            remedy = f"name one of these, {remedy}" if near is None else f"did you mean {remedy}?"
-            fault = (
-                f"{headers.where}: no header {quoted(header)} for {name} "
-                f"(found: {headers.shown}); {remedy}"
-            )
-            if name not in options.shared and not (points and name in spreads):
-                raise InputError(fault)
-            lacking[name] = fault
-            del headers.mapped[name]
-    return lacking
-
-
-def _absent(
-    headers: Headers,
-    needed: tuple[int | None, int | None],
-    states: dict[str, Mix | None],
-    sample: Sequence[str],
-) -> str:
-    """What to say of columns that are missing, with what to type."""
-    missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
-    missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
-    lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
-    used = {k for k in needed if k is not None}
-    used |= {k for mix in states.values() for k, _ in mix or ()}
-    items = headers.guess(missing, used, sample)
-    if not items:
-        remedy = ask(headers.option, [f"{missing[0]}=HEADER"])
-        return f"{lost}; rename one, or map it with {remedy}"
-    named = {item.partition("=")[0] for item in items}
-    rest = [name for name in missing if name not in named and name != "position"]
-    # What the user has mapped stays so, and so does the choice of states.
-    items += [f"{name}={header}" for name, header in headers.mapped.items() if name not in named]
-    if named & set(states):
-        items += [name for name in states if name not in {*named, *headers.mapped, *rest}]
-    also = f"; {', '.join(rest)} must be added" if rest else ""
-    return f"{lost}; try {ask(headers.option, items)}{also}"
-
-
-def _no_class(headers: Headers, options: "ReadOptions", *, fixed: bool) -> str:
-    """What to say where there are no classes."""
-    option = "--class" if options.classes is not None else "--by class"
-    remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
-    return (
-        f"{headers.where}: no column class for {option} (found: {headers.shown}); "
-        f"{'rows of this length have none' if fixed else remedy}"
     )
 
 

@@ -42,7 +42,18 @@ def from_frame(
         As for files, with the position of the row (from 0) instead of a line.
     """
     options = replace(options or ReadOptions(), option="")
-    roles = find_roles([str(column) for column in frame.columns], options, name)
+    headers = [str(column) for column in frame.columns]
+    try:
+        roles = find_roles(headers, options, name)
+    except InputError:
+        levels = [str(level) for level in frame.index.names if level is not None]
+        if not levels:
+            raise
+        find_roles([*levels, *headers], options, name)  # says what else is missing
+        indexed = ", ".join(map(quoted, levels))
+        raise InputError(
+            f"{name}: {indexed} must be a column and is in the index; call reset_index() first"
+        ) from None
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 

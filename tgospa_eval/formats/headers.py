@@ -1,7 +1,7 @@
 """Headers of a table: where a column is found, and which header was probably meant."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.asked import ask
@@ -50,6 +50,13 @@ ALIASES = {
 }  # fmt: skip
 """Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
 
+LAST = (
+    {"id": "deviceid"},
+    {"x": "east", "y": "north", "z": "up"},
+    {"x": "e", "y": "n", "z": "u"},
+)
+"""Taken where nothing else is found, east and north only together."""
+
 LENGTHS = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet", "px", "pixel", "pixels")
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
@@ -85,6 +92,9 @@ HINTS = {
 
 PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
 """What tells the two headers of a position apart."""
+
+SCORE = re.compile(r"conf|score|prob|likelihood|exist|certainty|quality|class|category")
+"""In headers of what is shared by many objects, and so no id."""
 
 NO_PLACE = re.compile(r"^d?v|vel|speed|acc|size|dim|std|cov|var|rho|sigma|err|min|max|width|height")
 
@@ -138,6 +148,14 @@ class Headers:
                 return found
         return None if plainly else self._only(self._places(name), name)
 
+    def last(self, name: str) -> int | None:
+        """Position of a column by the headers that are looked at last of all."""
+        for group in LAST:
+            places = {column: self._of((key,), column) for column, key in group.items()}
+            if name in group and all(places[column] for column in group if column != "z"):
+                return self._only(places[name], name)
+        return None
+
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
         """A notice if unused headers may be a column as well as the one taken by an alias."""
         if name in self.mapped or self.spelt(name, name) is not None:
@@ -153,8 +171,11 @@ class Headers:
 
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
+        return self._of(dict.fromkeys(_joined(alias) for alias in ALIASES.get(name, ())), name)
+
+    def _of(self, keys: Iterable[str], name: str) -> list[int]:
+        """Positions of headers that are one of these words, with a unit of the column if any."""
         units = UNITS.get(name, ())
-        keys = dict.fromkeys(_joined(alias) for alias in ALIASES.get(name, ()))
         places = (
             k for key in keys for k, unit in self.keyed.get(key, ()) if not unit or unit in units
         )
@@ -210,11 +231,21 @@ class Headers:
         for take in (_likely, _first):
             for name in names:
                 left = {k: key for k, key in free.items() if k not in found.values()}
+                if name in ("id", "t"):
+                    left = {k: key for k, key in left.items() if not SCORE.search(key)}
+                if name == "id":
+                    left = {
+                        k: key for k, key in left.items() if not _is_fraction(sample[k : k + 1])
+                    }
                 at = None if name in found else take(name, left)
                 if at is not None:
                     found[name] = at
         if "position" in wanted and not {"x", "lat"} & set(found):
-            left = {k: key for k, key in numeric.items() if k not in found.values()}
+            left = {
+                k: key
+                for k, key in numeric.items()
+                if k not in found.values() and not SCORE.search(key)
+            }
             found |= dict(zip("xy", left, strict=False))
         order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
         return [f"{name}={self.names[found[name]]}" for name in order if name in found]
@@ -231,6 +262,12 @@ def _keys(header: str) -> Iterator[tuple[str, str]]:
     yield "".join(words).casefold(), ""
     if len(words) > 1:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()
+
+
+def _is_fraction(sample: Sequence[str]) -> bool:
+    """Whether the field, if there is one, is a number that is not whole."""
+    texts = [text.strip().replace(",", ".") for text in sample]
+    return any(is_number(text) and float(text) % 1 != 0 for text in texts)
 
 
 def _likely(name: str, free: dict[int, str]) -> int | None:

@@ -1,0 +1,78 @@
+"""What to say of rows that repeat an (id, t)."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from tgospa_eval.formats.assemble import Rows
+from tgospa_eval.formats.times import more
+from tgospa_eval.notices import Notice
+from tgospa_eval.text import quoted
+from tgospa_eval.trajectories import Ints
+
+PARTICLES = "particles of one object need a column weight"
+
+NEARLY_ALL = 0.9
+"""Share of rows from which one id is that of nearly all."""
+
+
+def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
+    """Message for the repeated row that comes first in the file.
+
+    Parameters
+    ----------
+    taken : int array
+        Rows that take part, in the order of their keys.
+    again : int array
+        Places in `taken` before each row that repeats the one before.
+    key : (R,) int array
+        Of all rows, by id and time.
+    rows, format
+        The file, and how it was read.
+    """
+    second = taken[again + 1]
+    k = int(np.argmin(second))
+    row = int(second[k])
+    first = int(taken[np.searchsorted(key[taken], key[row])])
+    where, roles = rows.where, rows.roles
+    said = (
+        f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
+        f"{where(first)}{more(len(again))}; "
+    )
+    cause = _cause(taken, again, rows)
+    if cause:
+        return said + cause
+    remedy = "--on-duplicate first or last"
+    if format == "frame":
+        remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
+    return f"{said}one row per object and step, or {remedy}; {PARTICLES}"
+
+
+def most_repeat(taken: Ints, again: Ints, rows: Rows, kept: str) -> Iterator[Notice]:
+    """A warning if most rows are left out; arguments as of `refusal`."""
+    if 2 * len(again) > len(taken):
+        yield Notice(
+            code="duplicates",
+            text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {kept} one was "
+            "taken: the number says little about the tracker",
+            remedy=_cause(taken, again, rows)
+            or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
+        )
+
+
+def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
+    """Why rows may repeat an (id, t), with a remedy; blank if nothing tells."""
+    counts = np.bincount(rows.ids[1][taken])
+    name, header = rows.ids[0][int(counts.argmax())], rows.roles.headers[rows.roles.id]
+    if counts.max() < NEARLY_ALL * len(taken):
+        return ""
+    share = "every id is" if counts.max() == len(taken) else "nearly every id is"
+    if name == "-1":
+        return f"{share} -1: these are detections, and TGOSPA compares tracks"
+    if 2 * len(again) <= len(taken):
+        return ""
+    return (
+        f"{share} {quoted(name)}, as of detections, and TGOSPA compares tracks; if another column "
+        f"than {quoted(header)} has the ids, name it, --columns id=HEADER; "
+        f"{PARTICLES}"
+    )
