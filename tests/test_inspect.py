@@ -54,6 +54,12 @@ def test_table(run: Run, write: Write) -> None:
     assert "nearer than the cutoff c = 2: 25.0 %" in run("inspect", *files, "-c", "2").out
 
 
+def test_steps_between_large_stamps_have_no_rounding(invoke: Run, write: Write) -> None:
+    rows = "".join(f"1,{1403636579.763555584 + 0.1 * k!r},0\n" for k in range(9))
+    done = invoke("inspect", write("t.csv", f"id,t,x\n{rows}"))
+    assert "t to next t      0.1\n" in done.out
+
+
 def test_classes(invoke: Run, write: Write) -> None:
     truth = write("t.csv", "id,t,x,class\n1,0,0,car\n1,1,0,car\n2,0,5,van\n")
     estimate = write("e.csv", "id,t,x,class\n1,0,0,car\n")

@@ -6,6 +6,7 @@ import re
 import select
 import subprocess
 import sys
+import termios
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,12 +21,16 @@ from tgospa_eval.reports.terminal import BLOCKS, SIGNS, report, sparkline
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def on_terminal(arguments: list[str], folder: Path, env: dict[str, str]) -> str:
-    """What the command shows on a terminal of its own."""
+def on_terminal(
+    arguments: list[str], folder: Path, env: dict[str, str], stream: str = "stdout"
+) -> str:
+    """What the command shows on a terminal of its own, of 60 columns."""
     ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 60))
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     process = subprocess.Popen(
         [sys.executable, "-m", "tgospa_eval", *arguments],
-        stdout=theirs, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL, cwd=folder, env=env,
+        **streams | {stream: theirs}, cwd=folder, env=env,
     )  # fmt: skip
     os.close(theirs)
     shown = b""
@@ -53,6 +58,18 @@ def test_a_terminal_gets_graphs_of_80_columns(
     assert graph[18:].rstrip() == "     ▁   ▁                        ▄"  # steps 8, 12, 37 from 3
     assert any(re.fullmatch(r" +8 +112\.5 +2 +0 +0\.5", line) for line in lines)
     assert any("1: 101 -> 103" in line for line in lines)
+
+
+def test_notices_are_wrapped_on_a_terminal_alone(
+    quickstart: tuple[str, str], run: Callable, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    shown = on_terminal([*quickstart], tmp_path, environment, "stderr").splitlines()
+    piped = run(*quickstart).err.splitlines()
+    assert max(map(len, piped)) > 60
+    wide = [line for line in shown if len(line) > 60]
+    assert all(" " not in line.strip() for line in wide)  # but for paths, which stay whole
+    assert " ".join(line.strip() for line in shown) == " ".join(piped)
+    assert any(line.startswith("  ") for line in shown)
 
 
 @pytest.mark.parametrize("name", ["NO_COLOR", "TERM"])

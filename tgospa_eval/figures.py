@@ -4,6 +4,15 @@ THOUSANDS = 1e9
 """Up to here a number is written out."""
 
 
+def shortest(value: float, noise: float) -> float:
+    """The number of fewest digits within `noise` of the value.
+
+    A difference of stamps has the rounding of the stamps: 0.1 rather than 0.0999999.
+    """
+    shorter = (float(f"{value:.{digits}g}") for digits in range(1, 6))
+    return next((short for short in shorter if abs(short - value) <= noise), value)
+
+
 def number(value: float, digits: int = 6) -> str:
     """The value with at most so many significant digits, and commas between thousands.
 

@@ -34,6 +34,30 @@ WORDS = {
 }
 """What people type for a verb."""
 
+OPTIONS = {
+    "--format json": "json",
+    "--format csv": "csv",
+    "--format markdown": "markdown md",
+    "--format latex": "latex tex",
+    "-o DIR": "out outdir out-dir output-dir dir folder save report html",
+    "--pictures FORMATS": "plot plots figure figures image images png svg pdf",
+    "--cutoff C": "threshold dist-threshold iou-threshold max-dist max-distance gate",
+    "--switch-penalty GAMMA": "switch penalty switch-cost",
+    "--distance NAME": "metric norm dist base-distance",
+    "--distance iou": "iou",
+    "--columns NAMES": "names fields cols header headers",
+    "--time A:B": "frames frame frame-range range start end from to",
+    "--time-tolerance DT": "tolerance time-tol",
+    "--class A": "classes labels",
+    "--time-limit SECONDS": "timeout max-time limit",
+    "--gap G": "tol rtol accuracy",
+    "--jobs N": "threads num-threads workers cores cpus",
+    "--force": "overwrite",
+    "--quiet": "silent no-progress",
+    "--verbose": "debug log",
+}
+"""What people type for an option, where no name of one is like it."""
+
 LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
 
 
@@ -125,8 +149,19 @@ class Verb(click.Command):
         others = [verb for verb in VERBS if text in long_options(load(verb))]
         if others:
             return f"{text} is no option of {self.name}, but of {', '.join(others)}"
-        meant = nearest(text, long_options(self))
+        meant = self._by_another_name(text) or nearest(text, long_options(self))
         return f"no such option: {clipped(text)}" + (f"; did you mean {meant}?" if meant else "")
+
+    def _by_another_name(self, text: str) -> str | None:
+        """The option, with its value, that is called otherwise in other programs."""
+        bare = text.lstrip("-")
+        typed = next((typed for typed, others in OPTIONS.items() if bare in others.split()), "")
+        name, _, value = typed.partition(" ")
+        for item in self.params:
+            if isinstance(item, click.Option) and name in item.opts:
+                choices = getattr(item.type, "choices", None) if value.islower() else None
+                return typed if choices is None or value in choices else None
+        return None
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
         line = [ctx.params.get(item.name or "") or item.make_metavar(ctx) for item in self._files()]

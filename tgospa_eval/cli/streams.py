@@ -18,18 +18,41 @@ from tgospa_eval.text import visible, visible_lines
 CI = ("CI", "GITHUB_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
 """Set where stdout is a log that is searched for commands."""
 
+NARROWEST = 20
+"""Columns of a terminal in which wrapping helps."""
+
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """What the system says where nothing can be written to a file that is open."""
 
 
 def say(text: str) -> None:
-    """Print a notice, a line on stderr."""
-    say_as_is(visible(text))
+    """Print a notice, a line on stderr; a terminal gets it wrapped."""
+    say_as_is(_wrapped(visible(text)))
 
 
 def say_lines(text: str) -> None:
     """Print lines to stderr, as they are ours."""
-    say_as_is(visible_lines(text))
+    say_as_is("\n".join(map(_wrapped, visible_lines(text).split("\n"))))
+
+
+def stderr_width() -> int:
+    """Columns of the terminal that stderr is; 0 if it is none, or does not tell."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns
+    except (OSError, ValueError, AttributeError):
+        return 0
+
+
+def _wrapped(line: str) -> str:
+    """A line in the width of a terminal; one that is indented is laid out already."""
+    width = stderr_width()
+    if not NARROWEST <= width < len(line) or line[0].isspace():
+        return line
+    import textwrap  # here: most of what is said fits, or goes to a file
+
+    return textwrap.fill(
+        line, width, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False
+    )
 
 
 def say_as_is(text: str) -> None:

@@ -25,6 +25,7 @@ from tgospa_eval.diagnosis.costs import (
     saving,
 )
 from tgospa_eval.distances import Distance
+from tgospa_eval.figures import number, shortest
 from tgospa_eval.notices import Notice, Spelling
 from tgospa_eval.problem import Floats, Parameters
 from tgospa_eval.trajectories import Ints, Trajectories
@@ -136,7 +137,7 @@ def _near_misses(
     return Notice(
         code="stamps-near",
         text=f"{pairs} nearly the same, of {counted(alone, 'stamp')} that one file only has, at "
-        f"most {named} apart where the median step is {min(steps) / unit:.6g}",
+        f"most {named} apart where the median step is {_told(min(steps), clock, *times)}",
         remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
     )
 
@@ -146,6 +147,13 @@ def median_step(times: NDArray[Any]) -> float | None:
     if len(times) < 2:
         return None
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
+
+
+def _told(step: float, clock: str, *times: NDArray[Any]) -> str:
+    """A step between stamps, in their unit or in seconds, without what rounding them adds to it."""
+    floats = [side for side in times if side.dtype.kind == "f"]
+    noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
+    return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
 def median(values: NDArray[Any]) -> float:
@@ -165,8 +173,7 @@ def _rounded_up(value: float) -> str:
 def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
     way, cure = ("late", "earlier") if shift.late else ("early", "later")
     step = median_step(truth.times)
-    unit = SECOND if truth.clock != "number" else 1
-    size = "" if step is None else f" ({step / unit:.6g})"
+    size = "" if step is None else f" ({_told(step, truth.clock, truth.times)})"
     return Notice(
         code="clock-shift",
         text=f"the estimate seems {way} by a step{size} or more: with its states one step {cure} "

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from tgospa_eval.figures import number
+from tgospa_eval.figures import number, shortest
 from tgospa_eval.notices import Notice
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.text import visible
@@ -91,7 +91,7 @@ def _files(files: list[Document]) -> Iterator[Row]:
     yield "  first t", [_moment(file["time"]["first"]) for file in files]
     yield "  last t", [_moment(file["time"]["last"]) for file in files]
     second = "s" if any(file["time"]["kind"] != "number" for file in files) else ""
-    yield "  t to next t", [_range(file["time"]["step"], second, second) for file in files]
+    yield "  t to next t", [_steps(file["time"], second) for file in files]
     for column in files[0]["columns"]:
         yield column, [_interval(file["extent"].get(column)) for file in files]
         if any("deviation" in file for file in files):
@@ -165,6 +165,14 @@ def _range(spread: Document | None, one: str = "", many: str = "", digits: int =
     low, middle, high = (_number(spread[key], digits) for key in ("min", "median", "max"))
     text = low if low == high else f"{low} to {high}, median {middle}"
     return f"{text} {one if text == '1' else many}".strip()
+
+
+def _steps(time: Document, unit: str) -> str:
+    """From how long to how long a step takes, without what rounding the stamps adds to it."""
+    ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
+    noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
+    spread = time["step"]
+    return _range(spread and {k: shortest(v, noise) for k, v in spread.items()}, unit, unit)
 
 
 def _interval(extent: Document | None) -> str:
