@@ -84,7 +84,23 @@ def test_maximum_adds_to_what_holds(gate: Invoke, write: Write) -> None:
     assert gate("--max", "tgospa=50").status == 1  # by the default rule
 
 
-def test_undecided_inside_the_bracket(gate: Invoke, write: Write, crowd: tuple[str, str]) -> None:
+def test_absolute_limits_need_no_baseline(invoke: Invoke, write: Write) -> None:
+    write("t.csv", TRUTH)
+    write("e.csv", estimate(1))
+    given = ("gate", "t.csv", "e.csv", *METRIC, "-q")
+    assert invoke(*given, "--max", "tgospa=5").status == 0
+    broken = invoke(*given, "--max", "tgospa=4.9", "--max", "counts.switch=1")
+    assert broken.status == 1
+    assert "counts.switch<=1 *" in broken.out
+    assert "\n* the reported split, not proven" in broken.out
+    for arguments in ((), ("--max", "total=9", "--fail-on", "total:+1"), ("--update-baseline",)):
+        refused = invoke(*given, *arguments)
+        assert refused.status == 2
+        assert "name " in refused.err
+        assert "--baseline FILE" in refused.err
+
+
+def test_undecided_inside_the_bracket(gate: Invoke, invoke: Invoke, crowd: tuple[str, str]) -> None:
     """Between the bounds of a coarse approximation; outside them all is proven."""
     for name, path in zip(("t.csv", "e.csv"), crowd, strict=True):
         shutil.copy(path, name)
@@ -94,12 +110,14 @@ def test_undecided_inside_the_bracket(gate: Invoke, write: Write, crowd: tuple[s
     lower, upper = values["lower_bound"], values["upper_bound"]
     assert upper > lower * 1.001
     assert gate().status == 0
-    answer = gate("--max", f"tgospa={(lower + upper) / 2}")
+    between = ("--max", f"tgospa={(lower + upper) / 2}")
+    assert invoke("gate", "t.csv", "e.csv", *coarse, "-p", "2", "-q", *between).status == 4
+    answer = gate(*between)
     assert answer.status == 4
     assert "undecided: a smaller --epsilon than 0.5, or --solver certified" in answer.out
     assert gate("--max", f"tgospa={lower * 0.99}").status == 1
     # The options of solving may differ: what is proven holds for any solver.
-    decided = gate("--max", f"tgospa={(lower + upper) / 2}", "--solver", "certified")
+    decided = gate(*between, "--solver", "certified")
     assert decided.status in (0, 1)
 
 

@@ -50,6 +50,7 @@ def command(ctx: click.Context, /, truth: str | None, estimate: str | None, **op
       tgospa-eval gate truth.csv estimate.csv --baseline base.json
       tgospa-eval gate truth.csv estimate.csv --baseline base.json \\
           --fail-on total:+2% --max counts.switch=10
+      tgospa-eval gate truth.csv estimate.csv -c 10 -g 5 --max tgospa=50
       tgospa-eval gate --suite suite.toml --junit gate.xml
 
     Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or

@@ -319,7 +319,8 @@ GATE = (
     ),
     _gate(
         "--max", "maximum", metavar="NAME=VALUE", multiple=True,
-        help="Fail if a value is above this, whatever the baseline says: tgospa=45. Repeatable.",
+        help="Fail if a value is above this, whatever the baseline says: tgospa=45. Repeatable. "
+        "Without other rules no baseline is needed.",
     ),
     _gate(
         "--junit", metavar="FILE", type=click.Path(readable=False),

@@ -90,18 +90,24 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
         for pair in suite.pairs:
             _check_junit(options, pair.truth, pair.estimate, suite.baseline)
     path = options["baseline"] if given.strong("baseline") or not suite.baseline else suite.baseline
-    if not path:
-        raise ConfigError("no baseline: name it with --baseline FILE")
     update = options["update_baseline"]
-    old = load(path)
+    if update and not path:
+        raise ConfigError("no baseline: name the file to make with --baseline FILE")
+    old = load(path) if path else None
     alone = suite.pairs[0].name == ALONE and not options["suite"]
     if alone and old and ALONE not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
     rules = {
-        p.name: given.rules(p) for p in suite.pairs if not p.fault
+        p.name: given.rules(p, baseline=bool(path)) for p in suite.pairs if not p.fault
     }  # wrong ones before any work
-    if update:
+    if path and update:
         return _update(given, suite, old or {}, path)
+    if not path:  # absolute limits alone
+        judged = (
+            _failed(p) if p.fault else _outcome(given, p, None, rules[p.name], "")
+            for p in suite.pairs
+        )
+        return _report("", list(judged))
     missing = f"no such file: {path}" if old is None else f"not in {path}"
     outcomes = [
         _failed(pair)
@@ -178,7 +184,9 @@ def _sayer(prefix: str) -> Callable[[str], None]:
     return lambda text: say(prefix + text)
 
 
-def _outcome(given: Given, pair: Pair, entry: Entry, rules: list[Rule], path: str) -> Outcome:
+def _outcome(
+    given: Given, pair: Pair, entry: Entry | None, rules: list[Rule], path: str
+) -> Outcome:
     """The verdict on a pair; wrong files do not keep others from being judged."""
     begin = time.monotonic()
     findings: tuple[Finding, ...] = ()

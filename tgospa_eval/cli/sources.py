@@ -104,8 +104,14 @@ class Given:
         used = result.proof.parameters
         return {**kept, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
 
-    def rules(self, pair: Pair) -> list[Rule]:
-        """The rules of a pair."""
+    def rules(self, pair: Pair, *, baseline: bool = True) -> list[Rule]:
+        """The rules of a pair.
+
+        Raises
+        ------
+        ConfigError
+            One is wrong; or there is no baseline, and they are not all absolute limits.
+        """
         found: list[Rule] = []
         for key, name in RULES.items():
             own = [part for text in self.options[name] for part in split_rules(text)]
@@ -114,11 +120,15 @@ class Given:
             ]
             if key == "fail-on":
                 texts = own if own and (self.strong(name) or not suite) else suite
-                found += [parse_rule(text) for text in texts] or [DEFAULT]
+                found += [parse_rule(text) for text in texts] or [DEFAULT][:baseline]
             elif key == "warn-on":
                 found += [parse_rule(text, option=key) for text in (*suite, *own)]
             else:
                 found += [parse_maximum(text) for text in (*suite, *own)]
+        relative = [rule for rule in found if not rule.maximum]
+        if not baseline and (relative or not found):
+            why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
+            raise ConfigError(f"no baseline: name it with --baseline FILE; {why}")
         return found
 
 

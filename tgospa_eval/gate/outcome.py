@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from tgospa_eval.figures import number
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
     COSTS,
@@ -123,29 +124,32 @@ class Report:
 
 
 def compare(
-    result: Summary, entry: Entry, rules: Iterable[Rule]
+    result: Summary, entry: Entry | None, rules: Iterable[Rule]
 ) -> tuple[Verdict, tuple[Finding, ...], tuple[str, ...]]:
-    """Verdict, findings and notes of a result against its entry of the baseline."""
-    apart = differences(entry, result)
+    """Verdict, findings and notes of a result against its entry of the baseline.
+
+    Without an entry all rules are absolute limits.
+    """
+    apart = differences(entry, result) if entry else []
     if apart:
         return Verdict.INCOMPARABLE, (), tuple(apart)
     values = measure(result)
-    findings = [_judged(rule, values, entry) for rule in rules]
+    findings = [_judged(rule, values, entry.values if entry else {}) for rule in rules]
     binding = [finding.verdict for finding in findings if not finding.rule.warns]
     verdict = min(binding, key=WORST_FIRST.index)
     return verdict, tuple(findings), tuple(_notes(findings, values, result, entry))
 
 
-def _judged(rule: Rule, values: Mapping[Key, Value], entry: Entry) -> Finding:
+def _judged(rule: Rule, values: Mapping[Key, Value], old: Mapping[Key, float]) -> Finding:
     """What a rule finds; a class that is on one side only costs 0 on the other."""
-    key = next((key for key in keys(rule.path) if key in values or key in entry.values), None)
+    key = next((key for key in keys(rule.path) if key in values or key in old), None)
     if key is None:
         unknown = Value(lower=math.nan, upper=math.nan, proven=True, unit=1.0)
         return Finding(
             rule=rule, base=None, limit=math.nan, now=unknown, verdict=Verdict.INCOMPARABLE
         )
     now = values.get(key) or replace(values[key[1]], lower=0.0, upper=0.0)
-    return judge(rule, now, entry.values.get(key, 0.0))
+    return judge(rule, now, old.get(key, 0.0))
 
 
 def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
@@ -159,14 +163,20 @@ def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
 
 
 def _notes(
-    findings: list[Finding], values: Mapping[Key, Value], result: Summary, entry: Entry
+    findings: list[Finding], values: Mapping[Key, Value], result: Summary, entry: Entry | None
 ) -> Iterator[str]:
     for finding in findings:
         yield from _sentences(finding)
-    if any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
+    if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
         yield from _parts(values, entry)
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
         yield f"undecided: {_remedy(result)}"
+    if entry:
+        yield from _against(findings, values, entry)
+
+
+def _against(findings: list[Finding], values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
+    """What there is to say of the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
     if moved and values["total"].lower <= entry.values["total"] * (1 + 1e-9):
         yield (
@@ -180,7 +190,7 @@ def _notes(
             "the slack"
         )
     lower, upper = (entry.values[f"{side}_bound"] for side in ("lower", "upper"))
-    gap = 1 - (lower / upper) ** result.proof.parameters.order if upper else 0.0
+    gap = 1 - (lower / upper) ** entry.parameters["order"] if upper else 0.0
     if gap > OPEN:
         yield (
             f"the bracket of the baseline is open, relative gap {gap:.2g}: the gate is as loose as "
@@ -194,7 +204,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
     allowed = f"{limit} allowed by {rule.text}"
     warning = "warning: " if rule.warns else ""
     if finding.verdict is Verdict.INCOMPARABLE:
-        yield f"{warning}{rule.text}: the result has no {rule.path}, nor has the baseline"
+        yield f"{warning}{rule.text}: the result has no {rule.path}, nor has a baseline"
     elif finding.verdict is Verdict.UNDECIDED:
         yield f"{warning}{rule.path} is between {lower} and {upper}, {allowed}"
     elif finding.verdict is Verdict.FAIL:
@@ -206,7 +216,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
 def _parts(values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
     """Where the cost went, as far as the split tells."""
     moved = [
-        " -> ".join((f"{path} {entry.values[path]:.7g}", f"{values[path].upper:.7g}"))
+        f"{path} {number(entry.values[path], 7)} -> {number(values[path].upper, 7)}"
         for path in COSTS
         if abs(values[path].upper - entry.values[path]) > values[path].tolerance
     ]
@@ -219,12 +229,12 @@ def texts(*numbers: float) -> list[str]:
 
     The last places are those of outward rounding.
     """
-    differ = len({f"{number:.12g}" for number in numbers})
+    differ = len({f"{value:.12g}" for value in numbers})
     for digits in (7, 10):
-        found = [f"{number:.{digits}g}" for number in numbers]
+        found = [number(value, digits) for value in numbers]
         if len({*found}) == differ:
             return found
-    return [f"{number:.12g}" for number in numbers]
+    return [f"{value:,.12g}" for value in numbers]
 
 
 def _remedy(result: Summary) -> str:

@@ -14,6 +14,12 @@ from tgospa_eval.words import counted
 WIDTH = 80
 SHOWN = 5
 PARTS = ("localisation", "missed", "false", "switch")
+COUNTED = {
+    "missed": ("object-step without estimate", "object-steps without estimate"),
+    "false": ("estimate-step without object", "estimate-steps without object"),
+    "switch": ("track switch", "track switches"),
+}
+"""What the counts of parts count: one, and any other number of them."""
 
 
 def table(result: Summary) -> str:
@@ -95,19 +101,14 @@ def _wrap(text: str, indent: str = " " * 10) -> list[str]:
 
 
 def _parts(result: Summary) -> Iterator[str]:
-    notes = {
-        "localisation": "",
-        "missed": "object-steps without estimate",
-        "false": "estimate-steps without object",
-        "switch": "track switches",
-    }
     total = result.total
     yield f"  {'part':<14}{'cost':>12}{'share':>9}{'count':>10}"
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
         share = result.share(cost)
-        yield f"  {name:<14}{number(cost):>12}{share:>9}{count:>10}  {notes[name]}".rstrip()
+        note = COUNTED[name][count != "1"] if name in COUNTED else ""
+        yield f"  {name:<14}{number(cost):>12}{share:>9}{count:>10}  {note}".rstrip()
         if name == "localisation" and result.split is not None:
             for part, half in zip(("means", "spread"), result.split, strict=True):
                 yield f"    {part:<12}{number(half):>12}{result.share(half):>9}"

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
+from tgospa_eval.figures import number
 from tgospa_eval.gate.outcome import Outcome, Report
 from tgospa_eval.gate.rules import Finding, Verdict
 from tgospa_eval.gate.suite import ALONE
@@ -37,6 +38,8 @@ def table(report: Report) -> str:
     rows = [_head(*(("value", "old", "new", "") if updated else ("rule", *LIMITS)))]
     for outcome in report.outcomes:
         rows += list(_changes(outcome) if updated else _findings(outcome))
+    if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
+        rows += ["", f"* {SPLIT}"]
     notes = [
         line
         for outcome in report.outcomes
@@ -53,6 +56,9 @@ def table(report: Report) -> str:
     ]  # fmt: skip
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
+
+SPLIT = "the reported split, not proven: where optima tie, another has the same total"
+"""Of values that are marked."""
 
 LIMITS = ("baseline", "limit", "now")
 
@@ -78,12 +84,12 @@ def _fit(text: str, width: int) -> str:
 def _findings(outcome: Outcome) -> Iterator[str]:
     if not outcome.findings:
         yield f"{_fit(title(outcome), PAIR)}{outcome.verdict}"
-    for number, finding in enumerate(outcome.findings):
+    for k, finding in enumerate(outcome.findings):
         rule = finding.rule.text + ("" if finding.now.proven else " *")
         base = "-" if finding.base is None or finding.rule.maximum else number_of(finding.base)
         yield (
             _row(
-                "" if number else title(outcome), rule, base, number_of(finding.limit),
+                "" if k else title(outcome), rule, base, number_of(finding.limit),
                 number_of(deciding(finding)),
             )
             + f" {said(finding)}"
@@ -101,16 +107,16 @@ def deciding(finding: Finding) -> float:
 
 
 def _changes(outcome: Outcome) -> Iterator[str]:
-    for number, one in enumerate(outcome.changes):
+    for k, one in enumerate(outcome.changes):
         old, new = ("-" if value is None else number_of(value) for value in (one.old, one.new))
-        yield _row("" if number else title(outcome), one.path, old, new)
+        yield _row("" if k else title(outcome), one.path, old, new)
 
 
 def number_of(value: float) -> str:
     """A number in its column; what is not known is a dash."""
     if math.isnan(value):
         return "-"
-    text = f"{value:.7g}"
+    text = number(value, 7)
     return text if len(text) < NUMBER else f"{value:.4g}"
 
 
@@ -192,13 +198,13 @@ def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
     name = markdown_code(title(outcome))
     if updated:
         for one in outcome.changes:
-            old, new = ("" if v is None else f"{v:.7g}" for v in (one.old, one.new))
+            old, new = ("" if v is None else number(v, 7) for v in (one.old, one.new))
             yield f"| {name} | {markdown_code(one.path)} | {old} | {new} |"
         return
     if not outcome.findings:
         yield f"| {name} | | | | | **{outcome.verdict}** |"
     for finding in outcome.findings:
-        base = "" if finding.base is None or finding.rule.maximum else f"{finding.base:.7g}"
+        base = "" if finding.base is None or finding.rule.maximum else number(finding.base, 7)
         mark = "" if finding.now.proven else ", split, not proven"
         verdict = said(finding)
         shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
@@ -209,7 +215,7 @@ def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
 
 
 def _cell(value: float) -> str:
-    return "" if math.isnan(value) else f"{value:.7g}"
+    return "" if math.isnan(value) else number(value, 7)
 
 
 GATE_REPORTS = {"table": table, "json": json_text, "markdown": markdown}

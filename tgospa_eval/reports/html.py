@@ -11,7 +11,7 @@ import jinja2
 
 from tgospa_eval.figures import number
 from tgospa_eval.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
-from tgospa_eval.reports.console import PARTS, meaning
+from tgospa_eval.reports.console import COUNTED, PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
 from tgospa_eval.summary import Summary, Table
 
@@ -19,13 +19,8 @@ SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "t
 """Files of the script, in order; they share one scope."""
 
 WORST = 10
-
-NOTES = {
-    "localisation": "distance of assigned pairs",
-    "missed": "object-steps without estimate",
-    "false": "estimate-steps without object",
-    "switch": "track switches",
-}
+DISTANCE = "distance of assigned pairs"
+"""What localisation is, which has no count."""
 
 
 def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str:
@@ -90,13 +85,14 @@ def _colours() -> str:
 
 
 def _parts(result: Summary) -> list[dict[str, str]]:
+    counts = {name: number(count) for name, count in result.counts.items()}
     return [
         {
             "name": name,
             "cost": number(getattr(result, name)),
             "share": result.share(getattr(result, name)),
-            "count": number(result.counts[name]) if name in result.counts else "",
-            "note": NOTES[name],
+            "count": counts.get(name, ""),
+            "note": COUNTED[name][counts[name] != "1"] if name in counts else DISTANCE,
             "split": _split(result) if name == "localisation" else "",
         }
         for name in PARTS
