@@ -184,9 +184,9 @@ def test_column_of_one_file_only(invoke: Run, write: Write) -> None:
 @pytest.mark.parametrize(
     ("first", "second", "part"),
     [
-        ("2024-01-01T00:00:00Z", "2024-01-01T00:00:00", "zone"),
-        ("2024-01-01T00:00:00", "5", "numbers"),
-        (str(2**53 + 1), "0.5", "2^53"),
+        ("2024-01-01T00:00:00Z", "2024-01-01T00:00:00", "write both with a zone"),
+        ("2024-01-01T00:00:00", "5", "both as numbers, such as Unix seconds"),
+        (str(2**53 + 1), "0.5", "nanoseconds (seconds * 10^9)"),
     ],
 )
 def test_files_with_other_kinds_of_time(

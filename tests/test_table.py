@@ -243,6 +243,53 @@ def test_decimal_comma(write: Write) -> None:
     assert rows_of(read_trajectories(path, decimal=",")) == {("a", 0.25): (1.0,)}
 
 
+@pytest.mark.parametrize(
+    ("text", "asked", "said"),
+    [
+        ("id;t;x;y\na;1;1,5;2\nb;2;3;-4,25\n", ".", "comma"),
+        ("id\tt\tx\ty\na\t1,0\t1,5\t2\nb\t2,0\t3\t-4,25\n", ".", "comma"),
+        ("id,t,x,y\na,1,1.5,2\nb,2,3,-4.25\n", ",", "point"),
+        ("id;t;x;y;name\na;1;1.5;2;7,5\nb;2;3;-4.25;7,5\n", ",", "point"),
+    ],
+)
+def test_decimal_mark_of_the_numbers(write: Write, text: str, asked: str, said: str) -> None:
+    reading = read(write("a.csv", text), ReadOptions(decimal=asked))
+    assert rows_of(reading.trajectories) == SAME
+    assert f"read with a decimal {said}, as its numbers have it" in reading.notices
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["id;t;x\na;1;1,250\n", "id;t;x\na;1;0.5\na;2;0,5\n", 'id,t,x\na,1,"0,5"\n'],
+)
+def test_decimal_marks_in_doubt(write: Write, text: str) -> None:
+    assert "--decimal ," in refusal(write("a.csv", text))[0]
+
+
+def test_a_comma_in_another_column_is_no_decimal_mark(write: Write) -> None:
+    path = write("a.csv", "id;t;x;y;weight\na;1;15;2;0,5\nb;2;3;-4.25;0,5\n")
+    assert rows_of(read_trajectories(path)) == {("a", 1): (15.0, 2.0), ("b", 2): (3.0, -4.25)}
+
+
+@pytest.mark.parametrize(
+    ("header", "remedy"),
+    [
+        ("id,secs,nsecs,x", "secs * 10^9 + nsecs"),
+        ("id,Pose.Sec,Pose.Nanosec,x", "Pose.Sec * 10^9 + Pose.Nanosec"),
+        ("id,tv_sec,tv_usec,x", "tv_sec * 10^6 + tv_usec"),
+        ("id,time_s,time_ns,x", "time_s * 10^9 + time_ns"),
+    ],
+)
+def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
+    path = write("a.csv", f"{header}\na,1600000000,500000000,2\n")
+    assert f"one time stamp: make one column t of them, {remedy}" in refusal(path)[0]
+
+
+def test_a_stamp_without_its_second_part(write: Write) -> None:
+    path = write("a.csv", "id,stamp,nsecs,x\na,1,0,2\na,1,5,3\na,2,0,3\na,2,5,3\n")
+    assert '"stamp" and "nsecs" are two parts of one time stamp' in refusal(path)[0]
+
+
 def test_decimal_comma_in_quotes_between_commas(write: Write) -> None:
     path = write("a.csv", 'id,t,x,y\na,1,"1,5",2\nb,2,3,"-4,25"\n')
     assert rows_of(read_trajectories(path, decimal=",")) == SAME
@@ -516,13 +563,13 @@ def test_options_that_mean_nothing(option: dict[str, str]) -> None:
             id="decimal comma",
         ),
         pytest.param(
-            "id;t;x\na;1;1,5\n",
+            "id;t;x\na;1;1,500\n",
             ', line 2, column "x": ',
-            ("not a number", '"1,5"', "--decimal"),
+            ("not a number", '"1,500"', "--decimal"),
             id="decimal comma between semicolons",
         ),
         pytest.param(
-            "id;t;x\na;1,5;1\n",
+            "id;t;x\na;1,5;0.1\n",
             ', line 2, column "t": ',
             ('"1,5"', "--decimal"),
             id="decimal comma in a time",

@@ -184,9 +184,12 @@ def _comparable(
 ) -> tuple[Times, Times]:
     """The stamps of both, where they can be compared exactly."""
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
+        remedy = "write both as ISO times or both as numbers, such as Unix seconds"
+        if "number" not in (truth.clock, estimate.clock):
+            remedy = "write both with a zone (Z for UTC) or both without"
         raise InputError(
             f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
-            "times of one run must be of one kind"
+            f"times of one run must be of one kind: {remedy}"
         )
     first, second = truth.times, estimate.times
     if not len(first):
@@ -198,7 +201,8 @@ def _comparable(
             if times.dtype.kind == "i" and not np.all(np.abs(times.astype(float)) < 2.0**53):
                 raise InputError(
                     f"{name} has integer times above 2^53 and {other} decimal ones, "
-                    "which cannot be compared exactly; write both as integers"
+                    "which cannot be compared exactly; write both as integers of one unit, "
+                    "such as nanoseconds (seconds * 10^9), or both in seconds"
                 )
     return first, second
 

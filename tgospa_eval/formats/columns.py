@@ -56,7 +56,7 @@ class Roles:
     fixed : bool
         They are names of ours, for columns of a format without headers.
     passed : tuple of str
-        Notices about headers that may be ids or times as well.
+        Notices about headers that may be ids or times as well, and about the decimal mark.
     lacking : dict of str to str
         Of the columns that another file may have: those that this one lacks, and what to say if
         every file does.

@@ -62,6 +62,13 @@ TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
     *("nanoseconds", "microseconds", "milliseconds", "utc", "unix"),
 )
+SECONDS = ("s", "sec", "secs", "second", "seconds")
+FRACTIONS = {
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"), 9),
+    **dict.fromkeys(("us", "usec", "usecs", "microsec", "microsecs", "microseconds"), 6),
+}
+"""Units of the second part of a stamp whose first are seconds: digits."""
+
 DEGREES = ("deg", "degs", "degree", "degrees", "wgs84")
 UNITS = {
     "t": TIMES,
@@ -169,6 +176,15 @@ class Headers:
             taken = quoted(self.names[found])
             yield f"{name} is read from {taken}, not from {passed}; {remedy} reads that"
 
+    def stamp(self, names: Sequence[str]) -> str:
+        """What to do about two of these headers that are one stamp, as secs and nsecs; or blank."""
+        words = {name: re.findall(r"[^\W_]+", name.casefold()) for name in names}
+        whole = {tuple(w[:-1]): name for name, w in words.items() if w[-1:] and w[-1] in SECONDS}
+        for name, found in words.items():
+            if fraction(name) and tuple(found[:-1]) in whole:
+                return one_stamp(whole[tuple(found[:-1])], name)
+        return ""
+
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
         return self._of(dict.fromkeys(_joined(alias) for alias in ALIASES.get(name, ())), name)
@@ -186,7 +202,11 @@ class Headers:
             alike = " and ".join(quoted(self.names[k]) for k in sorted(places))
             both = "both" if len(places) == 2 else "all"
             remedy = ask(self.option, [f"{name}={self.names[places[0]]}"])
-            raise InputError(f"{self.where}: {alike} may {both} be {name}; say which, {remedy}")
+            parts = self.stamp([self.names[k] for k in places]) if name == "t" else ""
+            also = f"; or, where {parts}" if parts else ""
+            raise InputError(
+                f"{self.where}: {alike} may {both} be {name}; say which, {remedy}{also}"
+            )
         return places[0] if places else None
 
     @property
@@ -249,6 +269,19 @@ class Headers:
             found |= dict(zip("xy", left, strict=False))
         order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
         return [f"{name}={self.names[found[name]]}" for name in order if name in found]
+
+
+def fraction(header: str) -> int:
+    """Digits of the part of a second that a column has by its header, 0 of any other."""
+    return FRACTIONS.get("".join(re.findall(r"[^\W_]+", header)[-1:]).casefold(), 0)
+
+
+def one_stamp(first: str, second: str) -> str:
+    """What to do about two columns that are one stamp, of which the second is a fraction."""
+    return (
+        f"{quoted(first)} and {quoted(second)} are two parts of one time stamp: make one column t "
+        f"of them, {first} * 10^{fraction(second)} + {second}"
+    )
 
 
 def _joined(header: str) -> str:

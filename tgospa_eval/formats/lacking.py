@@ -56,6 +56,9 @@ def absent(
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
     used = {k for k in needed if k is not None}
     used |= {k for mix in states.values() for k, _ in mix or ()}
+    parts = headers.stamp(headers.names) if "t" in missing else ""
+    if parts:
+        return f"{lost}; {parts}"
     items = headers.guess(missing, used, sample)
     if not items:
         remedy = ask(headers.option, [f"{missing[0]}=HEADER"])

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from tgospa_eval.formats.assemble import Rows
+from tgospa_eval.formats.headers import fraction, one_stamp
 from tgospa_eval.formats.times import more
 from tgospa_eval.notices import Notice
 from tgospa_eval.text import quoted
@@ -62,6 +63,10 @@ def most_repeat(taken: Ints, again: Ints, rows: Rows, kept: str) -> Iterator[Not
 
 def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
     """Why rows may repeat an (id, t), with a remedy; blank if nothing tells."""
+    time = rows.roles.headers[rows.roles.time]
+    rest = next(filter(fraction, rows.roles.unused), None)
+    if rest and not fraction(time):
+        return f"it seems that {one_stamp(time, rest)}"
     counts = np.bincount(rows.ids[1][taken])
     name, header = rows.ids[0][int(counts.argmax())], rows.roles.headers[rows.roles.id]
     if counts.max() < NEARLY_ALL * len(taken):

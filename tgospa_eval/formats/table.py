@@ -8,14 +8,17 @@ the delimiters of every line were counted; other text goes through the csv modul
 
 import csv
 import io
+import itertools
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
 from tgospa_eval.words import counted
@@ -24,6 +27,10 @@ if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
 
 DELIMITERS = ",;\t"
+
+DECIMAL = re.compile(r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?")
+GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+"""Numbers whose mark may be one between thousands."""
 
 HEAD = 1 << 16
 """Bytes in which the header of a large file is looked for."""
@@ -56,16 +63,17 @@ def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     stop = head.find("\n", start)
     sample = head[start : stop if stop >= 0 else None].replace('"', "").split(delimiter)
     roles = find_roles(names, options, where, sample=sample)
+    roles, decimal = _with_decimal(head[start:], delimiter, roles, options.decimal)
     del head
     if large:
         layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
-        found = bulk.read_bulk(data, layout, roles, options.decimal)
+        found = bulk.read_bulk(data, layout, roles, decimal)
         if found is not None:
             return found[0]
     text = decode(data, path)
     del data
     blocks = tokenise(text, _header(text, path)[2], delimiter, len(names), path, first)
-    return convert(blocks, roles, options.decimal, path, names)[0]
+    return convert(blocks, roles, decimal, path, names)[0]
 
 
 def _header(text: str, path: str) -> tuple[str, int, int]:
@@ -87,6 +95,31 @@ def _delimiter(header: str, decimal: str) -> str:
         DELIMITERS,
         key=lambda mark: (mark != decimal, plain.count(mark)) if plain.count(mark) else (False, 0),
     )
+
+
+def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
+    """The decimal mark of the first rows, with a notice in the roles if another one was asked for.
+
+    It is another one only if no number has the one asked for and some have that for certain: 1,250
+    and 1.250 may have a mark between thousands.
+    """
+    columns = {roles.time, *roles.numbers} - {roles.weight}  # weights may be something else
+    other = {".": ",", ",": "."}[asked]
+    if other == delimiter or other not in text:
+        return roles, asked
+    lines = itertools.islice(io.StringIO(text), ROWS)
+    certain = False
+    with suppress(csv.Error):  # told of when all rows are read
+        for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
+            for field in (row[k].strip() for k in columns if k < len(row)):
+                if DECIMAL.fullmatch(field):
+                    if asked in field:
+                        return roles, asked
+                    certain |= not GROUPED.fullmatch(field)
+    if not certain:
+        return roles, asked
+    said = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
+    return replace(roles, passed=(*roles.passed, said)), other
 
 
 def tokenise(
