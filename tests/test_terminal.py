@@ -60,6 +60,25 @@ def test_a_terminal_gets_graphs_of_80_columns(
     assert any("1: 101 -> 103" in line for line in lines)
 
 
+def test_long_stamps_lose_no_digit_that_tells_them_apart(
+    invoke: Callable, write: Callable[[str, str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stamps = [f"2014-06-24T19:03:{k:02}.163556123Z" for k in range(9)]
+    truth = write("t.csv", "id,t,x\n" + "".join(f"a,{t},0\n" for t in stamps))
+    estimate = write(
+        "e.csv", "id,t,x\n" + "".join(f"{k // 5},{t},{k / 9}\n" for k, t in enumerate(stamps))
+    )
+    given = (truth, estimate, "-q", "--curve")
+    plain = invoke(*given).out
+    assert all(stamp in plain for stamp in stamps[4:])  # the worst steps, whole
+    assert " ...19:03:05.163556123Z  a: 0 -> 1\n" in plain  # the switch
+    assert re.search(r"\n +\.\.\.03:08\.163556123Z +", plain)  # the curve
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    lively = COLOUR.sub("", invoke(*given).out)
+    assert re.search(r"\n +\.\.\.[-T0-9]*19:03:08\.163556123Z +[\d.]+ +0 +0 +0\n", lively)
+    assert max(map(len, (plain + lively).splitlines())) <= 80
+
+
 def test_notices_are_wrapped_on_a_terminal_alone(
     quickstart: tuple[str, str], run: Callable, tmp_path: Path, environment: dict[str, str]
 ) -> None:

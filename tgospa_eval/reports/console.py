@@ -1,7 +1,7 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "parts": _parts,
         "classes": _classes,
         "scale": _scale,
-        "worst": _worst,
+        "worst": worst,
         "switches": _switches,
         "curve": _curve,
         "footer": _footer,
@@ -148,21 +148,47 @@ def _curve(result: Summary) -> Iterator[str]:
     yield from _wrap(
         f"TGOSPA per step of the steps up to each of {size}, {known}; its parts are costs per step"
     )
-    yield "  " + "".join(f"{name:>13}" for name in ("up to t", "TGOSPA", *PARTS))
     count = min(size, 2 * SHOWN)
-    for k in np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist():
-        time = clip(str(table["t"][k]))[:13]
+    shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
+    times = fitting([table["t"][k] for k in shown], 19)
+    first = max(13, *map(len, times))
+    each = 13 if first == 13 else 11  # so that long stamps have their place
+    widths = (first, 13, 13, each, each, each)
+    yield "  " + _row(("up to t", "TGOSPA", *PARTS), widths)
+    for k, time in zip(shown, times, strict=True):
         value = ("" if met[k] else "<= ") + number(table["tgospa"][k], 5)
-        numbers = "".join(f"{number(table[name][k], 5):>13}" for name in PARTS)
-        yield f"  {time:>13}{value:>13}{numbers}"
+        yield "  " + _row((time, value, *(number(table[name][k], 5) for name in PARTS)), widths)
 
 
-def _worst(result: Summary) -> Iterator[str]:
-    worst = result.worst(SHOWN)
-    names = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
-    for key, name in names.items():
-        if worst[key]:
-            yield clip(f"  {name:<17}{'  '.join(map(str, worst[key]))}")
+def _row(cells: Iterable[str], widths: Iterable[int]) -> str:
+    return "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+
+
+def fitting(texts: Iterable[Any], width: int) -> list[str]:
+    """Stamps in so many columns, as far as they all begin alike: that gives way to dots."""
+    shown = [visible(str(text)) for text in texts]
+    cut = max(map(len, shown), default=0) - width + 3
+    if cut <= 3 or len({text[:cut] for text in shown}) > 1:
+        return shown
+    return [f"...{text[cut:]}" for text in shown]
+
+
+WORST = {"steps": "worst steps", "truth": "worst truths", "estimates": "worst estimates"}
+
+
+def worst(result: Summary, kinds: Iterable[str] = WORST) -> Iterator[str]:
+    """The worst of each kind by name, on as many lines as they need."""
+    found = result.worst(SHOWN)
+    for kind in kinds:
+        line = f"  {WORST[kind]:<15}"
+        for name in found[kind]:
+            cell = clip(str(name), WIDTH - 19)
+            if len(line) > 17 and len(line) + 2 + len(cell) > WIDTH:
+                yield line
+                line = " " * 17
+            line += f"  {cell}"
+        if found[kind]:
+            yield line
 
 
 def _switches(result: Summary) -> Iterator[str]:
@@ -170,15 +196,17 @@ def _switches(result: Summary) -> Iterator[str]:
     count = len(switches["t"])
     if not count:
         return
-    yield f"  switches{'':<9}{'t':>10}  truth: from -> to"
-    for k in range(min(count, SHOWN)):
+    times = fitting(switches["t"][:SHOWN], 22)
+    wide = max(10, *map(len, times))
+    yield f"  switches{'':<9}{'t':>{wide}}  truth: from -> to"
+    for k, time in enumerate(times):
         before, after = (_name(switches[key][k]) for key in ("from", "to"))
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        moment, truth = switches["t"][k], switches["truth"][k]
-        yield clip(f"  {'':<17}{moment!s:>10}  {truth}: {before} -> {after}{half}")
+        move = f"{switches['truth'][k]}: {before} -> {after}{half}"
+        yield clip(f"  {'':<17}{time:>{wide}}  {move}")
     if count > SHOWN:
-        yield f"  {'':<17}{'':>10}  and {count - SHOWN} more (--format json, or -o DIR)"
+        yield f"  {'':<17}{'':>{wide}}  and {count - SHOWN} more (--format json, or -o DIR)"
 
 
 def _footer(result: Summary) -> Iterator[str]:

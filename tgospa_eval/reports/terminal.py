@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.text import Text
 
 from tgospa_eval.figures import number
-from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip
+from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip, fitting, worst
 from tgospa_eval.summary import Summary
+from tgospa_eval.text import visible
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 SIGNS = " .:-=+*#@"
@@ -27,9 +28,7 @@ def report(result: Summary, encoding: str) -> str:
     """
     console = Console(file=io.StringIO(), force_terminal=True, width=WIDTH, highlight=False)
     named = blocks(result)
-    named["worst"] = list(_worst_steps(result)) + [
-        line for line in named["worst"] if not line.startswith("  worst steps")
-    ]
+    named["worst"] = [*_worst_steps(result), *map(visible, worst(result, ("truth", "estimates")))]
     shown = {
         "headline": _headline(named["headline"], certified=result.certified),
         "meaning": _dim(named["meaning"]),
@@ -93,12 +92,16 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     dear = [k for k in dear if table["total"][k] > 0]
     if not dear:
         return
-    yield f"  {'worst steps':<17}{'t':>12}{'cost':>11}{'missed':>9}{'false':>8}{'switches':>10}"
-    for k in dear:
+    times = fitting([table["t"][k] for k in dear], 28)
+    wide = max(12, *map(len, times))
+    name = max(12, min(17, 40 - wide))
+    columns = f"{'cost':>11}{'missed':>9}{'false':>8}{'switches':>10}"
+    yield f"  {'worst steps':<{name}}{'t':>{wide}}{columns}"
+    for k, time in zip(dear, times, strict=True):
         found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
         missed, false, switch = (number(count, 4) for count in found)
         yield clip(
-            f"  {'':<17}{table['t'][k]!s:>12}{number(table['total'][k], 5):>11}"
+            f"  {'':<{name}}{time:>{wide}}{number(table['total'][k], 5):>11}"
             f"{missed:>9}{false:>8}{switch:>10}"
         )
     yield ""
