@@ -5,6 +5,7 @@ import json
 import math
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -154,8 +155,7 @@ def test_the_line() -> None:
         progress.prove(9.0, 16.0)
         assert line(stopwatch, 8000.0) == "cutoff 5, 1 of 2: 9 <= TGOSPA <= 16, 2.2 h so far"
     progress.done(0.75)
-    progress._left = 1.2e4
-    assert line(stopwatch, 9.0) == "solving, 75 % done, 3.3 h left"
+    assert line(stopwatch, 9.0) == "solving, 75 % done, 9 s so far"
 
 
 class Terminal(io.StringIO):
@@ -188,6 +188,20 @@ def test_elsewhere_lines_come_seldom(
             display.update()
     lines = capsys.readouterr().err.splitlines()
     assert lines == [f"reading, {k} s so far" for k in (10, 20, 40, 80)]
+
+
+def test_a_narrow_bracket_of_long_work_is_worth_a_word(capsys: pytest.CaptureFixture[str]) -> None:
+    stopwatch = Stopwatch()
+    said = []
+    with Display(stopwatch) as display:
+        display.next = math.inf
+        for seconds, lower in ((99, 9.0), (0, 15.9), (99, 15.9), (99, 15.9)):
+            stopwatch.progress.bracket = lower, 16.0
+            display.begin = time.monotonic() - seconds
+            display.update()
+            said.append(capsys.readouterr().err)
+    assert said[0] == said[1] == said[3] == ""
+    assert "--gap and --time-limit" in said[2]
 
 
 # --- Ctrl-C ---------------------------------------------------------------------------------------
@@ -246,7 +260,7 @@ DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""
 
-HEARD = "interrupted: what is proven so far follows; Ctrl-C again ends at once"
+HEARD = "stopping: what is proven so far follows; Ctrl-C again ends at once"
 
 
 @POSIX

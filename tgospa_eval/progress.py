@@ -57,10 +57,7 @@ class Progress:
         self.bracket: tuple[float, float] | None = None
         self.scale: Callable[[float], float] = lambda total: total
         self._span = (0.0, 1.0)
-        self._begin = time.monotonic()
-        self._due = self._begin + SOON
-        self._updated = self._begin
-        self._left: float | None = None
+        self._due = time.monotonic() + SOON
 
     @property
     def due(self) -> bool:
@@ -71,20 +68,13 @@ class Progress:
         """It will take long: what is known is worth telling at once."""
         self._due = 0.0
 
-    @property
-    def left(self) -> float | None:
-        """About how many seconds are left; None if unknown."""
-        return None if self._left is None else self._left - (time.monotonic() - self._updated)
-
     def silent(self) -> "Progress":
         """One for work inside of this work: stopped together, and told to nobody."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
         """Begin to solve; `scale` makes TGOSPA of a total cost in units of the cutoff."""
-        self.scale, self.bracket = scale, None
-        if not self.stoppable:
-            self.stoppable, self._begin = True, time.monotonic()
+        self.scale, self.bracket, self.stoppable = scale, None, True
 
     @contextmanager
     def part(self, name: str, number: int, count: int) -> Iterator[None]:
@@ -102,15 +92,13 @@ class Progress:
     def done(self, share: float) -> None:
         """Tell how much of the part is done."""
         share = self._span[0] + self._span[1] * share
-        if self.watched and share > self.share:
-            self.share, self._updated = share, time.monotonic()
-            self._left = (self._updated - self._begin) * (1 - share) / share
+        if self.watched:
+            self.share = max(share, self.share)
 
     def again(self, name: str, share: float) -> None:
         """Tell how far another piece of work is, which begins where nothing of it is done."""
         if self.name != name:
-            self.name, self.share, self._left = name, 0.0, None
-            self._begin = time.monotonic()
+            self.name, self.share = name, 0.0
         self.done(share)
 
     def prove(self, lower: float, upper: float) -> None:

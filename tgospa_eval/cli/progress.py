@@ -41,6 +41,15 @@ FIRST, SELDOM = 10.0, 600.0
 each comes when twice as much time has passed."""
 
 
+LONG, NEAR = 10.0, 0.01
+"""Seconds, and relative difference of the bounds, from which on to stop is worth a thought."""
+
+ADVICE = (
+    "the bounds are within 1 % of each other: Ctrl-C stops with them; --gap and --time-limit do so "
+    "by themselves"
+)
+
+
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     """Do the work; after two seconds show how far it is.
 
@@ -59,7 +68,7 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     def tell() -> None:
         display.clear()
         if show:
-            say("interrupted: what is proven so far follows; Ctrl-C again ends at once")
+            say("stopping: what is proven so far follows; Ctrl-C again ends at once")
 
     with answering(take), Display(stopwatch) as display:
         task = Task(work)
@@ -80,7 +89,8 @@ class Display:
     def __init__(self, stopwatch: Stopwatch) -> None:
         self.stopwatch, self.begin = stopwatch, time.monotonic()
         self.lively = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-        self.next, self.shown = PATIENCE if self.lively else FIRST, False
+        self.next = PATIENCE if self.lively else FIRST
+        self.shown = self.advised = False
 
     def __enter__(self) -> "Display":
         return self
@@ -91,6 +101,10 @@ class Display:
     def update(self) -> None:
         """Show how far the work is, if it is time to."""
         seconds = time.monotonic() - self.begin
+        if seconds >= LONG and not self.advised and _is_near(self.stopwatch.progress):
+            self.advised = True
+            self.clear()
+            say(ADVICE)
         if seconds < self.next:
             return
         text = visible(line(self.stopwatch, seconds))
@@ -114,16 +128,20 @@ class Display:
 
 
 def line(stopwatch: Stopwatch, seconds: float) -> str:
-    """What is known: the part of the work, the proven bracket, the share done, the time left."""
+    """What is known: the part of the work, the proven bracket, the share done, the time taken."""
     progress = stopwatch.progress
     stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
     bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
     told = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
     if progress.share > 0:
         told.append(f"{100 * progress.share:.0f} % done")
-    left = progress.left
-    told.append(f"{_span(seconds)} so far" if left is None or left < 1 else f"{_span(left)} left")
-    return ", ".join(told)
+    return ", ".join((*told, f"{_span(seconds)} so far"))
+
+
+def _is_near(progress: Progress) -> bool:
+    """Whether the bounds of all of it may be near enough for the user."""
+    lower, upper = progress.bracket or (0.0, math.inf)
+    return not progress.name and lower < upper < math.inf and upper - lower <= NEAR * upper
 
 
 def bracket(lower: float, upper: float) -> str:
