@@ -343,8 +343,20 @@ def test_a_folder_that_is_not_empty(invoke, write, tmp_path: Path) -> None:
     assert (status, out) == (2, "")
     assert err == "DIR a: is not empty; name another folder, or --force\n"
     assert invoke("simulate", "a", "--force").status == 0
-    assert set(contents(tmp_path / "a")) == {"note.txt", "truth.csv", "estimate.csv"}
+    made = {"truth.csv", "estimate.csv", ".tgospa-eval.json"}
+    assert set(contents(tmp_path / "a")) == {"note.txt"} | made
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a"]  # nothing temporary is left
+
+
+def test_a_scene_is_written_anew(invoke, write, tmp_path: Path) -> None:
+    assert invoke("simulate", "a", "-q") == (0, "", "")
+    first = contents(tmp_path / "a")
+    assert invoke("simulate", "a", "--seed", "1", "-q").status == 0
+    assert contents(tmp_path / "a")["truth.csv"] != first["truth.csv"]
+    assert invoke("simulate", "a", "--format", "kitti").status == 0
+    assert set(contents(tmp_path / "a")) == {"gt.txt", "res.txt", ".tgospa-eval.json"}
+    write("a/gt.txt", "mine")
+    assert "was changed since" in invoke("simulate", "a", "--format", "kitti").err
 
 
 @pytest.mark.parametrize(
@@ -375,7 +387,9 @@ def test_sample_data_is_made_by_its_commands(invoke, tmp_path: Path, command: st
     arguments = shlex.split(command)[1:]
     assert invoke(*arguments).status == 0
     folder = arguments[1]
-    assert contents(tmp_path / folder) == contents(ROOT / folder)
+    made = contents(tmp_path / folder)
+    del made[".tgospa-eval.json"]
+    assert made == contents(ROOT / folder)
 
 
 def test_all_sample_data_has_its_command() -> None:

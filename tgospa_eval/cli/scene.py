@@ -10,7 +10,7 @@ import numpy as np
 from tgospa_eval.cli.streams import emit
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.write import WRITERS
-from tgospa_eval.reports.folders import probe_folder, write_texts
+from tgospa_eval.reports.folders import Kind, probe_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.text import visible
 from tgospa_eval.trajectories import Trajectories
@@ -31,10 +31,11 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
     ConfigError
         An option has no meaning, or the folder cannot be written.
     """
-    probe_folder(folder, force=options["force"], option=OPTION)
+    names = ("truth.csv", "estimate.csv") if options["format"] == "csv" else ("gt.txt", "res.txt")
+    kind = Kind(name="simulate", document=names[0], names=names)
+    probe_folder(folder, kind, force=options["force"], option=OPTION)
     scene, tracker = settings(options)
     truth, estimate = simulate(scene, tracker, np.random.default_rng(options["seed"]))
-    names = ("truth.csv", "estimate.csv") if options["format"] == "csv" else ("gt.txt", "res.txt")
     if options["format"] == "kitti":  # whose frames count from 0
         truth, estimate = (replace(side, times=side.times - 1) for side in (truth, estimate))
     write = WRITERS[options["format"]]
@@ -42,7 +43,9 @@ def make_scene(folder: str, options: dict[str, Any]) -> None:
         name: write(side, role)
         for name, side, role in zip(names, (truth, estimate), ("truth", "estimate"), strict=True)
     }
-    write_texts(texts, folder, force=options["force"], option=OPTION)
+    write_texts(texts, folder, kind, force=options["force"], option=OPTION)
+    if options["quiet"]:
+        return
     lines = (
         f"{folder}: {scene.scenario}, {counted(scene.steps, 'step')}; "
         f"{_size(truth, 'truth')} in {names[0]}, "

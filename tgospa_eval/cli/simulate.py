@@ -136,7 +136,10 @@ _output = partial(click.option, cls=Option, section="Output", show_default=True)
     metavar="FORMAT",
     help="Format of the files: csv, motchallenge or kitti.",
 )
-@_output("--force", is_flag=True, help="Write into a folder that is not empty.")
+@_output("--force", is_flag=True, help="Write into a folder with other files in it.")
+@click.option(
+    "-q", "--quiet", cls=Option, section="General", is_flag=True, help="Do not print what was made."
+)
 def command(folder: str, **options: Any) -> None:
     """Make a ground truth and a tracker's estimate of it, to try things on.
 

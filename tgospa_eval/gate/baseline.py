@@ -22,6 +22,7 @@ NEUTRAL = ("unit", "decimal")
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)
 VALUES = (*MEASURED, *BOUNDS)
+MADE = "the JSON that --update-baseline makes"
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances of values that are the same, and of parts that were summed."""
 
@@ -163,6 +164,7 @@ def load(path: str) -> Baseline | None:
         text = read_bytes(path, ConfigError).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not UTF-8 text; a baseline is JSON") from None
+    _check_json(text, path)
     try:
         document = json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
     except json.JSONDecodeError as error:
@@ -175,6 +177,24 @@ def load(path: str) -> Baseline | None:
     except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: {error}") from None
     return _read(document, path)
+
+
+def _check_json(text: str, path: str) -> None:
+    """Whether the text is meant as JSON, and not another file that was named by mistake.
+
+    Raises
+    ------
+    ConfigError
+        It is not.
+    """
+    begin = text.lstrip()
+    if begin and begin[0] not in "{[<":
+        what = f"text that begins with {quoted(begin.splitlines()[0])}"
+    elif begin[:1] == "<" and not begin.startswith("<<<<<<<"):
+        what = "HTML or XML"
+    else:
+        return
+    raise ConfigError(f"{path}: is no baseline but {what}; a baseline is {MADE}")
 
 
 def _no_number(text: str) -> Any:
@@ -200,7 +220,8 @@ def _read(document: Any, path: str) -> Baseline:
                 f'{path}: has the schema {quoted(schema)}, this version reads "{SCHEMA}"; use the '
                 "version that made it, or delete the file and make it anew with --update-baseline"
             )
-        raise ConfigError(f'{path}: is no baseline: its "schema" is not "{SCHEMA}"')
+        what = f"has the schema {quoted(schema)}" if schema else 'has no "schema"'
+        raise ConfigError(f"{path}: is no baseline, it {what}; a baseline is {MADE}")
     pairs = _table(document, "pairs", path)
     return {
         name: _entry(_table(pairs, name, path), f"{path}, pair {quoted(name)}") for name in pairs

@@ -246,18 +246,20 @@ def _check_name(folder: str, kind: Kind | None, option: str) -> None:
     """
     stem, suffix = os.path.splitext(folder)
     suffix = suffix.lower()
-    pictures, letter = suffix[1:] in PICTURES, "-o " if option == "--output" else ""
-    if suffix in AS_FORMAT and kind is not None:
-        remedy = f"--format {AS_FORMAT[suffix]} > {folder}"
-    elif pictures and kind is not None:
-        remedy = f"-o {stem}{kind.options.format(suffix[1:])}"
-    elif suffix == ".html" and kind is RESULT:
-        remedy = f"-o {stem}, and open {os.path.join(stem, 'report.html')}"
-    elif suffix in (*AS_FORMAT, ".html", ".txt") or pictures:
-        remedy = f"{letter}{stem}"
-    else:
+    pictures = suffix[1:] in PICTURES
+    if not pictures and suffix not in (*AS_FORMAT, ".html", ".txt"):
         return
-    raise ConfigError(f"{option} {folder}: must be a folder, not a file; type {remedy}")
+    if option != "--output" or kind is None:  # an argument, of a command or in Python
+        remedy = f"name it {stem}"
+    elif suffix in AS_FORMAT:
+        remedy = f"type --format {AS_FORMAT[suffix]} > {folder}"
+    elif pictures:
+        remedy = f"type -o {stem}{kind.options.format(suffix[1:])}"
+    elif suffix == ".html" and kind is RESULT:
+        remedy = f"type -o {stem}, and open {os.path.join(stem, 'report.html')}"
+    else:
+        remedy = f"type -o {stem}"
+    raise ConfigError(f"{option} {folder}: must be a folder, not a file; {remedy}")
 
 
 def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> None:
