@@ -79,6 +79,26 @@ def test_a_format_that_is_named_may_be_empty(write: Write) -> None:
 # --- KITTI ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("options", "warned"),
+    [
+        (("--unit", "m"), True),
+        (("--unit", "px"), False),
+        ((), False),
+        (("--unit", "m", "--columns", "x,y,z"), False),
+        (("--unit", "m", "--distance", "iou"), False),
+    ],
+)
+def test_pixels_are_no_metres(
+    invoke: Run, write: Write, options: tuple[str, ...], warned: bool
+) -> None:
+    path = write("0000.txt", KITTI)
+    done = invoke(path, path, "-c", "1", "-g", "1", *options, "--format", "json")
+    assert done.status == 0
+    codes = [warning["code"] for warning in json.loads(done.out)["warnings"]]
+    assert codes.count("unit-label") == warned
+
+
 def test_kitti(write: Write) -> None:
     path = write("0000.txt", KITTI)
     reading = read(path)

@@ -285,6 +285,29 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
     assert f"one time stamp: make one column t of them, {remedy}" in refusal(path)[0]
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("# my tracker, v1\nid,t,x\na,1,2\n", "line 1: a comment where the header should be"),
+        ("id,t,x\n# start\na,1,2\n", "line 2: a comment, not a row"),
+        ("id t x\na 1 2\n", "line 1: columns separated by blanks; write commas instead"),
+        ("0 1 2 3\n", "by blanks; write commas instead, and begin with id,t,x,y"),
+        ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
+        ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "line 1: JSON, not a table"),
+        ('{"id": 0, "t": 0, "x": 1}\n', "line 1: JSON, not a table"),
+        ('{"tracks": [' + "0, " * 50_000 + "0]}", "line 1: JSON, not a table"),
+        ("<html>\n", "line 1: XML or HTML, not a table"),
+    ],
+)
+def test_what_is_no_table(write: Write, text: str, said: str) -> None:
+    assert said in refusal(write("a.csv", text))[0]
+
+
+def test_a_header_may_begin_like_a_comment(write: Write) -> None:
+    path = write("a.csv", "# id,t,x\na,1,2\n")
+    assert rows_of(read_trajectories(path)) == {("a", 1): (2.0,)}
+
+
 def test_a_stamp_without_its_second_part(write: Write) -> None:
     path = write("a.csv", "id,stamp,nsecs,x\na,1,0,2\na,1,5,3\na,2,0,3\na,2,5,3\n")
     assert '"stamp" and "nsecs" are two parts of one time stamp' in refusal(path)[0]

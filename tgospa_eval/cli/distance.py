@@ -1,7 +1,7 @@
 """From the options to a base distance."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.asked import BOX, parse_columns
+from tgospa_eval.formats.headers import METRES
 from tgospa_eval.notices import Notice
 from tgospa_eval.text import quoted
 
@@ -125,6 +126,17 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
             )
         )
     return found
+
+
+def unit_notices(unit: str | None) -> Iterator[Notice]:
+    """A warning where states in pixels are said to have another unit."""
+    if (unit or "").casefold() in METRES:
+        yield Notice(
+            code="unit-label",
+            text=f"the unit is called {unit}, and centres of boxes of MOTChallenge and KITTI are "
+            "in pixels, and so are c and gamma",
+            remedy="say --unit px; of KITTI --columns x,y,z compares places in metres",
+        )
 
 
 def _with(distance: Any, **settings: Any) -> Distance:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.alignment import Alignment
-from tgospa_eval.cli.distance import notices
+from tgospa_eval.cli.distance import notices, unit_notices
 from tgospa_eval.cli.interrupts import undisturbed
 from tgospa_eval.cli.progress import run
 from tgospa_eval.cli.settings import Settings, make_settings, make_solver
@@ -268,6 +268,8 @@ def pair_notices(
     if "gaussian" in distance.kinds:
         for text in _about_points(truth.kind == "point", estimate.kind == "point"):
             yield Notice(text=text)
+    if any(side.pixels for side in sides):
+        yield from unit_notices(settings.unit)
     stamps, parameters = settings.stamps, settings.parameters
     for text in alignment_notices(aligned, stamps):
         yield Notice(text=text)

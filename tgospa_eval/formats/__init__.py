@@ -60,6 +60,8 @@ class Reading:
         Of `ReadOptions.shared` what the file lacks, and what to say if every file does.
     headers : dict of str to str
         Headers of the columns whose names are others.
+    pixels : bool
+        The states are centres of boxes in an image, by the rules of the format.
     """
 
     trajectories: Trajectories
@@ -73,6 +75,7 @@ class Reading:
     named: tuple[str, ...] = ()
     lacking: dict[str, str] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
+    pixels: bool = False
 
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each of its own."""

@@ -195,6 +195,7 @@ def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
         named=() if rows.classes is None else tuple(rows.classes[0]),
         lacking=roles.lacking,
         headers=roles.called,
+        pixels=roles.centres and roles.fixed,
     )
 
 

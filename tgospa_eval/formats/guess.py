@@ -40,3 +40,29 @@ def split(line: str) -> list[str]:
     """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
+
+
+COMMENTS = ("#", "%", "//")
+
+
+def foreign(line: str) -> str:
+    """What the first line is that is no header of a table, and what to do; blank if nothing tells.
+
+    A table whose header is understood may begin with any of these.
+    """
+    line = line.strip()
+    if line.startswith(COMMENTS):
+        return "a comment where the header should be; begin the file with id,t,x,y"
+    if line[:1] in ("{", "["):
+        return (
+            "JSON, not a table; write its records as CSV, in Python with "
+            "pandas.DataFrame(records).to_csv(FILE, index=False)"
+        )
+    if line.startswith("<"):
+        return "XML or HTML, not a table; write a CSV file with the header id,t,x,y"
+    for mark, marks in ((None, "blanks"), ("|", "vertical bars")):
+        words = line.split(mark)
+        if len(words) > 2 and not any(other in line for other in ",;\t"):
+            also = ", and begin with id,t,x,y" if all(map(is_number, words)) else ""
+            return f"columns separated by {marks}; write commas instead{also}"
+    return ""

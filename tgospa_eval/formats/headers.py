@@ -57,7 +57,8 @@ LAST = (
 )
 """Taken where nothing else is found, east and north only together."""
 
-LENGTHS = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet", "px", "pixel", "pixels")
+METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
+LENGTHS = (*METRES, "px", "pixel", "pixels")
 TIMES = (
     *("s", "sec", "secs", "second", "seconds", "ms", "msec", "us", "usec", "ns", "nsec"),
     *("nanoseconds", "microseconds", "milliseconds", "utc", "unix"),

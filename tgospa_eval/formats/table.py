@@ -19,6 +19,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.columns import Roles, find_roles
+from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
 from tgospa_eval.words import counted
@@ -34,6 +35,9 @@ GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 
 HEAD = 1 << 16
 """Bytes in which the header of a large file is looked for."""
+
+Wrong = tuple[int, int, bool]
+"""A row of the wrong length: its line, its length, whether it is a comment."""
 
 ROWS = 1 << 13
 """Rows of a block from the csv module."""
@@ -56,13 +60,18 @@ def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     delimiter = _delimiter(header, options.decimal)
     where = f"{path}, line {first - 1}"
     reader = csv.reader([header], delimiter=delimiter, skipinitialspace=True)
-    try:
-        names = [name.strip() for name in next(reader)]
-    except csv.Error as error:  # a field too long
-        raise InputError(f"{where}: {error}; it must be the header, id,t,x,y") from None
     stop = head.find("\n", start)
     sample = head[start : stop if stop >= 0 else None].replace('"', "").split(delimiter)
-    roles = find_roles(names, options, where, sample=sample)
+    try:
+        names = [name.strip() for name in next(reader)]
+        roles = find_roles(names, options, where, sample=sample)
+    except (InputError, csv.Error) as error:
+        other = foreign(header)
+        if other:
+            raise InputError(f"{where}: {other}") from None
+        if isinstance(error, csv.Error):  # a field too long
+            raise InputError(f"{where}: {error}; it must be the header, id,t,x,y") from None
+        raise
     roles, decimal = _with_decimal(head[start:], delimiter, roles, options.decimal)
     del head
     if large:
@@ -130,7 +139,7 @@ def tokenise(
         yield from _tokenise_slowly(chunks(text, start), delimiter, width, path, first_line)
         return
     line = first_line
-    wrong: list[tuple[int, int]] = []
+    wrong: list[Wrong] = []
     for chunk in chunks(text, start):
         if width > 1 and bulk.is_regular(chunk.encode(), 0, delimiter, width):
             fields = chunk.replace("\n", delimiter).split(delimiter)
@@ -150,7 +159,7 @@ def _tokenise_slowly(
     width: int,
     path: str,
     first_line: int,
-    before: list[tuple[int, int]] | None = None,
+    before: list[Wrong] | None = None,
 ) -> Iterator[Block]:
     """Quotes, blank lines and rows of the wrong length, through the csv module."""
     lines: list[int] = []
@@ -165,7 +174,7 @@ def _tokenise_slowly(
                     rows.append(row)
                     lines.append(begin)
                 else:
-                    wrong.append((begin, len(row)))
+                    wrong.append((begin, len(row), row[0].lstrip().startswith(COMMENTS)))
             begin = first_line + reader.line_num
             if len(rows) == ROWS:
                 yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
@@ -180,10 +189,12 @@ def _tokenise_slowly(
         yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
 
 
-def _refuse(wrong: list[tuple[int, int]], width: int, path: str) -> None:
-    """An error if there are rows of the wrong length: their lines and lengths."""
+def _refuse(wrong: list[Wrong], width: int, path: str) -> None:
+    """An error if there are rows of the wrong length."""
     if wrong:
-        line, found = wrong[0]
+        line, found, comment = wrong[0]
+        if comment:
+            raise InputError(f"{path}, line {line}: a comment, not a row; delete such lines")
         raise InputError(
             f"{path}, line {line}: {counted(found, 'field')}, "
             f"the header has {width}{more(len(wrong))}; give every row one field per column"
