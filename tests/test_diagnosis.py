@@ -117,6 +117,42 @@ def test_sides() -> None:
     assert codes(two, replace(two, ids=np.array(["7", "7.0"], object))) == ["id-types"]
 
 
+def test_near_by_chance(sample: Sides) -> None:
+    """Another recording of as many objects, and a poor tracker that is near as rarely."""
+    scene = Scene(scenario="dense", targets=20, steps=60)
+    (truth, _), (_, other) = (
+        simulate(scene, Tracker(noise=1.0), np.random.default_rng(seed)) for seed in (1, 2)
+    )
+    (notice,) = found(truth, other, 5.0)
+    assert notice.code == "nothing-near"
+    assert "only 3.5 % of the truths have an estimate within c = 5 at 60 steps" in notice.text
+    _, poor = simulate(
+        scene, Tracker(noise=1.0, detection=0.1, false_rate=1.0), np.random.default_rng(1)
+    )
+    assert found(truth, poor, 5.0) == []
+    still = replace(truth, state=truth.state[truth.track])  # at rest: near at any other step too
+    rng = np.random.default_rng(0)
+    sizes = np.where(rng.random((len(still.step), 1)) < 0.1, 1.0, 60.0)
+    errors = rng.normal(0, sizes, still.state.shape)
+    assert found(still, moved(still, lambda x: x + errors), 5.0) == []
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.1, 2.0, 12.0])
+def test_late_where_most_are_missed(speed: float) -> None:
+    """Nothing to see of slow objects; of fast ones nothing is near but a step later."""
+    rng = np.random.default_rng(7)
+    lines = rng.uniform(0, 200, (1, 8, 2)) + speed * np.arange(101)[:, None, None]
+    reported = lines + rng.normal(0, 0.3, lines.shape)
+    reported[rng.random(lines.shape[:2]) > 0.4] = np.nan
+    truth = Trajectories.from_array(lines[1:])
+    assert found(truth, Trajectories.from_array(reported[1:])) == []
+    late = found(truth, Trajectories.from_array(reported[:-1]))
+    assert [notice.code for notice in late] == ["clock-shift"] * (speed > 1)
+    for notice in late:
+        assert "late by a step (1) or more" in notice.text
+        assert ("of tracks that are there before and after" in notice.text) == (speed < 10)
+
+
 TRACKERS = {
     "noisy": Tracker(noise=5.0),
     "poor": Tracker(noise=3.0, detection=0.5, false_rate=1.0),

@@ -1,7 +1,8 @@
 """What looks wrong with two sides before anything is solved: clocks, units, axes. Prints nothing.
 
 A warning changes no number. It is raised only where undoing the fault would at least halve the
-per-step GOSPA cost, or where a side cannot mean what it seems to.
+per-step GOSPA cost, of a clock at least that of common tracks, where what is near is so by chance,
+or where a side cannot mean what it seems to.
 """
 
 import numpy as np

@@ -23,6 +23,7 @@ from tgospa_eval.diagnosis.costs import (
     evenly,
     occupied,
     saving,
+    saving_of_tracks,
 )
 from tgospa_eval.distances import Distance
 from tgospa_eval.figures import number, shortest
@@ -65,11 +66,14 @@ class Shift:
         Share of the per-step GOSPA cost that goes away, at least one half.
     steps : int
         Steps that were looked at.
+    of_tracks : bool
+        Whether that is of common tracks alone, as of `saving_of_tracks`.
     """
 
     late: bool
     saving: float
     steps: int
+    of_tracks: bool
 
 
 def clock_warnings(
@@ -177,14 +181,13 @@ def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
     return Notice(
         code="clock-shift",
         text=f"the estimate seems {way} by a step{size} or more: with its states one step {cure} "
-        f"the per-step GOSPA cost of {shift.steps} steps falls by {100 * shift.saving:.0f} % or "
-        "more",
+        + _falls(shift),
         remedy="check from where the two files count their steps, and what moment a stamp means",
     )
 
 
 def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -> Shift | None:
-    """Whether moving the estimate by one step at least halves the per-step GOSPA cost.
+    """Whether moving the estimate by one step at least halves the cost, or that of common tracks.
 
     Few steps rule that out for most recordings; where they do not, more are asked.
     """
@@ -200,6 +203,20 @@ def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -
     )
 
 
+def _saving(here: StepCosts, there: StepCosts) -> tuple[float, bool]:
+    """Share of the cost that goes away, and whether that is of common tracks alone."""
+    saved = saving(here, there)
+    return (saved, False) if saved else (saving_of_tracks(here, there), True)
+
+
+def _falls(found: "Shift | Clock") -> str:
+    of_tracks = ", of tracks that are there before and after, without what is missed or false"
+    return (
+        f"the per-step GOSPA cost of {found.steps} steps falls by {100 * found.saving:.0f} % or "
+        f"more{of_tracks * found.of_tracks}"
+    )
+
+
 def _shift_of(
     aligned: Alignment, parameters: Parameters, distance: Distance, count: int
 ) -> Shift | None:
@@ -212,9 +229,9 @@ def _shift_of(
         return None
     for move in (1, -1):
         there = StepCosts(truth, at_steps(aligned.estimate, steps + move), parameters, distance)
-        saved = saving(here, there)
+        saved, of_tracks = _saving(here, there)
         if saved:
-            return Shift(late=move > 0, saving=saved, steps=count)
+            return Shift(late=move > 0, saving=saved, steps=count, of_tracks=of_tracks)
     return None
 
 
@@ -234,6 +251,8 @@ class Clock:
         Share of the per-step GOSPA cost that goes away.
     steps : int
         Steps that were looked at.
+    of_tracks : bool
+        Whether that is of common tracks alone, as of `saving_of_tracks`.
     """
 
     factor: float
@@ -241,13 +260,14 @@ class Clock:
     ahead: float = 0.0
     saving: float = 0.0
     steps: int = 0
+    of_tracks: bool = False
 
 
 def _clock_warning(clock: Clock, kind: str) -> Notice:
     return Notice(
         code="clock-shift",
-        text=f"the clock of the estimate seems to {_said(clock, kind)}: without that the per-step "
-        f"GOSPA cost of {clock.steps} steps falls by {100 * clock.saving:.0f} % or more",
+        text=f"the clock of the estimate seems to {_said(clock, kind)}: without that "
+        + _falls(clock),
         remedy="write the stamps of both files by one clock; a latency of the tracker is "
         "rightly an error",
     )
@@ -282,9 +302,9 @@ def _find_clock(
         if np.count_nonzero(is_there) < FEWEST / 2:
             continue
         there = StepCosts(chosen, _moved(estimate, at, is_there), parameters, distance)
-        saved = saving(here, there)
+        saved, of_tracks = _saving(here, there)
         if saved > (best.saving if best else 0.0):
-            best = replace(clock, saving=saved, steps=len(steps))
+            best = replace(clock, saving=saved, steps=len(steps), of_tracks=of_tracks)
     return best
 
 

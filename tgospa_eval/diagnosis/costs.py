@@ -33,6 +33,16 @@ DENSE = 1_000_000
 FEWEST = 8
 """Steps without which nothing is said about a shift."""
 
+PAIRED = 12
+"""Pairs without which nothing is said about a shift for their sake."""
+
+TRACKS = 3
+"""Tracks that must agree on a fault that is smaller than the cutoff: that of one may be its own
+error."""
+
+WORTH = 1e-3
+"""Of the cost of leaving all unassigned: less is not worth a warning, but about rounding."""
+
 CHEAPER = 2 / 3
 """Share of the steps that a change must improve: a late start makes one step costly, not most."""
 
@@ -64,10 +74,27 @@ class StepCosts:
         self.gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
         objects = np.concatenate((truth.step, estimate.step))
         self.alone = np.bincount(objects, minlength=self.steps) * np.float64(0.5)
+        self.truths = np.bincount(truth.step, minlength=self.steps)
+        self.estimate = estimate
+        self._bound()
+
+    def _bound(self) -> None:
         # From the largest down, equal ones as they come; stable in every row below.
         self.order = np.argsort(-self.gain, kind="stable")
         most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
         self.lower = self.alone - np.minimum(*most)
+
+    def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
+        """Without the other rows of the estimate."""
+        other = object.__new__(StepCosts)
+        near = kept[self.rows[1]]
+        other.steps, other.truths, other.estimate = self.steps, self.truths, self.estimate
+        other.step, other.gain = self.step[near], self.gain[near]
+        other.rows = self.rows[0][near], self.rows[1][near]
+        left_out = np.bincount(self.estimate.step[~kept], minlength=self.steps)
+        other.alone = self.alone - 0.5 * left_out
+        other._bound()
+        return other
 
     @cached_property
     def upper(self) -> Floats:
@@ -131,6 +158,41 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST) -> float:
     busy = np.count_nonzero((here.upper > 0) | (there.upper > 0))
     cheaper = np.count_nonzero(there.upper < here.upper)
     return saved if saved >= 0.5 and cheaper >= max(CHEAPER * busy, fewest / 2) else 0.0
+
+
+def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
+    """The same where most of the cost is of what is missed or false either way, and left out.
+
+    Only tracks that are there at both moments are compared, whichever were missed at one of them.
+    What they cost, in units of c^p, is how many more pairs there are here or there than the gain: a
+    pair that is near either here or there only, costs one where it is not. Half of the pairs that
+    there could be must be near there: of another recording, fewer are.
+    """
+    rows = [side.estimate.step * np.int64(2**32) + side.estimate.track for side in (here, there)]
+    here = here.only(np.isin(rows[0], rows[1], assume_unique=True))
+    there = there.only(np.isin(rows[1], rows[0], assume_unique=True))
+    highest = float((there.alone - there.lower).sum())
+    if 2 * highest <= len(here.taken) + float((here.alone - here.upper).sum()):
+        return 0.0
+    if 2 * len(there.taken) < np.minimum(there.truths, 2 * there.alone - there.truths).sum():
+        return 0.0
+    found = [np.bincount(side.step[side.taken], minlength=side.steps) for side in (here, there)]
+    pairs = np.maximum(*found)
+    here.settle()
+    there.settle()
+    costs = [pairs - (side.alone - side.upper) for side in (here, there)]
+    total, left = (float(cost.sum()) for cost in costs)
+    tracks = np.unique(there.estimate.track[there.rows[1][there.taken]])
+    if (
+        len(tracks) < TRACKS
+        or pairs.sum() < PAIRED
+        or total < WORTH * pairs.sum()
+        or 2 * left > total
+    ):
+        return 0.0
+    busy = np.count_nonzero(pairs)
+    cheaper = np.count_nonzero(costs[1] < costs[0])
+    return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST) else 0.0
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:

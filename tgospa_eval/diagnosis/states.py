@@ -10,7 +10,18 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from tgospa_eval.diagnosis.costs import FIRST, SAMPLE, StepCosts, at_steps, evenly, occupied, saving
+from tgospa_eval.diagnosis.costs import (
+    FIRST,
+    SAMPLE,
+    TRACKS,
+    WORTH,
+    StepCosts,
+    at_steps,
+    evenly,
+    occupied,
+    saving,
+)
+from tgospa_eval.diagnosis.nearness import few_are_near, nearness_warnings
 from tgospa_eval.distances import Distance
 from tgospa_eval.notices import Notice, Spelling, as_option
 from tgospa_eval.problem import Floats, Parameters
@@ -33,12 +44,6 @@ FITTED = 12
 VOTES, EACH = 6_000, 40
 """Differences of states among which an offset is sought: so many, and so many for each estimate of
 a step, of which one may be right."""
-
-WORTH = 1e-3
-"""Of the cost of leaving all unassigned: less is not worth a warning, but about rounding."""
-
-TRACKS = 3
-"""Truths that must agree on an offset below the cutoff: that of one may be its own error."""
 
 POSITIONS = (("x", "y", "z"), ("lat", "lon"))
 BOX = ("left", "top", "width", "height")
@@ -97,7 +102,8 @@ class _Sample:
     ) -> None:
         common = np.flatnonzero(occupied(aligned[0]) & occupied(aligned[1]))
         self.steps = evenly(common, aligned, most)
-        self.truth, self.estimate = (at_steps(side, self.steps) for side in aligned)
+        self.sides = at_steps(aligned[0], self.steps), at_steps(aligned[1], self.steps)
+        self.truth, self.estimate = self.sides
         self.parameters, self.distance = parameters, distance
         self.columns = self.truth.columns
         self.here = self.costs(self.estimate)
@@ -149,7 +155,7 @@ def state_warnings(
         return []
     found = _best(sample, _linear(sample)) if sample.is_bad else None
     found = found or _best(sample, _displaced(sample), FITTED)
-    suspicious = found is not None or not len(sample.here.gain)
+    suspicious = found is not None or few_are_near(sample.here, sample.sides)
     if suspicious and len(sample.steps) >= FIRST:  # what few steps suggest, more must confirm
         sample = _Sample(aligned, parameters, distance)
         saved = sample.saving(found[1]) if found else 0.0
@@ -164,18 +170,7 @@ def state_warnings(
                 remedy=change.remedy(spell),
             )
         ]
-    if not len(sample.here.gain):
-        cutoff = f"c = {parameters.cutoff:g}"
-        return [
-            Notice(
-                code="nothing-near",
-                text=f"no truth has an estimate within {cutoff} at the steps looked at, all are "
-                "missed and all estimates false",
-                remedy="choose a larger cutoff if errors may be that large, else see whether both "
-                "files have the same units, axes and origin",
-            )
-        ]
-    return []
+    return nearness_warnings(sample.here, sample.sides, parameters, distance)
 
 
 def _best(
