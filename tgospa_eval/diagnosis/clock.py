@@ -178,10 +178,12 @@ def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
     way, cure = ("late", "earlier") if shift.late else ("early", "later")
     step = median_step(truth.times)
     size = "" if step is None else f" ({_told(step, truth.clock, truth.times)})"
+    of_tracks = ", of tracks that are there before and after, without what is missed or false"
     return Notice(
         code="clock-shift",
         text=f"the estimate seems {way} by a step{size} or more: with its states one step {cure} "
-        + _falls(shift),
+        + _falls(shift)
+        + of_tracks * shift.of_tracks,
         remedy="check from where the two files count their steps, and what moment a stamp means",
     )
 
@@ -210,11 +212,8 @@ def _saving(here: StepCosts, there: StepCosts) -> tuple[float, bool]:
 
 
 def _falls(found: "Shift | Clock") -> str:
-    of_tracks = ", of tracks that are there before and after, without what is missed or false"
-    return (
-        f"the per-step GOSPA cost of {found.steps} steps falls by {100 * found.saving:.0f} % or "
-        f"more{of_tracks * found.of_tracks}"
-    )
+    share = f"{100 * found.saving:.0f} %"
+    return f"the per-step GOSPA cost of {found.steps} steps falls by {share} or more"
 
 
 def _shift_of(
@@ -251,8 +250,6 @@ class Clock:
         Share of the per-step GOSPA cost that goes away.
     steps : int
         Steps that were looked at.
-    of_tracks : bool
-        Whether that is of common tracks alone, as of `saving_of_tracks`.
     """
 
     factor: float
@@ -260,7 +257,6 @@ class Clock:
     ahead: float = 0.0
     saving: float = 0.0
     steps: int = 0
-    of_tracks: bool = False
 
 
 def _clock_warning(clock: Clock, kind: str) -> Notice:
@@ -302,9 +298,9 @@ def _find_clock(
         if np.count_nonzero(is_there) < FEWEST / 2:
             continue
         there = StepCosts(chosen, _moved(estimate, at, is_there), parameters, distance)
-        saved, of_tracks = _saving(here, there)
+        saved = saving(here, there)
         if saved > (best.saving if best else 0.0):
-            best = replace(clock, saving=saved, steps=len(steps), of_tracks=of_tracks)
+            best = replace(clock, saving=saved, steps=len(steps))
     return best
 
 
