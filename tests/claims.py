@@ -10,7 +10,7 @@ from far_scenes import FarScene
 
 from tgospa_eval import Certified, evaluate
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation import Result
+from tgospa_eval.results.result import Result
 from tgospa_eval.solvers import Solver
 
 GAP = Fraction(1, 10**9)

@@ -161,7 +161,7 @@ def shown(chromium: Browser, tmp_path: Path) -> Iterator[Callable[..., Browser]]
     """Open the page of a result; at the end it must have logged nothing and asked for nothing."""
 
     from tgospa_eval.reports.html import page
-    from tgospa_eval.summary import Summary
+    from tgospa_eval.results.summary import Summary
 
     def show(result: Summary, hash_: str = "", **settings: object) -> Browser:
         path = tmp_path / "report.html"

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.optimize import linear_sum_assignment, linprog
 
-from tgospa_eval.problem import Problem
+from tgospa_eval.problem.problem import Problem
 
 Array = np.ndarray
 

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from strategies import scene
 
 from tgospa_eval import evaluate
-from tgospa_eval.alignment import GRIDS, Stamps, align, nearest
-from tgospa_eval.diagnosis import alignment_notices, diagnose
-from tgospa_eval.diagnosis.clock import find_shift
-from tgospa_eval.diagnosis.costs import StepCosts
+from tgospa_eval.tracks.alignment import GRIDS, Stamps, align, nearest
+from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
+from tgospa_eval.evaluation.diagnosis.clock import find_shift
+from tgospa_eval.evaluation.diagnosis.costs import StepCosts
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem import Parameters
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]
@@ -110,7 +110,7 @@ def test_bad_values(options: dict) -> None:
 
 
 def test_grids_are_spelled_alike() -> None:
-    from tgospa_eval.cli import options
+    from tgospa_eval.cli.shared import options
 
     assert options.GRIDS == GRIDS
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tgospa_eval import __all__ as public
-from tgospa_eval.cli import options
+from tgospa_eval.cli.shared import options
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.formats import FORMATS
 from tgospa_eval.reports import REPORTS

@@ -13,7 +13,8 @@ import pytest
 from browser import PATIENCE
 
 from tgospa_eval import __version__
-from tgospa_eval.cli import VERBS, options
+from tgospa_eval.cli import VERBS
+from tgospa_eval.cli.shared import options
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

@@ -18,7 +18,7 @@ from tgospa_eval.comparison.brackets import Bracket, equal, excess, less, narrow
 from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
-from tgospa_eval.preparation import Prepared
+from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.solvers import Solver
@@ -148,7 +148,7 @@ def test_errors_are_against_what_all_prove() -> None:
 def test_exact_is_left_out_where_it_is_slow(
     write: Write, invoke: Invoke, monkeypatch, here
 ) -> None:
-    from tgospa_eval.cli import comparing
+    from tgospa_eval.cli.compare import run as comparing
 
     here()
     monkeypatch.setattr(comparing, "takes_long", lambda _: 123_456)
@@ -413,7 +413,7 @@ def test_patterns_fit_each_other(
     ],
 )
 def test_names_are_what_differs(paths: list[str], names: list[str]) -> None:
-    from tgospa_eval.cli.comparing import short_names
+    from tgospa_eval.cli.compare.run import short_names
 
     assert short_names(tuple(paths)) == names
 

@@ -5,8 +5,8 @@ import pytest
 from strategies import scene
 
 from tgospa_eval import Certified, evaluate
-from tgospa_eval.curve import trace
-from tgospa_eval.prefixes import Cells
+from tgospa_eval.evaluation.curve import trace
+from tgospa_eval.problem.prefixes import Cells
 
 
 def test_the_last_point_is_the_solution_however_bad() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from tgospa_eval.distances import DISTANCES, Distance, gating, near_pairs, search
 from tgospa_eval.distances.gating import median_nearest
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 NORMS = ("euclidean", "manhattan", "chebyshev")
 
@@ -134,7 +134,7 @@ def test_median_of_the_nearest() -> None:
 
 def test_a_sparse_scene_does_without_scipy() -> None:
     code = (
-        "import sys, numpy as np; from tgospa_eval.trajectories import Trajectories;"
+        "import sys, numpy as np; from tgospa_eval.tracks.trajectories import Trajectories;"
         "from tgospa_eval.distances import DISTANCES, near_pairs;"
         "x = Trajectories.from_array(np.random.default_rng(0).uniform(0, 300, (5, 400, 2)));"
         "print(len(near_pairs(x, x, 5.0, DISTANCES['euclidean']).distance) > 0,"

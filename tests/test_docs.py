@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from tgospa_eval.cli import main, progress
+from tgospa_eval.cli import main
+from tgospa_eval.cli.shared import progress
 
 ROOT = Path(__file__).parent.parent
 README = ROOT / "README.md"

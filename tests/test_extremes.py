@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tgospa_eval.clouds import Clouds
+from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.distances import cloud_wasserstein
 from tgospa_eval.errors import ConfigError, InputError
 

@@ -632,7 +632,7 @@ def test_a_fault_of_ours_is_no_regression(gate: Invoke, monkeypatch: pytest.Monk
     def fails(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("deep inside")
 
-    monkeypatch.setattr("tgospa_eval.cli.pairs.load", fails)
+    monkeypatch.setattr("tgospa_eval.cli.gate.run.load", fails)
     answer = gate()
     assert answer.status == 4
     assert "Traceback" in answer.err

@@ -16,8 +16,8 @@ from oracles import tgospa_lp
 from test_distances import WAYS
 
 from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, read_trajectories
-from tgospa_eval.alignment import Stamps, align
-from tgospa_eval.covariances import factor, pack, project, unpack
+from tgospa_eval.tracks.alignment import Stamps, align
+from tgospa_eval.tracks.covariances import factor, pack, project, unpack
 from tgospa_eval.distances import (
     DISTANCES,
     GaussianWasserstein,
@@ -30,7 +30,7 @@ from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.write import csv_text
 from tgospa_eval.inspection import describe
-from tgospa_eval.preparation import digest
+from tgospa_eval.evaluation.prepare import digest
 from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
 
 Invoke = Callable[..., Any]

@@ -14,7 +14,7 @@ import click
 import pytest
 from browser import PATIENCE
 
-from tgospa_eval import files
+from tgospa_eval.common import files
 from tgospa_eval.cli import VERBS, Verbs
 from tgospa_eval.comparison.log import Log
 from tgospa_eval.errors import ConfigError, InputError

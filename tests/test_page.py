@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from pages import NASTY, address, detail, ink, labels
 
-from tgospa_eval import Sinkhorn, evaluate, palette
-from tgospa_eval.evaluation import Result
+from tgospa_eval import Sinkhorn, evaluate
+from tgospa_eval.common import palette
+from tgospa_eval.results.result import Result
 
 
 @pytest.fixture(scope="module")

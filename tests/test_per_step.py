@@ -12,7 +12,8 @@ from oracles import gospa
 from strategies import ORDERS, pairs_of_sets, scene
 from test_golden import N, tracks
 
-from tgospa_eval import evaluate, per_step
+from tgospa_eval import evaluate
+from tgospa_eval.problem import gospa as per_step
 from tgospa_eval.comparison.against import against, against_document, differences
 
 SWAP = ([[0] * 3, [10] * 3], [[0, 0, 10], [10, 10, 0]])

@@ -13,20 +13,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from tgospa_eval.cli import progress as shown
-from tgospa_eval.cli.progress import Display, bracket, line
-from tgospa_eval.compiled import KERNEL
-from tgospa_eval.pipeline import solve
-from tgospa_eval.preparation import as_distance, prepare
-from tgospa_eval.problem import Parameters
-from tgospa_eval.progress import Progress, StoppedError
+from tgospa_eval.cli.shared import progress as shown
+from tgospa_eval.cli.shared.progress import Display, bracket, line
+from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.evaluation.prepare import as_distance, prepare
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.common.progress import Progress, StoppedError
 from tgospa_eval.solvers import Solver, batches, certified, exact
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.exact import Exact
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.solvers.telling import near_the_end
-from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
 Pair = tuple[str, str]
@@ -251,7 +251,7 @@ def interrupted(tmp_path: Path, environment: dict[str, str]) -> Run:
     return interrupted
 
 
-SWEEPS = "from tgospa_eval.solvers.ascent import Ascent; Ascent.stage = once(Ascent.stage)"
+SWEEPS = "from tgospa_eval.solvers.dual_ascent import Ascent; Ascent.stage = once(Ascent.stage)"
 CLARABEL = "from tgospa_eval.solvers import exact; exact._build = and_never_end"
 PROGRAMMES = "from tgospa_eval.solvers import residual; residual.residual = and_never_end"
 PROOF = f"{SWEEPS}; from tgospa_eval import pipeline; pipeline.certify = and_never_end"

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ReadOptions, bulk, read, read_trajectories
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]
 Rows = dict[tuple[str, Any], tuple[float, ...]]

@@ -6,13 +6,13 @@ from oracles import tgospa_lp
 from strategies import coincident, dice, lattice_walks, overlapping
 
 from tgospa_eval import evaluate
-from tgospa_eval.certificate import certify
-from tgospa_eval.result import Solution
-from tgospa_eval.solvers import residual as programmes
+from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.solution import Solution
+from tgospa_eval.solvers import restricted_lp as programmes
 from tgospa_eval.solvers.programme import make_programme
-from tgospa_eval.solvers.residual import Proposal, refined, residual
-from tgospa_eval.solvers.starts import suggest
-from tgospa_eval.states import States
+from tgospa_eval.solvers.restricted_lp import Proposal, refined, residual
+from tgospa_eval.solvers.basis import suggest
+from tgospa_eval.problem.states import States
 
 
 def states_of(sides: tuple[np.ndarray, np.ndarray], c: float, p: float, gamma: float) -> States:

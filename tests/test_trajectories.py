@@ -9,8 +9,8 @@ import pytest
 
 from tgospa_eval import evaluate, read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.notices import in_python
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.common.notices import in_python
+from tgospa_eval.tracks.trajectories import Trajectories
 
 
 @pytest.mark.parametrize("shape", [(4, 3, 1), (4, 3, 2), (2, 5, 4), (0, 3, 2), (3, 0, 2)])

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
         TgospaError,
         TgospaWarning,
     )
-    from tgospa_eval.evaluation import Result
+    from tgospa_eval.results.result import Result
     from tgospa_eval.formats import read_trajectories
-    from tgospa_eval.pipeline import evaluate
-    from tgospa_eval.points import Sweep
-    from tgospa_eval.sensitivity import sweep
+    from tgospa_eval.evaluation.evaluate import evaluate
+    from tgospa_eval.results.sweep import Sweep
+    from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.solvers.certified import Certified
     from tgospa_eval.solvers.exact import Exact
     from tgospa_eval.solvers.sinkhorn import Sinkhorn
-    from tgospa_eval.trajectories import Trajectories
+    from tgospa_eval.tracks.trajectories import Trajectories
 
 _HOME = {
     "Certified": "solvers.certified",

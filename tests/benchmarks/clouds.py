@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tgospa_eval.clouds import Clouds
+from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.distances import CloudWasserstein, cloud_wasserstein, near_pairs, reduce_cloud
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 TRACKS, PARTICLES, CUTOFF = 20, 200, 10.0
 

@@ -11,20 +11,21 @@ from importlib import import_module
 
 import click
 
-from tgospa_eval import __version__, files
+from tgospa_eval import __version__
+from tgospa_eval.common import files
 from tgospa_eval.cli.guard import guarded
-from tgospa_eval.cli.interrupts import heard
-from tgospa_eval.cli.streams import check_stdout, check_written, say, say_lines
+from tgospa_eval.cli.shared.interrupts import heard
+from tgospa_eval.cli.shared.streams import check_stdout, check_written, say, say_lines
 from tgospa_eval.errors import ConfigError, TgospaError
 
 VERBS = {
-    "evaluate": ("tgospa_eval.cli.evaluate", "Evaluate an estimate; the verb if none is given."),
+    "evaluate": ("tgospa_eval.cli.evaluate.command", "Evaluate an estimate; the verb if none is given."),
     "inspect": ("tgospa_eval.cli.inspect", "Show what is in the files, and what looks wrong."),
-    "gate": ("tgospa_eval.cli.gate", "Fail a CI job if the estimate got worse."),
-    "compare": ("tgospa_eval.cli.compare", "Rank several estimates, or compare solvers."),
-    "simulate": ("tgospa_eval.cli.simulate", "Make a ground truth and an estimate to try it on."),
-    "associate": ("tgospa_eval.cli.associate", "Associate the states of two sensors."),
-    "reduce": ("tgospa_eval.cli.reduce", "Reduce particle clouds to fewer particles."),
+    "gate": ("tgospa_eval.cli.gate.command", "Fail a CI job if the estimate got worse."),
+    "compare": ("tgospa_eval.cli.compare.command", "Rank several estimates, or compare solvers."),
+    "simulate": ("tgospa_eval.cli.simulate.command", "Make a ground truth and an estimate to try it on."),
+    "associate": ("tgospa_eval.cli.sensors.associate", "Associate the states of two sensors."),
+    "reduce": ("tgospa_eval.cli.sensors.reduce", "Reduce particle clouds to fewer particles."),
 }
 """Module and summary of each verb; the module's command is called `command`."""
 
@@ -38,7 +39,7 @@ NO_MEMORY = (
 INTERNAL = 4
 """Of faults of ours, as of solvers: neither passed nor failed, nothing is known."""
 
-CONFIG = "tgospa_eval.config"
+CONFIG = "tgospa_eval.common.config"
 """Under this name the context keeps the configuration file in use."""
 
 
@@ -121,7 +122,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     click.UsageError
         It is more like a verb.
     """
-    from tgospa_eval.cli.help import meant_verb  # here: not needed where a verb is given
+    from tgospa_eval.cli.shared.help import meant_verb  # here: not needed where a verb is given
 
     verb = meant_verb(word)
     if verb is not None:

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 
-from tgospa_eval.cli.streams import say
+from tgospa_eval.cli.shared.streams import say
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
 """Ends of programs that do without their memory; other signals come from others."""

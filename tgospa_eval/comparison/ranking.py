@@ -20,9 +20,9 @@ from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import Against, against, against_document, differences
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
-from tgospa_eval.evaluation import Result
-from tgospa_eval.problem import Floats
-from tgospa_eval.summary import Table
+from tgospa_eval.results.result import Result
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.summary import Table
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""

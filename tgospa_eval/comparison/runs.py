@@ -12,14 +12,14 @@ import numpy as np
 
 from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
-from tgospa_eval.pipeline import solve
-from tgospa_eval.preparation import Prepared, prepare
-from tgospa_eval.problem import Parameters
-from tgospa_eval.progress import Progress
+from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.evaluation.prepare import Prepared, prepare
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.common.progress import Progress
 from tgospa_eval.solvers import Solver
-from tgospa_eval.summary import Summary
-from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.results.summary import Summary
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.trajectories import Trajectories
 
 PARTS = ("localisation", "missed", "false", "switch")
 
@@ -209,7 +209,7 @@ def _write_all(target: Any, message: bytes) -> None:
 def warm_up(solver: Solver) -> None:
     """Import what the solver needs: a first call takes longer than those that follow."""
     if solver.name == "certified":
-        import tgospa_eval.solvers.residual  # noqa: F401  HiGHS, which small scenes do without
+        import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
     rng = np.random.default_rng(0)
     sides = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
     small = prepare(

@@ -10,8 +10,8 @@ from tgospa_eval import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
 from tgospa_eval.comparison.runs import Run, called, failed, run_apart
-from tgospa_eval.preparation import Prepared
-from tgospa_eval.progress import Progress
+from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.common.progress import Progress
 from tgospa_eval.solvers import Solver
 
 

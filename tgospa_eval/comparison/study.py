@@ -21,13 +21,13 @@ from tgospa_eval.comparison.runs import PARTS, Run, failed, run_here, warm_up
 from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.pipeline import solver_settings
-from tgospa_eval.preparation import prepare
-from tgospa_eval.problem import Parameters
+from tgospa_eval.evaluation.evaluate import solver_settings
+from tgospa_eval.evaluation.prepare import prepare
+from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
-from tgospa_eval.timing import Stopwatch
-from tgospa_eval.words import counted
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.words import counted
 
 Document = dict[str, Any]
 Size = tuple[int, int]

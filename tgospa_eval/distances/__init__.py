@@ -12,13 +12,13 @@ from tgospa_eval.distances.gating import near_pairs
 
 if TYPE_CHECKING:
     from tgospa_eval.distances.boxes import IoU
-    from tgospa_eval.distances.clouds import CloudWasserstein, PairCloudWasserstein
+    from tgospa_eval.distances.clouds.distance import CloudWasserstein, PairCloudWasserstein
     from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
     from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
-    from tgospa_eval.distances.reduction import Reduction, reduce_cloud
-    from tgospa_eval.distances.sampling import resample_cloud, restrict_cloud
+    from tgospa_eval.distances.clouds.reduction import Reduction, reduce_cloud
+    from tgospa_eval.distances.clouds.sampling import resample_cloud, restrict_cloud
     from tgospa_eval.distances.sphere import Haversine
-    from tgospa_eval.distances.transport import cloud_wasserstein, cross_covariance, transport_plan
+    from tgospa_eval.distances.clouds.transport import cloud_wasserstein, cross_covariance, transport_plan
     from tgospa_eval.distances.vector import Norm
 
 _HOME = {

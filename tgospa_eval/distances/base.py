@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.timing import Stopwatch
-from tgospa_eval.trajectories import Ints, Trajectories
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALLEST, LARGEST = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""

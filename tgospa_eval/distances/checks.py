@@ -3,7 +3,7 @@
 from tgospa_eval.distances.base import Distance
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 
 def check_columns(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.search import Side, search
-from tgospa_eval.trajectories import Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 ROWS = 1 << 15
 """Rows searched at a time; a step is never divided."""

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from tgospa_eval.distances.base import Floats
-from tgospa_eval.trajectories import Ints
+from tgospa_eval.tracks.trajectories import Ints
 
 PIECE = 1 << 14
 """Candidates compared at a time; those of one truth are never divided."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 RADIUS = 6371008.8
 """Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""

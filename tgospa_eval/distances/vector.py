@@ -9,7 +9,7 @@ import numpy as np
 
 from tgospa_eval.distances.base import ROUNDING, Distance, Floats
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALLEST, LARGEST = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""

@@ -13,9 +13,9 @@ import numpy as np
 
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
-from tgospa_eval.notices import Notice, in_python, spoken_in_python
+from tgospa_eval.common.notices import Notice, in_python, spoken_in_python
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import Floats, Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
 
 FORMATS = {
     "csv": ("tgospa_eval.formats.table", "read_table"),

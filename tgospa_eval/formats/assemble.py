@@ -13,10 +13,10 @@ from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import Times, more
-from tgospa_eval.notices import Notice
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import Floats, Ints, Trajectories
-from tgospa_eval.words import counted
+from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
+from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

@@ -13,7 +13,7 @@ from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.headers import Headers
 from tgospa_eval.formats.lacking import absent, no_class, without_maps
 from tgospa_eval.text import listed, quoted
-from tgospa_eval.trajectories import Floats
+from tgospa_eval.tracks.trajectories import Floats
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

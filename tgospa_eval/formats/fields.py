@@ -6,7 +6,7 @@ from typing import overload
 
 import numpy as np
 
-from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.tracks.trajectories import Floats, Ints
 
 
 def floats(texts: Sequence[str], decimal: str = ".") -> Floats:

@@ -12,7 +12,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import CLOCKS
+from tgospa_eval.tracks.trajectories import CLOCKS
 
 Flags = NDArray[np.bool_]
 

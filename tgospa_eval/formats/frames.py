@@ -19,7 +19,7 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.text import blanks, coded_times, numbers
 from tgospa_eval.formats.times import TimeError, Times, more
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import Floats
+from tgospa_eval.tracks.trajectories import Floats
 
 NAMES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
 """Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""

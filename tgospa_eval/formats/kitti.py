@@ -11,7 +11,7 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
-from tgospa_eval.words import counted
+from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

@@ -13,8 +13,8 @@ from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 from tgospa_eval.formats.text import Places, numbers
-from tgospa_eval.trajectories import Floats
-from tgospa_eval.words import counted
+from tgospa_eval.tracks.trajectories import Floats
+from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

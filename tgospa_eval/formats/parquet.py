@@ -11,7 +11,7 @@ from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.text import quoted
-from tgospa_eval.words import install
+from tgospa_eval.common.words import install
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

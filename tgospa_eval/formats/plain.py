@@ -16,7 +16,7 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.text import Block, Places, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
-from tgospa_eval.words import counted
+from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

@@ -22,7 +22,7 @@ from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
-from tgospa_eval.words import counted
+from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.files import SETTINGS, is_missing, named, read_bytes
+from tgospa_eval.common.files import SETTINGS, is_missing, named, read_bytes
 from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.fields import Coded, floats
 from tgospa_eval.formats.times import TimeError, Times, more, parse_times, remedy_for
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import Floats, Ints
+from tgospa_eval.tracks.trajectories import Floats, Ints
 
 CHUNK = 1 << 17
 """Letters of text that are turned into fields at a time."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.files import is_missing, read_bytes
+from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
-from tgospa_eval.summary import Summary
+from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
 SCHEMA = "tgospa-eval/baseline/1"
@@ -60,7 +60,7 @@ def measure(result: Summary) -> dict[Key, Value]:
     """The values of a result that rules can name, with what is known of them."""
     found = _measure(result)
     if result.per_class_table():
-        from tgospa_eval.by_class import ByClass  # here: few evaluate classes apart
+        from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
 
         assert isinstance(result, ByClass)
         for name, part in result.results.items():

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from tgospa_eval.figures import number
+from tgospa_eval.common.figures import number
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
     COSTS,
@@ -18,8 +18,8 @@ from tgospa_eval.gate.rules import (
     name_of,
     worst,
 )
-from tgospa_eval.notices import Notice
-from tgospa_eval.summary import Summary
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.results.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
 OPEN = 1e-6

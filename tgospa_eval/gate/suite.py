@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from tgospa_eval import config
+from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tgospa_eval.figures import number
-from tgospa_eval.palette import LIGHT
-from tgospa_eval.words import install
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.palette import LIGHT
+from tgospa_eval.common.words import install
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

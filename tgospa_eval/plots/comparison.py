@@ -5,8 +5,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.figures import number
-from tgospa_eval.palette import LIGHT
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.plots import COLOURS, MARKERS, figure, label
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.plots.overtime import name_times

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.palette import TRACKS
+from tgospa_eval.common.palette import TRACKS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
@@ -22,9 +22,9 @@ from tgospa_eval.plots.style import (
     titled,
 )  # fmt: skip
 from tgospa_eval.plots.views import Side, View, view
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.drawing import NONE
-from tgospa_eval.summary import Summary
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

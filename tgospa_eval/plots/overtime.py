@@ -9,8 +9,8 @@ from tgospa_eval.plots import figure
 from tgospa_eval.plots.clock import Clock
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import View, binned, parts_of, view
-from tgospa_eval.problem import Floats
-from tgospa_eval.summary import Summary
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

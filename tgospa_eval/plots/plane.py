@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.palette import TRACKS
+from tgospa_eval.common.palette import TRACKS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.shapes import outlines
@@ -22,8 +22,8 @@ from tgospa_eval.plots.style import (
     titled,
 )  # fmt: skip
 from tgospa_eval.plots.views import TIME, Side, View, plane_columns, view
-from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.summary import Summary
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder, write_texts
-from tgospa_eval.summary import Summary
+from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:

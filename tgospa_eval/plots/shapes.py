@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.palette import TRACKS
+from tgospa_eval.common.palette import TRACKS
 from tgospa_eval.plots.style import INK, Style
 from tgospa_eval.plots.views import TIME, Side, View
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.palette import LIGHT
+from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.plots import DOTS, MISSING, available
 from tgospa_eval.text import quoted
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.palette import LIGHT
+from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.plots import MARKERS, figure, label
 
 if TYPE_CHECKING:

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.figures import number
+from tgospa_eval.common.figures import number
 from tgospa_eval.plots import counted, figure
 from tgospa_eval.plots.style import FILLS, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import Side, View, parts_of, view
-from tgospa_eval.problem import Floats
-from tgospa_eval.summary import Summary
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tgospa_eval.text import visible
-from tgospa_eval.words import counted
+from tgospa_eval.common.words import counted
 
 Table = dict[str, list[Any]]
 Document = dict[str, Any]

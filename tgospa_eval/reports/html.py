@@ -9,11 +9,11 @@ from typing import Any
 
 import jinja2
 
-from tgospa_eval.figures import number
-from tgospa_eval.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
 from tgospa_eval.reports.console import COUNTED, PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
-from tgospa_eval.summary import Summary, Table
+from tgospa_eval.results.summary import Summary, Table
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""

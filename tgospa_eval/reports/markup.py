@@ -1,9 +1,9 @@
 """Small tables for papers and pull requests: Markdown and LaTeX."""
 
-from tgospa_eval.figures import number
+from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import PARTS, headline
-from tgospa_eval.summary import Summary
+from tgospa_eval.results.summary import Summary
 
 
 def _rows(result: Summary) -> list[tuple[str, str, str, str]]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.problem import Floats
+from tgospa_eval.problem.problem import Floats
 
 UNEVEN = 5.0
 """How much longer than its steps a recording may be to be drawn to scale."""

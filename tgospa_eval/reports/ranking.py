@@ -4,8 +4,8 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
-from tgospa_eval.figures import number
-from tgospa_eval.notices import Notice
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
     PARTS,
     RANK,
@@ -17,7 +17,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.sheets import Page, Sheet
-from tgospa_eval.summary import Table
+from tgospa_eval.results.summary import Table
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 

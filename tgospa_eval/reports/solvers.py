@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from tgospa_eval.notices import Notice
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
     PARTS,
     RANK,
@@ -14,7 +14,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.sheets import Page, Sheet
-from tgospa_eval.summary import Table
+from tgospa_eval.results.summary import Table
 
 
 def solvers_page(document: Document) -> Page:

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator
 from rich.console import Console
 from rich.text import Text
 
-from tgospa_eval.figures import number
+from tgospa_eval.common.figures import number
 from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip, fitting, worst
-from tgospa_eval.summary import Summary
+from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import visible
 
 BLOCKS = " ▁▂▃▄▅▆▇█"

@@ -12,7 +12,7 @@ from tgospa_eval.simulation.encounters import encounters
 from tgospa_eval.simulation.particles import particle_clouds
 from tgospa_eval.simulation.scenarios import SCENARIOS
 from tgospa_eval.text import quoted
-from tgospa_eval.trajectories import Trajectories
+from tgospa_eval.tracks.trajectories import Trajectories
 
 Floats = NDArray[np.float64]
 

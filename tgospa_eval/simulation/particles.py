@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.clouds import Clouds
+from tgospa_eval.tracks.clouds import Clouds
 
 Floats = NDArray[np.float64]
 

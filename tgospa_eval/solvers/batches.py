@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.progress import Limit
-from tgospa_eval.result import Solution
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.common.progress import Limit
+from tgospa_eval.problem.solution import Solution
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
 from tgospa_eval.solvers.telling import BatchTelling, Telling
-from tgospa_eval.states import States
-from tgospa_eval.timing import Stopwatch
+from tgospa_eval.problem.states import States
+from tgospa_eval.common.timing import Stopwatch
 
 if TYPE_CHECKING:
-    from tgospa_eval.solvers.offers import Offer
+    from tgospa_eval.solvers.warm_start import Offer
 
 SIZE = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""

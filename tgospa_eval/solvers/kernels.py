@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.paths import best_values, turns
-from tgospa_eval.problem import Floats, sum_by
-from tgospa_eval.states import States
-from tgospa_eval.weights import ONE, changes, repair
+from tgospa_eval.problem.paths import best_values, turns
+from tgospa_eval.problem.problem import Floats, sum_by
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, changes, repair
 
 DEAR = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
@@ -26,7 +26,7 @@ def best_paths(states: States, prices: Floats) -> Floats:
 def paths(states: States, value: Floats) -> Floats:
     """A path of largest value of each row, as weights 0 and 1, (S,).
 
-    The Viterbi recursion of `tgospa_eval.paths.best_values` with back pointers: the state from
+    The Viterbi recursion of `tgospa_eval.problem.paths.best_values` with back pointers: the state from
     which each state is reached, and the state from which the hub of each row got its value.
     """
     turn, crossing = turns(states), states.problem.crossing_price

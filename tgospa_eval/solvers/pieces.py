@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.problem import Ints
-from tgospa_eval.slots import make_slots
-from tgospa_eval.states import States
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.slots import make_slots
+from tgospa_eval.problem.states import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.problem import Floats, Ints
-from tgospa_eval.solvers.limits import Limits, limits
-from tgospa_eval.states import States
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.solvers.capacities import Limits, limits
+from tgospa_eval.problem.states import States
 
 Long = NDArray[np.longdouble]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.solvers.kernels import paths
-from tgospa_eval.states import States
+from tgospa_eval.problem.states import States
 
 ROUNDS = 12
 

@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.compiled import kernels
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.result import Solution
-from tgospa_eval.solvers.ascent import Ascent
+from tgospa_eval.problem.solution import Solution
+from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
-from tgospa_eval.states import States
-from tgospa_eval.timing import Stopwatch
+from tgospa_eval.problem.states import States
+from tgospa_eval.common.timing import Stopwatch
 
 if TYPE_CHECKING:
-    from tgospa_eval.solvers.plain import PlainAscent
+    from tgospa_eval.solvers.fallback.sweeps import PlainAscent
 
 SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM` sweeps."""
@@ -158,6 +158,6 @@ def _ascent() -> "type[Ascent | PlainAscent]":
     """What sweeps here."""
     if kernels:
         return Ascent
-    from tgospa_eval.solvers.plain import PlainAscent
+    from tgospa_eval.solvers.fallback.sweeps import PlainAscent
 
     return PlainAscent

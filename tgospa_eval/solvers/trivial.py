@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from tgospa_eval.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.solvers.kernels import paths
-from tgospa_eval.states import States, connected_components
-from tgospa_eval.weights import ONE
+from tgospa_eval.problem.states import States, connected_components
+from tgospa_eval.problem.weights import ONE
 
 
 def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:

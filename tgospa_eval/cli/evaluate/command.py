@@ -1,0 +1,82 @@
+"""``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
+
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tgospa_eval.cli.shared.help import Option, Verb, words
+from tgospa_eval.cli.shared.options import OF_PICTURES, evaluation_options
+
+ACCURACY_MISSED = 4
+MANY = 8
+"""Files that are too many for a message."""
+
+
+class Files(Verb):
+    """Says which other verb takes one file, or more than two."""
+
+    def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
+        text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")
+        return (
+            f"{text}; for one file alone: tgospa-eval inspect {words([truth])}" if truth else text
+        )
+
+    def _too_many(self, ctx: click.Context, rest: list[str]) -> str:
+        text, given = super()._too_many(ctx, rest), (ctx.params["truth"], ctx.params["estimate"])
+        files = words((*given, *rest)) if len(rest) < MANY else "TRUTH A B"
+        return f"{text}; to rank estimates: tgospa-eval compare {files}"
+
+
+@click.command("evaluate", cls=Files)
+@click.argument("truth", type=click.Path(readable=False))
+@click.argument("estimate", type=click.Path(readable=False))
+@evaluation_options
+@click.option(  # not from settings files: it would make a sweep of every evaluation
+    "--sweep", cls=Option, section="Output", metavar="NAME=VALUES", multiple=True,
+    help="Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values from "
+    "1 to 20, gamma=1:20:12:log.",
+)  # fmt: skip
+@click.option(
+    "--curve", cls=Option, section="Output", is_flag=True,
+    help="Evaluate the steps up to each step as well: the normalised metric over time.",
+)  # fmt: skip
+@click.pass_context
+def command(
+    ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: Any
+) -> None:
+    """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
+
+    Both are tables with the columns id,t,x[,y[,z]] and one row per object and time
+    step (CSV or Parquet), or MOTChallenge or KITTI text. Where an object has no row,
+    it does not exist at that step.
+
+    \b
+    Examples:
+      tgospa-eval truth.csv estimate.csv -c 10 -g 5 --unit m
+      tgospa-eval truth.csv estimate.csv -o results
+      tgospa-eval truth.csv estimate.csv --columns id=track,t=time_s,x=px,y=py
+      tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
+      tgospa-eval gt.txt results.txt --distance iou
+
+    Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
+    """
+    for name in OF_PICTURES if options["output"] is None else ():
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{name} is for the pictures of -o DIR")
+    from tgospa_eval.cli.evaluate.run import evaluate_files, show
+
+    given = {
+        name: ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
+        for name in ("cutoff", "switch_penalty")
+    }
+    if sweep:
+        from tgospa_eval.cli.evaluate.sweep import sweep_files
+
+        source = ctx.get_parameter_source
+        typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
+        finished = sweep_files((truth, estimate), sweep, options, given, typed)
+        ctx.exit(0 if finished else ACCURACY_MISSED)
+    result, finished = evaluate_files(truth, estimate, options, given)
+    show(result, options, (truth, estimate))
+    ctx.exit(0 if finished else ACCURACY_MISSED)

@@ -1,0 +1,204 @@
+"""``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval import plots
+from tgospa_eval.cli.shared.options import OF_PICTURES
+from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.settings import make_settings, make_solver
+from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.evaluate.run import read_sides, teller, told, wanted_pictures
+from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.plots.sweep import sweep_pictures
+from tgospa_eval.results.sweep import Sweep
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.folders import SWEEP, probe_folder
+from tgospa_eval.reports.sweep import render
+from tgospa_eval.evaluation.sweep import in_order, sweep_trajectories
+from tgospa_eval.text import quoted
+from tgospa_eval.common.timing import Stopwatch
+
+if TYPE_CHECKING:
+    from tgospa_eval.plots.report import Pictures
+
+NAMES = {
+    "c": "cutoff", "cutoff": "cutoff", "p": "order", "order": "order",
+    "g": "switch_penalty", "gamma": "switch_penalty", "switch-penalty": "switch_penalty",
+}  # fmt: skip
+MOST = 1000
+"""Values of one sweep."""
+
+FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
+
+
+def sweep_files(
+    paths: tuple[str, str],
+    texts: tuple[str, ...],
+    options: dict[str, Any],
+    given: dict[str, bool],
+    typed: set[str],
+) -> bool:
+    """Evaluate two files over a range of one parameter, print and write; whether all is exact.
+
+    Parameters
+    ----------
+    paths : pair of str
+        Truth and estimate.
+    texts : tuple of str
+        What ``--sweep`` was given.
+    options : dict
+        Values of the other options.
+    given : dict
+        Whether cutoff and switch penalty were given, or are defaults.
+    typed : set of str
+        Options that were given on the command line.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    name, values = parse_sweep(texts)
+    _check(name, options, typed)
+    # What is said of the files in advance is said for a value in the middle.
+    middle = sorted(values)[len(values) // 2]
+    settings = make_settings({**options, name: middle, "by": None}, {**given, name: True})
+    others = {k: v for k, v in vars(settings.parameters).items() if k != name}
+    parameters = in_order(name, values, others)
+    solver = make_solver(options)
+    wanted = None
+    if options["output"] is not None:
+        wanted = wanted_pictures(options)
+        also = () if wanted is None else tuple(f"sweep.{kind}" for kind in wanted.formats)
+        probe_folder(options["output"], SWEEP, force=options["force"], also=also)
+    stopwatch = Stopwatch()
+    if not options["quiet"]:
+        stopwatch.tell = say
+
+    def work() -> Sweep:
+        known = {**given, name: True}
+        tell = teller(quiet=options["quiet"])
+        sides, distance, warnings = read_sides(paths, settings, solver, known, tell, stopwatch)
+        truth, estimate = sides
+        found = sweep_trajectories(
+            truth.trajectories, estimate.trajectories, parameters=parameters, parameter=name,
+            distance=distance, solver=solver, stamps=settings.stamps, unit=settings.unit,
+            settings=settings.recorded, inputs=(told(truth), told(estimate)), stopwatch=stopwatch,
+        )  # fmt: skip
+        return replace(found, warnings=warnings)
+
+    found = run(work, stopwatch, show=not options["quiet"])
+    if len(found.points) < len(parameters):
+        say(f"interrupted: {len(found.points)} of {len(parameters)} points are there")
+    _show(found, options, wanted)
+    missed = [point for point in found.points if not point.finished]
+    for point in missed:
+        say(
+            f"accuracy not reached at {_key(name)} {point.value:g}: solver {point.status}, the "
+            f"relative gap is {point.relative_gap:.2g}"
+        )
+    return not missed
+
+
+def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
+    """The parameter that is swept, as in `Parameters`, and its values as given.
+
+    Raises
+    ------
+    ConfigError
+        The text is not understood.
+    """
+    if len(texts) > 1:
+        raise ConfigError("--sweep is given twice: one parameter is swept at a time")
+    text = texts[0]
+    name, equals, values = (part.strip() for part in text.partition("="))
+    if not equals or name not in NAMES:
+        raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}, with NAME c, p or gamma")
+    if ":" in values:
+        return NAMES[name], _range(text, values.split(":"))
+    return NAMES[name], [_number(text, part) for part in values.split(",")]
+
+
+def _range(text: str, parts: list[str]) -> list[float]:
+    logarithmic = len(parts) == 4 and parts[3].strip() == "log"
+    if len(parts) != 3 and not logarithmic:
+        raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}")
+    low, high = (_number(text, part) for part in parts[:2])
+    try:
+        count = int(parts[2])
+    except ValueError:
+        count = 0
+    if not 2 <= count <= MOST:
+        raise ConfigError(f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST}")
+    if not low < high:
+        raise ConfigError(f"--sweep {quoted(text)}: FROM must be less than TO")
+    if logarithmic and low <= 0:
+        raise ConfigError(f"--sweep {quoted(text)}: with :log FROM must be more than 0")
+    made = (np.geomspace if logarithmic else np.linspace)(low, high, count)
+    # 12 digits: 0.3 and not 0.30000000000000004
+    return [low, *(float(f"{value:.12g}") for value in made[1:-1]), high]
+
+
+def _number(text: str, part: str) -> float:
+    try:
+        value = float(part)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError(
+            f"--sweep {quoted(text)}: {quoted(part.strip())} is not a number; must be {FORM}"
+        )
+    return value
+
+
+def _check(name: str, options: dict[str, Any], typed: set[str]) -> None:
+    """Whether other options contradict the sweep.
+
+    Raises
+    ------
+    ConfigError
+        They do.
+    """
+    if name in typed and not options["quiet"]:
+        say(f"--{_key(name)} {options[name]:g} is passed over: --sweep says its values")
+    odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
+    if odd:
+        raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
+    if options["curve"]:
+        raise ConfigError("--sweep and --curve: leave one of them out")
+    if options["by"]:
+        if "by" in typed:
+            raise ConfigError(
+                "--by class: --sweep takes all rows together; choose one class by --class NAME"
+            )
+        if not options["quiet"]:
+            say("by = class of the settings is left aside: --sweep takes all rows together")
+
+
+def _key(name: str) -> str:
+    return name.replace("_", "-")
+
+
+def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> None:
+    """Print, and write the folder if one was asked for."""
+    document = found.to_dict()
+
+    def make(tell: Callable[[str, float], None]) -> Files:
+        tell("the sweep", 0.0)
+        files: dict[str, str | bytes] = {
+            "sweep.json": found.to_json(), "sweep.csv": csv_text(found.columns()),
+        }  # fmt: skip
+        if wanted is not None and plots.available():
+            files |= plots.pictures(sweep_pictures, document, wanted.formats)
+        elif wanted is not None and not options["quiet"]:
+            say(plots.MISSING)
+        return files
+
+    write_output(options, SWEEP, make)
+    emit(render(document, options["format_"], found.columns()), options["format_"])

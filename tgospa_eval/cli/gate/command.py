@@ -1,0 +1,61 @@
+"""``tgospa-eval gate TRUTH ESTIMATE --baseline FILE``: a regression gate for CI."""
+
+from typing import Any
+
+import click
+
+from tgospa_eval.cli.shared.help import Option, Verb
+from tgospa_eval.cli.shared.options import gate_options
+
+FORMATS = ("table", "json", "markdown")
+TYPED = "tgospa_eval.typed"
+"""Under this name the context keeps the arguments as they were typed."""
+
+
+class Gate(Verb):
+    """Keeps its arguments, for commands that messages propose."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Keep them, then parse them."""
+        ctx.meta[TYPED] = list(args)
+        return super().parse_args(ctx, args)
+
+
+@click.command("gate", cls=Gate)
+@click.argument("truth", type=click.Path(readable=False), required=False)
+@click.argument("estimate", type=click.Path(readable=False), required=False)
+@gate_options
+@click.option(
+    "--update-baseline",
+    cls=Option,
+    section="Gate",
+    is_flag=True,
+    help="Make the baseline, or replace it, and exit with 0.",
+)
+@click.option(
+    "--format", "format_", cls=Option, section="Output", type=click.Choice(FORMATS),
+    default="table", show_default=True, help="What to print.",
+)  # fmt: skip
+@click.pass_context
+def command(ctx: click.Context, /, truth: str | None, estimate: str | None, **options: Any) -> None:
+    """Fail if ESTIMATE is worse than a baseline allows: a regression gate for CI.
+
+    The gate fails only if the proven lower bound breaks a rule, and passes only if the
+    proven upper bound keeps it. Options that are not given come from the baseline.
+
+    \b
+    Examples:
+      tgospa-eval gate truth.csv estimate.csv --baseline base.json \\
+          -c 10 -g 5 --update-baseline                  make the baseline
+      tgospa-eval gate truth.csv estimate.csv --baseline base.json
+      tgospa-eval gate truth.csv estimate.csv --baseline base.json \\
+          --fail-on total:+2% --max counts.switch=10
+      tgospa-eval gate truth.csv estimate.csv -c 10 -g 5 --max tgospa=50
+      tgospa-eval gate --suite suite.toml --junit gate.xml
+
+    Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
+    not comparable, 3 bad input file, 4 undecided.
+    """
+    from tgospa_eval.cli.gate.run import run_gate
+
+    ctx.exit(run_gate(ctx, truth, estimate, options))

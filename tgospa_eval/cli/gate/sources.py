@@ -1,0 +1,140 @@
+"""Where the values of a gate come from: defaults, baseline, files, environment, flags."""
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from tgospa_eval.common import config
+from tgospa_eval.cli.shared.help import Option
+from tgospa_eval.cli.shared.option import KEYS
+from tgospa_eval.cli.shared.options import EVALUATION
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.gate.baseline import SOLVING, Entry
+from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
+from tgospa_eval.gate.suite import Pair
+from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import quoted
+
+KNOWN = dict(KEYS[add] for add in EVALUATION)
+NOT_KEPT = ("jobs", "max-input")
+"""Options of an evaluation that change neither the number nor its bracket."""
+
+RULES = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
+"""Rules by their names in a suite and as parameters."""
+
+SOLVING_KEYS = tuple(name.replace("_", "-") for name in SOLVING)
+
+STRONG = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """The options of the command line, with where they come from.
+
+    A default yields to the baseline, that to a configuration file, that to the suite, that to the
+    environment, that to a flag.
+    """
+
+    context: click.Context
+    options: dict[str, Any]
+
+    def strong(self, name: str) -> bool:
+        """Whether it is a flag or from the environment."""
+        return self.context.get_parameter_source(name) in STRONG
+
+    def weak(self, name: str) -> bool:
+        """Whether it is from a configuration file."""
+        return self.context.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
+
+    def parameters(self) -> dict[str, click.Parameter]:
+        """Options of the evaluation by their names in a configuration file."""
+        return {
+            item.key: item
+            for item in self.context.command.params
+            if isinstance(item, Option) and item.key in KNOWN
+        }
+
+    def typed(self, settings: dict[str, Any], where: str) -> dict[str, Any]:
+        """Settings as click would have made them, by parameter."""
+        values = {}
+        for key, value in config.settings_of(settings, where, KNOWN).items():
+            item = self.parameters()[key]
+            try:
+                values[str(item.name)] = item.type_cast_value(
+                    self.context, (value,) if item.multiple else value
+                )
+            except click.BadParameter as error:
+                raise ConfigError(f"{where}: {quoted(key)}: {error.message}") from None
+            except (ValueError, OverflowError) as error:
+                raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
+        return values
+
+    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, dict[str, Any]]:
+        """All values, and those that are no defaults, by parameter."""
+        names = [str(item.name) for item in self.parameters().values()]
+        given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
+        if given.get("covariance"):
+            given["covariance"] = os.path.join(os.path.dirname(path), given["covariance"])
+        given |= {name: self.options[name] for name in names if self.weak(name)}
+        given |= self.typed(dict(pair.options), f"pair {quoted(pair.name)}, options")
+        given |= {name: self.options[name] for name in names if self.strong(name)}
+        silent = {"output": None, "config": None}
+        return {"values": {**self.options, **silent, **given}, "given": given}
+
+    def kept(
+        self, given: dict[str, Any], result: Summary, path: str, *, finished: bool
+    ) -> dict[str, Any]:
+        """What the baseline keeps of the options: those given, and c and gamma in any case.
+
+        Those of a solver that did not reach its accuracy are left out, a later run would inherit
+        them; the path of a covariance is relative to the folder of the baseline.
+        """
+        keys = {str(item.name): key for key, item in self.parameters().items()}
+        kept = {
+            keys[name]: ",".join(value) if isinstance(value, tuple) else value
+            for name, value in given.items()
+            if keys[name] not in NOT_KEPT and value not in (None, ())
+            if finished or keys[name] not in SOLVING_KEYS
+        }
+        if "covariance" in kept:
+            kept["covariance"] = _relative(kept["covariance"], os.path.dirname(path))
+        used = result.proof.parameters
+        return {**kept, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
+
+    def rules(self, pair: Pair, *, baseline: bool = True) -> list[Rule]:
+        """The rules of a pair.
+
+        Raises
+        ------
+        ConfigError
+            One is wrong; or there is no baseline, and they are not all absolute limits.
+        """
+        found: list[Rule] = []
+        for key, name in RULES.items():
+            own = [part for text in self.options[name] for part in split_rules(text)]
+            suite = [
+                part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]
+            ]
+            if key == "fail-on":
+                texts = own if own and (self.strong(name) or not suite) else suite
+                found += [parse_rule(text) for text in texts] or [DEFAULT][:baseline]
+            elif key == "warn-on":
+                found += [parse_rule(text, option=key) for text in (*suite, *own)]
+            else:
+                found += [parse_maximum(text) for text in (*suite, *own)]
+        relative = [rule for rule in found if not rule.maximum]
+        if not baseline and (relative or not found):
+            why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
+            raise ConfigError(f"no baseline: name it with --baseline FILE; {why}")
+        return found
+
+
+def _relative(path: str, folder: str) -> str:
+    """The path from a folder, with slashes; from another drive there is none but the whole."""
+    try:
+        return os.path.relpath(path, folder or os.curdir).replace(os.sep, "/")
+    except ValueError:
+        return os.path.abspath(path)

@@ -1,0 +1,1 @@
+"""The verbs `associate` and `reduce`."""

@@ -1,0 +1,189 @@
+"""From the options to a base distance."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+from tgospa_eval.cli.shared.particles import cloud_distance, given_particles
+from tgospa_eval.distances import DISTANCES, Distance
+from tgospa_eval.distances.base import Fault, Floats
+from tgospa_eval.distances.vector import Norm
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats.asked import BOX, parse_columns
+from tgospa_eval.formats.headers import METRES
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.text import quoted
+
+
+class DistanceOptions:
+    """The options of a distance, checked as far as they can be without the columns of the files.
+
+    Parameters
+    ----------
+    options : dict
+        Values of the options of the command line.
+
+    Raises
+    ------
+    ConfigError
+        An option is not understood, or not one of the distance.
+    InputError
+        The covariance file is missing or wrong.
+    """
+
+    def __init__(self, options: dict[str, Any]) -> None:
+        self.named = DISTANCES[options["distance"]]
+        self.period = _numbers("periodic", options["periodic"], 2 * math.pi)
+        self.scale = _numbers("scale", options["scale"])
+        self.path = options["covariance"]
+        self.mixed = options["mixed"]
+        self.boxes = self.named.columns == BOX
+        # By name: to ask for the type would import the members that are not used.
+        of_matrix = self.named.name == "mahalanobis"
+        of_pairs = of_matrix and not self.path and options.get("pairwise", False)
+        moments = self.named.name == "gaussian-wasserstein"
+        of_laws = moments or of_pairs
+        of_norms = isinstance(self.named, Norm) or moments
+        zero = options["missing_cov"] != "error"
+        of_clouds = self.named.name == "cloud-wasserstein"
+        for name, given, allowed, whose in (
+            ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
+            (
+                "scale",
+                self.scale,
+                of_norms or of_matrix or of_clouds,
+                "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
+            ),
+            ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
+            ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
+            ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
+            ("covariance", self.path, of_matrix, "mahalanobis"),
+            *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
+        ):
+            if given and not allowed:
+                raise ConfigError(f"--{name} is for {whose}, not for {self.named.name}")
+        if of_matrix and not of_pairs:
+            if not self.path:
+                raise ConfigError("--distance mahalanobis needs --covariance FILE")
+            self.named = _mahalanobis(self.path, options["decimal"])
+        if of_pairs:
+            from tgospa_eval.distances.mahalanobis import PairMahalanobis
+
+            self.named = PairMahalanobis()
+        if moments:
+            self.named = _with(self.named, mixed=self.mixed)
+        if of_clouds:
+            self.named = cloud_distance(options)
+
+    def columns(self, asked: Sequence[str] | None) -> tuple[str, ...] | None:
+        """State columns to read: those asked for, else those that the distance needs."""
+        needed = None if self.boxes else self.named.columns
+        if needed is None or parse_columns(asked)[1]:
+            return None if asked is None else tuple(asked)
+        return (*(asked or ()), *needed)
+
+    def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
+        """First of the states (d, R) that the distance cannot compare, if it needs such columns."""
+        return self.named.fault(axes) if self.named.columns == columns else None
+
+    def distance(self, columns: tuple[str, ...]) -> Distance:
+        """The distance of states with these columns.
+
+        Raises
+        ------
+        ConfigError
+            An option names a column that does not enter the distance.
+        """
+        period = _by_column("periodic", self.period, columns, math.inf)
+        scale = _by_column("scale", self.scale, columns, 1.0)
+        given = {"period": period, "scale": scale}
+        return _with(self.named, **{name: value for name, value in given.items() if value})
+
+
+WIDE = 1.0
+"""Degrees, 111 km: a larger cutoff was meant in metres."""
+
+
+def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list[Notice]:
+    """What the user should know about the choice."""
+    found = []
+    if isinstance(distance, Norm) and columns == ("lat", "lon"):
+        found.append(
+            Notice(
+                code="degrees" if cutoff >= WIDE else "",
+                text="lat and lon are compared as plain numbers: c, gamma and errors are in "
+                "degrees",
+                remedy="--distance haversine gives metres",
+            )
+        )
+    if distance.name == "iou" and cutoff > 1:
+        found.append(
+            Notice(
+                text=f"cutoff {cutoff:g} is above 1, the largest distance of boxes: all pairs of a "
+                "step count as near, also those that share nothing; time and memory grow with all "
+                "pairs"
+            )
+        )
+    return found
+
+
+def unit_notices(unit: str | None) -> Iterator[Notice]:
+    """A warning where states in pixels are said to have another unit."""
+    if (unit or "").casefold() in METRES:
+        yield Notice(
+            code="unit-label",
+            text=f"the unit is called {unit}, and centres of boxes of MOTChallenge and KITTI are "
+            "in pixels, and so are c and gamma",
+            remedy="say --unit px; of KITTI --columns x,y,z compares places in metres",
+        )
+
+
+def _with(distance: Any, **settings: Any) -> Distance:
+    """The same distance with other settings."""
+    changed: Distance = replace(distance, **settings)
+    return changed
+
+
+def _mahalanobis(path: str, decimal: str) -> Distance:
+    from tgospa_eval.distances.mahalanobis import Mahalanobis
+    from tgospa_eval.formats.matrix import read_matrix
+
+    matrix = read_matrix(path, decimal)
+    try:
+        return Mahalanobis(covariance=matrix)
+    except ConfigError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _numbers(option: str, items: Sequence[str], default: float | None = None) -> dict[str, float]:
+    """Numbers by name of ``name=number,name=number``."""
+    found: dict[str, float] = {}
+    for item in (part.strip() for text in items for part in str(text).split(",")):
+        name, equals, text = (part.strip() for part in item.partition("="))
+        try:
+            number = default if default is not None and not equals else float(text)
+        except ValueError:
+            number = math.nan
+        if not name or not 0 < number < math.inf:
+            form = "name=number" if default is None else "name or name=number"
+            raise ConfigError(f"--{option} {quoted(item)}: must be {form}, with a number > 0")
+        if name in found:
+            raise ConfigError(f"--{option}: {quoted(name)} is given twice")
+        found[name] = number
+    return found
+
+
+def _by_column(
+    option: str, numbers: dict[str, float], columns: tuple[str, ...], other: float
+) -> tuple[float, ...] | None:
+    """One number for each column, None if none is given."""
+    if not numbers:
+        return None
+    unknown = [name for name in numbers if name not in columns]
+    if unknown:
+        raise ConfigError(
+            f"--{option}: {quoted(unknown[0])} is none of the state columns {','.join(columns)}; "
+            "choose them with --columns"
+        )
+    return tuple(numbers.get(name, other) for name in columns)

@@ -1,0 +1,170 @@
+"""Work in a thread, so that Ctrl-C is heard at once and what is known can be shown."""
+
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TypeVar
+
+from tgospa_eval.cli.shared.interrupts import answering
+from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.common.progress import Progress, Task
+from tgospa_eval.text import visible
+from tgospa_eval.common.timing import Stopwatch
+
+T = TypeVar("T")
+
+STAGES = {
+    "read": "reading",
+    "distances": "searching near pairs",
+    "solve/preparation": "preparing",
+    "solve/sweeps": "solving",
+    "solve/build": "solving",
+    "solve/lp": "solving",
+    "certify": "proving",
+    "report": "reporting",
+    "curve": "solving the steps up to each",
+}
+PATIENCE = 2.0
+"""Seconds before anything is shown."""
+
+WIDTH = 79
+"""Of a line, which must not wrap."""
+
+FEWEST, MOST = 5, 9
+"""Digits of a bound."""
+
+FIRST, SELDOM = 10.0, 600.0
+"""Where nobody looks on: seconds before the first line, and at most between two; after the first
+each comes when twice as much time has passed."""
+
+
+LONG, NEAR = 10.0, 0.01
+"""Seconds, and relative difference of the bounds, from which on to stop is worth a thought."""
+
+ADVICE = (
+    "the bounds are within 1 % of each other: Ctrl-C stops with them; --gap and --time-limit do so "
+    "by themselves"
+)
+
+
+def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
+    """Do the work; after two seconds show how far it is.
+
+    Where it is stoppable, the first Ctrl-C tells it to stop, and its result is returned.
+    """
+    progress = stopwatch.progress = Progress(watched=True)
+
+    def take() -> bool:
+        if not progress.stoppable or progress.stop.is_set():
+            return False
+        progress.stop.set()
+        return True
+
+    told = False
+
+    def tell() -> None:
+        display.clear()
+        if show:
+            say("stopping: what is proven so far follows; Ctrl-C again ends at once")
+
+    with answering(take), Display(stopwatch) as display:
+        task = Task(work)
+        while not task.wait(0.1):
+            if progress.stop.is_set() and not told:
+                told = True
+                tell()
+            elif show and not told:
+                display.update()
+        if progress.stop.is_set() and not told:
+            tell()
+    return task.answer()
+
+
+class Display:
+    """A line on stderr: one that is written anew on a terminal, else a new one now and then."""
+
+    def __init__(self, stopwatch: Stopwatch) -> None:
+        self.stopwatch, self.begin = stopwatch, time.monotonic()
+        self.lively = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        self.next = PATIENCE if self.lively else FIRST
+        self.shown = self.advised = False
+
+    def __enter__(self) -> "Display":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clear()
+
+    def update(self) -> None:
+        """Show how far the work is, if it is time to."""
+        seconds = time.monotonic() - self.begin
+        if seconds >= LONG and not self.advised and _is_near(self.stopwatch.progress):
+            self.advised = True
+            self.clear()
+            say(ADVICE)
+        if seconds < self.next:
+            return
+        text = visible(line(self.stopwatch, seconds))
+        if not self.lively:
+            say(text)
+            self.next += min(self.next, SELDOM)
+            return
+        self._write(f"\r{text[:WIDTH]:<{WIDTH}}")
+        self.shown = True
+
+    def clear(self) -> None:
+        """Leave nothing on a terminal."""
+        if self.shown:
+            self._write(f"\r{'':<{WIDTH}}\r")
+            self.shown = False
+
+    def _write(self, text: str) -> None:
+        with suppress(OSError, ValueError):  # a stderr that is gone changes nothing
+            sys.stderr.write(text)
+            sys.stderr.flush()
+
+
+def line(stopwatch: Stopwatch, seconds: float) -> str:
+    """What is known: the part of the work, the proven bracket, the share done, the time taken."""
+    progress = stopwatch.progress
+    stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
+    bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
+    told = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
+    if progress.share > 0:
+        told.append(f"{100 * progress.share:.0f} % done")
+    return ", ".join((*told, f"{_span(seconds)} so far"))
+
+
+def _is_near(progress: Progress) -> bool:
+    """Whether the bounds of all of it may be near enough for the user."""
+    lower, upper = progress.bracket or (0.0, math.inf)
+    return not progress.name and lower < upper < math.inf and upper - lower <= NEAR * upper
+
+
+def bracket(lower: float, upper: float) -> str:
+    """The bounds in as many digits as tell them apart, rounded outward."""
+    digits = FEWEST
+    if 0 < lower < upper < math.inf:
+        digits = min(max(FEWEST, 2 + math.floor(math.log10(upper / (upper - lower)))), MOST)
+    return (
+        f"{_rounded(lower, digits, math.floor)} <= TGOSPA <= {_rounded(upper, digits, math.ceil)}"
+    )
+
+
+def _rounded(value: float, digits: int, outward: Callable[[float], int]) -> str:
+    if not (0 < value < math.inf):
+        return f"{value:g}"
+    places = digits - 1 - math.floor(math.log10(value))
+    unit = 10.0**-places
+    return f"{outward(value / unit) * unit:.{digits}g}"
+
+
+def _span(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"

@@ -1,0 +1,238 @@
+"""From the values of the options to records, and with them to files that fit each other."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tgospa_eval.tracks.alignment import Alignment, Stamps
+from tgospa_eval.cli.shared.distance import DistanceOptions
+from tgospa_eval.cli.shared.places import check_places
+from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.distances import Distance
+from tgospa_eval.distances.checks import check_columns
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
+from tgospa_eval.formats.asked import columns_of_each
+from tgospa_eval.evaluation.prepare import fit
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.solvers import Solver, solver_class
+from tgospa_eval.text import quoted
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Settings:
+    """The options of everything that reads files and measures distances, checked.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Cutoff, order, switch penalty; those of the distance where none is given.
+    measure : DistanceOptions
+        The distance, as far as it is known without the columns of the files.
+    stamps : Stamps
+        Which stamps are one step, and which steps count.
+    reading : ReadOptions
+        How to read both files.
+    each : pair of ReadOptions
+        The same, with columns and classes of the truth and of the estimate.
+    formats : pair of str or None
+        Format of truth and estimate; None is guessed.
+    unit : str, optional
+        For printing.
+    """
+
+    parameters: Parameters
+    measure: DistanceOptions
+    stamps: Stamps
+    reading: ReadOptions
+    each: tuple[ReadOptions, ReadOptions]
+    formats: tuple[str | None, str | None]
+    unit: str | None
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """Options of reading that change the number, by the names of the JSON."""
+        return {
+            "decimal": self.reading.decimal,
+            "on_duplicate": self.reading.on_duplicate,
+            **dict(self.reading.filters()),
+            **{
+                f"{role}_class": list(options.classes)
+                for role, options in zip(ROLES, self.each, strict=True)
+                if options.classes and options.classes != self.reading.classes
+            },
+            **dict(self.reading.covariances()),
+        }
+
+    def read(self, *paths: str, roles: tuple[str, ...] = ROLES) -> tuple[Reading, ...]:
+        """The truth, and the estimate if there is one; or files in other roles.
+
+        Raises
+        ------
+        InputError
+            A path is a folder, a file is wrong, or all lack a header that is mapped; all faults at
+            once.
+        ConfigError
+            No file has a class that was asked for, or the filters leave no row of any.
+        """
+        check_places(paths)
+        sides, faults = [], []
+        for side, (path, role) in enumerate(zip(paths, roles, strict=False)):
+            try:
+                sides.append(self.read_side(path, side, role, alone=len(paths) == 1))
+            except (InputError, ConfigError) as error:
+                faults.append(error)
+        if faults:
+            raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
+        self.check(tuple(sides), paths)
+        return tuple(sides)
+
+    def read_side(self, path: str, side: int, role: str, *, alone: bool = False) -> Reading:
+        """One file, the first or second; `alone`: there is no other.
+
+        Raises
+        ------
+        InputError
+            It is wrong.
+        """
+        options = replace(self.each[side], option="--columns") if alone else self.each[side]
+        return read(path, options, role, self.formats[side])
+
+    def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
+        """Whether some file has what was asked of all.
+
+        Raises
+        ------
+        InputError
+            None has a header that is mapped, or classes.
+        ConfigError
+            None has a class that was asked for, or the filters leave no row of any.
+        """
+        for name in sides[0].lacking:
+            if all(name in side.lacking for side in sides):
+                raise InputError(*dict.fromkeys(side.lacking[name] for side in sides))
+        self._check_classes(sides, paths)
+        filters = {"time", "class", "region"}
+        if not any(len(side.trajectories.step) for side in sides) and any(
+            filters & side.left_out.keys() for side in sides
+        ):
+            used = (name.replace("_", "-") for name in self.recorded)
+            given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
+            raise ConfigError(f"{given}: no row is left to evaluate")
+
+    def _check_classes(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
+        """Whether there are rows of every class that was asked for."""
+        there = {name for side in sides for name in side.named}
+        asked = [("--class", name, there, "") for name in self.reading.classes or ()]
+        for path, role, side, options in zip(paths, ROLES, sides, self.each, strict=False):
+            if options.classes != self.reading.classes:
+                of = f" of {path}"
+                asked += [
+                    (f"--{role}-class", name, set(side.named), of) for name in options.classes or ()
+                ]
+        for option, name, known, of in asked:
+            if name not in known:
+                shown = ", ".join(map(quoted, sorted(known)[:10])) or "none"
+                raise ConfigError(
+                    f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
+                )
+
+    def fit(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> tuple[Distance, Alignment]:
+        """The distance between the states of two files, and both on the same steps.
+
+        Raises
+        ------
+        ConfigError, InputError
+            They do not fit each other, or the options do not fit them.
+        """
+        truth, estimate = (side.trajectories for side in sides)
+        names = (paths[0], paths[1])
+        check_columns(truth, estimate, names)
+        distance, aligned = fit(
+            truth, estimate, self.measure.distance(truth.columns), self.stamps, names
+        )
+        return distance, aligned
+
+
+def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
+    """The records that the options ask for.
+
+    Parameters
+    ----------
+    options : dict
+        Values of the options; the switch penalty is 0 where a verb has none.
+    given : dict
+        Whether cutoff and switch penalty were given, or are defaults.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with them.
+    """
+    if options["config"] and not options["quiet"]:
+        say(f"settings from {options['config']}")
+    measure = DistanceOptions(options)
+    metric = {"cutoff": options["cutoff"], "switch_penalty": options.get("switch_penalty", 0.0)}
+    defaults = dict(zip(metric, measure.named.defaults, strict=True))
+    metric |= {name: defaults[name] for name, is_given in given.items() if not is_given}
+    reading = ReadOptions(
+        decimal=options["decimal"],
+        on_duplicate=options["on_duplicate"],
+        boxes=measure.boxes,
+        time=options["time"],
+        classes=_list(options["class_"]),
+        region=options["region"],
+        by_class=options["by"] == "class",
+        covariance=bool(measure.named.kinds),
+        fix_covariance=options["fix_cov"],
+        missing_covariance=options["missing_cov"],
+        clouds="cloud" in measure.named.kinds,
+        fault=measure.fault,
+        max_input=options["max_input"],
+    )
+    return Settings(
+        parameters=Parameters(order=options["order"], **metric),
+        measure=measure,
+        stamps=Stamps(tolerance=options["time_tolerance"], grid=options["grid"]),
+        reading=reading,
+        each=_each(reading, measure, options),
+        formats=(options["truth_format"], options["estimate_format"]),
+        unit=options["unit"],
+    )
+
+
+def _each(
+    reading: ReadOptions, measure: DistanceOptions, options: dict[str, Any]
+) -> tuple[ReadOptions, ReadOptions]:
+    """How to read truth and estimate: columns and classes of one go before those of both."""
+    own = (_list(options.get(f"{role}_columns")) for role in ROLES)
+    found = []
+    for role, (columns, shared) in zip(
+        ROLES, columns_of_each(_list(options["columns"]), *own), strict=True
+    ):
+        classes = _list(options.get(f"{role}_class"))
+        found.append(
+            replace(
+                reading,
+                columns=measure.columns(columns),
+                classes=classes or reading.classes,
+                shared=shared if classes else (*shared, "class"),
+                option=f"--{options.get('sides', ROLES)[ROLES.index(role)]}-columns",
+            )
+        )
+    return found[0], found[1]
+
+
+def _list(text: str | None) -> tuple[str, ...] | None:
+    """The parts of a list with commas."""
+    return None if text is None else tuple(part.strip() for part in text.split(","))
+
+
+def make_solver(options: dict[str, Any]) -> Solver:
+    """The solver that the options ask for."""
+    name = options["solver"]
+    settings: dict[str, Any] = {"time_limit": options["time_limit"]}
+    if name != "exact":
+        settings |= {"gap": options["gap"], "jobs": options["jobs"]}
+    if name == "sinkhorn":
+        settings["epsilon"] = options["epsilon"]
+    return solver_class(name)(**settings)

@@ -1,0 +1,61 @@
+"""The folder of ``-o``: made in a thread, written at once, told of."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from tgospa_eval.cli.shared.interrupts import heard, undisturbed
+from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.reports.folders import Kind, write_texts
+from tgospa_eval.common.timing import Stopwatch
+
+Files = Mapping[str, str | bytes]
+
+
+def write_output(
+    options: dict[str, Any], kind: Kind, make: Callable[[Callable[[str, float], None]], Files]
+) -> None:
+    """Write the folder if one was asked for, and nothing was interrupted.
+
+    Parameters
+    ----------
+    options : dict
+        Values of the options.
+    kind : Kind
+        What the folder holds.
+    make : callable
+        Makes the files by name; gets what takes the name of each that is drawn, and the share done.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written.
+    """
+    folder = options["output"]
+    if folder is None:
+        return
+    files = None if heard() else _made(options, make)
+    if files is None:
+        say(f"interrupted: nothing is written to {folder}")
+        return
+    with undisturbed():
+        written = write_texts(files, folder, kind, force=options["force"])
+    if not options["quiet"]:
+        say(str(written))
+
+
+def _made(
+    options: dict[str, Any], make: Callable[[Callable[[str, float], None]], Files]
+) -> Files | None:
+    """The files by name; None if that was interrupted."""
+    stopwatch = Stopwatch()
+    stopwatch.stage = "report"
+
+    def tell(name: str, share: float) -> None:
+        stopwatch.stage = f"drawing {name}"
+        stopwatch.progress.done(share)
+
+    try:
+        return run(lambda: make(tell), stopwatch, show=not options["quiet"])
+    except KeyboardInterrupt:  # what is known is printed all the same
+        return None

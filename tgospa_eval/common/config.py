@@ -1,0 +1,139 @@
+"""Settings in ``tgospa-eval.toml`` or ``[tool.tgospa-eval]`` of ``pyproject.toml``."""
+
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.common.files import read_bytes
+from tgospa_eval.text import quoted
+
+FILE = "tgospa-eval.toml"
+TABLE = "tgospa-eval"
+MOST = sys.float_info.max
+ALIASES = {"gamma": "switch-penalty"}
+"""Other names of keys."""
+
+
+def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[str, Any]]:
+    """Read the settings.
+
+    Parameters
+    ----------
+    path : str, optional
+        The file; without it the current folder is searched.
+    known : mapping of str to bool
+        Names of the options, as on the command line without dashes in front, and whether each is a
+        flag.
+
+    Returns
+    -------
+    path : str or None
+        The file in use.
+    settings : dict
+        Values by option name, with dashes.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, is no TOML, or has an unknown key.
+    """
+    if path is None:
+        path, table = _search()
+    else:
+        table = read_toml(path)
+        if Path(path).name == "pyproject.toml":
+            table = _section(table) or {}
+    if not isinstance(table, dict):
+        raise ConfigError(f"{path}: [tool.{TABLE}] must be a table")
+    return path, settings_of(table, str(path), known)
+
+
+def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) -> dict[str, Any]:
+    """The settings of a table, as `load` returns them; `path` begins the messages.
+
+    Raises
+    ------
+    ConfigError
+        A key is unknown, a value of the wrong kind.
+    """
+    settings: dict[str, Any] = {}
+    for key, value in table.items():
+        name = key.replace("_", "-")
+        name = ALIASES.get(name, name)
+        if name not in known:
+            raise ConfigError(f"{path}: unknown key {quoted(key)}; {_meant(name, known)}")
+        for number in value if isinstance(value, list) else [value]:
+            if isinstance(number, int | float) and abs(number) > MOST:
+                raise ConfigError(
+                    f"{path}: {quoted(key)} is no finite number, or beyond those of a double"
+                )
+        if isinstance(value, list):
+            value = ",".join(map(str, value))
+        if not isinstance(value, str | int | float):
+            kind = (
+                "nothing" if value is None else "a table" if isinstance(value, dict) else "a date"
+            )
+            raise ConfigError(f"{path}: {quoted(key)} is {kind}; a number or a text is needed")
+        if name in settings:
+            raise ConfigError(f"{path}: {quoted(name)} is given twice, under two names")
+        if isinstance(value, bool) != known[name]:
+            needed = "true or false" if known[name] else "a value, not true or false"
+            raise ConfigError(f"{path}: {quoted(key)} is {value!r}; needed is {needed}")
+        settings[name] = value
+    return settings
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """The key that was meant, or all that there are."""
+    from difflib import get_close_matches  # here: most files are right
+
+    near = get_close_matches(name, known, 1)
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"
+
+
+def _search() -> tuple[str | None, Any]:
+    if os.path.isfile(FILE):
+        return FILE, read_toml(FILE)
+    if _may_have_table("pyproject.toml"):
+        try:
+            table = _section(read_toml("pyproject.toml"))
+        except ConfigError:
+            return None, {}  # somebody else's broken file is not ours to report
+        if table is not None:
+            return "pyproject.toml", table
+    return None, {}
+
+
+def _may_have_table(path: str) -> bool:
+    """Whether the name of our table is in the file: parsing costs a start some 15 ms."""
+    try:
+        return os.path.isfile(path) and TABLE.encode() in read_bytes(path, ConfigError)
+    except ConfigError:
+        return False
+
+
+def _section(document: dict[str, Any]) -> Any:
+    tool = document.get("tool")
+    return tool.get(TABLE) if isinstance(tool, dict) else None
+
+
+def read_toml(path: str) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, or is no TOML.
+    """
+    import tomllib  # here: most runs have no such file
+
+    content = read_bytes(path, ConfigError)
+    try:
+        return tomllib.loads(content.decode())
+    except RecursionError:
+        raise ConfigError(f"{path}: not valid TOML: nested too deeply") from None
+    except ValueError as error:  # of TOML, of UTF-8, of integers with thousands of digits
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None

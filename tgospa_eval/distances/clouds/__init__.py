@@ -1,0 +1,1 @@
+"""Clouds of weighted particles: Wasserstein distance, and fewer particles."""

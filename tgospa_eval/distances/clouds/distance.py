@@ -1,0 +1,194 @@
+"""Wasserstein distance of particle clouds as base distance: settings, and clouds made ready.
+
+Which pairs of them are near is found in `tgospa_eval.distances.clouds.pairs`.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tgospa_eval.tracks.clouds import Clouds, single
+from tgospa_eval.distances.base import Distance, Effort, Floats
+from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce, counted
+from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
+from tgospa_eval.distances.clouds.reduction import Reduction
+from tgospa_eval.distances.clouds.transport import check_order, whitened_points
+from tgospa_eval.distances.vector import Norm
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Trajectories
+
+INNER = ("euclidean", "mahalanobis")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CloudWasserstein(Distance):
+    """Wasserstein distance of order q of the particle clouds; states without particles are points.
+
+    A metric on clouds, also with a Mahalanobis distance of particles, because its covariance is
+    the same for all pairs of the run. The order q has nothing to do with the order p of TGOSPA.
+
+    Parameters
+    ----------
+    order : {1, 2}
+        q.
+    inner : {"euclidean", "mahalanobis"}
+        Distance of particles.
+    covariance : (d, d) array-like, optional
+        Of mahalanobis. Without it, the mean of the covariances of all clouds of the run: such
+        results are comparable within a run only.
+    reduction : Reduction, optional
+        Clouds are reduced first, each once. The distance of the reduced clouds is a metric on them.
+    scale : sequence of float, optional
+        State units per unit of each column, > 0.
+    gating : bool
+        Without, every pair of a step is solved; to check that nothing else changes.
+
+    Raises
+    ------
+    ConfigError
+        A setting has no meaning.
+    """
+
+    order: int = 2
+    inner: str = "euclidean"
+    covariance: ArrayLike | None = None
+    reduction: Reduction | None = None
+    scale: Sequence[float] | None = None
+    gating: bool = True
+    name = "cloud-wasserstein"
+
+    def __post_init__(self) -> None:
+        check_order(self.order)
+        if self.inner not in INNER:
+            raise ConfigError(f"inner is {quoted(self.inner)}: must be one of {', '.join(INNER)}")
+        if not isinstance(self.reduction, Reduction | None):
+            raise ConfigError(f"reduction is {self.reduction!r}: must be a Reduction(size=...)")
+        if self.covariance is not None and self.inner != "mahalanobis":
+            raise ConfigError("a covariance of particles needs the inner distance mahalanobis")
+        # Checks scale and covariance, and keeps them as tuples.
+        for name in ("scale", "covariance"):
+            if hasattr(self.rough, name):
+                object.__setattr__(self, name, getattr(self.rough, name))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Clouds."""
+        return ("cloud",)
+
+    @property
+    def rough(self) -> Distance:
+        """The inner distance of the means, a lower bound."""
+        if self.covariance is not None:
+            return Mahalanobis(covariance=self.covariance, scale=self.scale)
+        return Norm(name="euclidean", power=2.0, scale=self.scale)
+
+    def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
+        """Distance of points, as states alone are; of clouds the distance of their means."""
+        return self.rough.between(components)
+
+    def reach(self, cutoff: float, axes: Floats) -> Floats:
+        """That of the distance of the means."""
+        return self.rough.reach(cutoff, axes)
+
+    def check_columns(self, columns: tuple[str, ...], name: str) -> None:
+        """Whether covariance and scale are for so many columns."""
+        self.rough.check_columns(columns, name)
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """Order, inner distance and reduction by the names of the options."""
+        found: dict[str, Any] = {"cloud_order": self.order, "inner": self.inner}
+        if self.covariance is not None:
+            found["inner_cov"] = np.asarray(self.covariance).tolist()
+        if self.scale is not None:
+            found["scale"] = dict(zip(columns, self.scale, strict=True))
+        if self.reduction is not None:
+            found |= self.reduction.settings()
+        return found
+
+    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "CloudWasserstein":
+        """With the mean covariance of all clouds, where it is wanted and not given."""
+        if self.inner != "mahalanobis" or self.covariance is not None:
+            return self
+        spreads = [side.clouds.covariances for side in (truth, estimate) if side.clouds is not None]
+        if not any(len(side.step) for side in (truth, estimate)):
+            return self  # nothing to compare
+        if not spreads:
+            raise ConfigError(
+                "the inner distance mahalanobis takes the mean covariance of the clouds, and there "
+                "are none; name one with --inner-cov FILE"
+            )
+        matrices = np.concatenate(spreads)
+        mean = matrices.mean(axis=0) * np.multiply.outer(*2 * [np.array(self.scale or 1.0)])
+        try:
+            return replace(self, covariance=mean)
+        except ConfigError:
+            raise InputError(
+                "the mean covariance of the clouds is singular, too few distinct particles for the "
+                "inner distance mahalanobis; name one with --inner-cov FILE"
+            ) from None
+
+    def prepared(
+        self, truth: Trajectories, estimate: Trajectories, effort: Effort
+    ) -> tuple[Trajectories, Trajectories, Distance]:
+        """Scaled, reduced, coincident particles merged, whitened: then Euclidean."""
+        centre = np.concatenate((truth.state[:1], estimate.state[:1]))[:1]
+        factor = None
+        if self.covariance is not None:
+            factor = cholesky(self.covariance)
+        sides = []
+        for side in (truth, estimate):
+            clouds = single(side.state) if side.clouds is None else side.clouds
+            if self.scale is not None:
+                clouds = clouds.moved(clouds.points * np.asarray(self.scale))
+            if self.reduction is not None:
+                clouds = reduced(clouds, self.reduction, effort)
+            clouds = clouds.merged()
+            if factor is not None and len(clouds):
+                clouds = clouds.moved(whitened_points(clouds.points, factor, centre[0]))
+            sides.append(side.with_clouds(clouds))
+        return sides[0], sides[1], self._measure()
+
+    def _measure(self) -> Distance:
+        """Of clouds as they are prepared."""
+        return CloudPairs(order=self.order, gating=self.gating)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairCloudWasserstein(CloudWasserstein):
+    """With a covariance of each pair, the mean of those of its two clouds: no metric.
+
+    It is for the association of single pairs, never for TGOSPA.
+    """
+
+    inner: str = "mahalanobis"
+
+    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "PairCloudWasserstein":
+        """As it is: every pair has its own."""
+        del truth, estimate
+        return self
+
+    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+        """As of other clouds, with the word for it."""
+        return {**super().settings(columns), "inner_cov": "pair"}
+
+    def _measure(self) -> Distance:
+        return OwnCovariance(order=self.order, gating=self.gating)
+
+
+def reduced(clouds: Clouds, reduction: Reduction, effort: Effort) -> Clouds:
+    """Every cloud reduced; the user is told if that takes long, as one of them tells."""
+    large = int(np.count_nonzero(clouds.counts > reduction.size))
+    if not large:
+        return clouds
+    what = counted(large, "cloud")
+    longest = clouds[int(clouds.counts.argmax())]
+    announce(effort, large, f"{what} to reduce", lambda: reduction(longest))
+    outer, effort.stopwatch.stage = effort.stopwatch.stage, f"reducing {what}"
+    try:
+        return clouds.changed(reduction, effort.jobs)
+    finally:
+        effort.stopwatch.stage = outer

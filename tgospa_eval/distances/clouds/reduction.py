@@ -1,0 +1,377 @@
+"""Fewer particles that stand for many: Dirac mixture reduction. Knows single clouds only.
+
+The sliced method minimises the mean squared Wasserstein distance of projections,
+
+    sum_k W_2^2(v_k' X, v_k' Y)  over the positions X of n particles of weight 1/n.
+
+In each direction v_k the best partner of the particle whose projection has the rank r is b_k[r],
+the mean of the r-th of n slots of equal mass of the sorted projections of Y. With ranks held, least
+squares give all particles at once,
+
+    x_i <- S^-1 sum_k v_k b_k[rank of v_k' x_i],   S = sum_k v_k v_k',
+
+and no step increases the sum. This is algorithm 2 of [Prossel] without its large sparse matrix:
+R'R is block diagonal with S, whatever the permutations. See docs/theory/clouds.md for what is
+corrected there.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tgospa_eval.distances.clouds.sampling import (
+    RESAMPLING,
+    Floats,
+    as_cloud,
+    as_size,
+    drawn,
+    restrict_cloud,
+)
+from tgospa_eval.distances.clouds.transport import Cloud, distance, merged, plan
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.text import quoted
+
+METHODS = ("sliced", "recursive", "atl", "kmeans", *RESAMPLING, "top")
+
+PRIOR = 100.0
+"""Variance of the particles before a sweep of the recursive method, in units of their own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reduction:
+    """How clouds are reduced.
+
+    Parameters
+    ----------
+    size : int
+        Particles to keep, >= 1. A cloud that has no more is not changed; of one that has no more
+        distinct ones, those are returned with their weights.
+    method : str
+        ``"sliced"``: least squares on projections, `directions` of them; ``"recursive"``: the same
+        direction by direction; ``"atl"``: transport and location in turn (Cooper); ``"kmeans"``:
+        means of clusters, weighted with their mass; ``"systematic"``, ``"stratified"``,
+        ``"multinomial"``: resampling; ``"top"``: the highest weights.
+    directions : int or (V, d) array-like, optional
+        Of sliced and recursive: how many, by default 32 in two dimensions and 24 d in more; or
+        the directions themselves, rows that span the space.
+    iterations : int
+        Of the first four methods, at most.
+    restarts : int
+        Of the first four methods: further starts are random, and the result that is nearest to the
+        cloud is kept.
+    polish : int
+        Steps of ``"atl"`` after the last iteration of sliced and recursive.
+    seed : int
+        Of random directions, starts and draws. Every cloud begins with it anew: equal clouds are
+        reduced alike, in whatever order their particles are.
+
+    Raises
+    ------
+    ConfigError
+        A value has no meaning.
+    """
+
+    size: int
+    method: str = "sliced"
+    directions: int | ArrayLike | None = None
+    iterations: int = 25
+    restarts: int = 1
+    polish: int = 0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "size", as_size(self.size))
+        if self.method not in METHODS:
+            raise ConfigError(
+                f"reduce-method is {quoted(self.method)}: must be one of {', '.join(METHODS)}"
+            )
+        for name, least in (("iterations", 1), ("restarts", 1), ("polish", 0), ("seed", 0)):
+            _check_count(name, getattr(self, name), least)
+        if self.directions is not None and np.ndim(self.directions) == 0:
+            _check_count("directions", self.directions, 1)
+
+    def settings(self) -> dict[str, Any]:
+        """What changes the number, by the names of the options."""
+        found: dict[str, Any] = {"reduce": self.size, "reduce_method": self.method}
+        if self.method != "top":
+            found["seed"] = self.seed
+        if self.method in _METHODS:
+            found |= {"iterations": self.iterations, "restarts": self.restarts}
+        if self.method in ("sliced", "recursive"):
+            given = self.directions
+            found["directions"] = given if given is None else np.asarray(given).tolist()
+            found["polish"] = self.polish
+        return found
+
+    def __call__(self, cloud: Cloud, start: Floats | None = None) -> Cloud:
+        """The cloud with fewer particles; points (N, d), weights (N,) that sum to 1.
+
+        `start` are positions (size, d) to begin with, instead of those drawn systematically.
+        """
+        points, weights = cloud
+        if self.size >= len(points):
+            return cloud
+        points, weights = merged(cloud)  # in order: equal clouds are reduced alike
+        if self.size >= len(points):
+            return points, weights
+        rng = np.random.default_rng(self.seed)
+        if self.method == "top":
+            return restrict_cloud(points, weights, self.size)
+        if self.method in RESAMPLING:
+            chosen = drawn(weights, self.size, self.method, None, rng)
+            return points[chosen], np.full(self.size, 1 / self.size)
+        centre = weights @ points  # sums of small numbers keep their digits
+        whole = points - centre, weights
+        improve = _METHODS[self.method](self, whole, rng)
+        found = []
+        for k in range(self.restarts):
+            if k:
+                first = whole[0][drawn(weights, self.size, "multinomial", None, rng)]
+            elif start is not None:
+                first = start - centre
+            else:
+                first = whole[0][drawn(weights, self.size, "systematic", 0.5)]
+            found.append(improve(first))
+        best = found[0]
+        if len(found) > 1:
+            best = min(found, key=lambda each: distance(merged(each), whole, 2))
+        return best[0] + centre, best[1]
+
+
+def reduce_cloud(
+    points: ArrayLike,
+    weights: ArrayLike | None,
+    size: int,
+    *,
+    method: str = "sliced",
+    directions: int | ArrayLike | None = None,
+    iterations: int = 25,
+    restarts: int = 1,
+    polish: int = 0,
+    seed: int = 0,
+    start: ArrayLike | None = None,
+) -> tuple[Floats, Floats]:
+    """A cloud of fewer particles that is near to the given one; the mean is kept.
+
+    Parameters
+    ----------
+    points : (N, d) array-like
+        Particles.
+    weights : (N,) array-like or None
+        >= 0, not all zero; normalised. None: equal ones.
+    size : int
+        Particles to keep, >= 1. A cloud that has no more is returned as it is; of one that has no
+        more distinct ones, those are returned with their weights.
+    method, directions, iterations, restarts, polish, seed
+        See `Reduction`. Resampling and ``"top"`` do not keep the mean.
+    start : (size, d) array-like, optional
+        Positions to begin with, instead of those drawn systematically.
+
+    Returns
+    -------
+    points, weights : (size, d) and (size,) arrays
+        Of equal weight, but for ``"kmeans"`` and ``"top"``.
+
+    Raises
+    ------
+    ConfigError
+        As for `cloud_wasserstein`; a setting has no meaning; POT is needed, for ``"atl"``,
+        `polish` and `restarts`, and not installed.
+
+    Notes
+    -----
+    Source: [Prossel], sections II and III, corrected.
+    """
+    cloud = as_cloud(points, weights, "cloud")
+    reduction = Reduction(
+        size=size,
+        method=method,
+        directions=directions,
+        iterations=iterations,
+        restarts=restarts,
+        polish=polish,
+        seed=seed,
+    )
+    first = None
+    if start is not None:
+        first = np.asarray(start, np.float64)
+        if first.shape != (size, cloud[0].shape[1]) or not np.isfinite(first).all():
+            raise ConfigError(
+                f"start has the shape {first.shape}: must be ({size}, {cloud[0].shape[1]}), finite"
+            )
+    return reduction(cloud, first)
+
+
+def sliced_wasserstein(a: Cloud, b: Cloud, directions: Floats) -> float:
+    """Root of the mean of W_2^2 over projections on unit directions (V, d)."""
+    squares = [
+        distance((a[0] @ v[:, None], a[1]), (b[0] @ v[:, None], b[1]), 2) ** 2 for v in directions
+    ]
+    return float(np.sqrt(np.mean(squares)))
+
+
+def spread_directions(size: int, count: int | None, rng: "np.random.Generator") -> Floats:
+    """Unit vectors (V, d), evenly spread: angles in the plane, else random orthonormal frames.
+
+    In more than two dimensions V is rounded up to whole frames.
+    """
+    if size == 1:
+        return np.ones((1, 1))
+    if size == 2:
+        number = count or 32
+        angle = np.pi * (np.arange(number) + 0.5) / number
+        return np.column_stack((np.cos(angle), np.sin(angle)))
+    frames = -(-(count or 24 * size) // size)
+    turned, upper = np.linalg.qr(rng.standard_normal((frames, size, size)))
+    signs = np.sign(np.diagonal(upper, axis1=1, axis2=2))  # else some turns are preferred
+    return np.asarray(turned * signs[:, None, :]).transpose(0, 2, 1).reshape(-1, size)
+
+
+def slot_means(values: Floats, weights: Floats, size: int) -> Floats:
+    """Means (size,) of slots of equal mass of values (N,), in ascending order.
+
+    The slots are cut out of the cumulative sums of weight and of weight times value: no plan.
+    """
+    order = np.argsort(values, kind="stable")
+    mass = np.concatenate(([0.0], np.cumsum(weights[order])))
+    moment = np.concatenate(([0.0], np.cumsum(weights[order] * values[order])))
+    return size * np.diff(np.interp(np.arange(size + 1) / size, mass / mass[-1], moment))
+
+
+# --- methods: from a cloud to a function that improves positions ----------------------------------
+
+Improve = Callable[[Floats], Cloud]
+
+
+def _projections(
+    reduction: Reduction, cloud: Cloud, rng: "np.random.Generator"
+) -> tuple[Floats, Floats]:
+    """Directions (V, d), and the slot means (V, n) of the projections of the cloud."""
+    size = cloud[0].shape[1]
+    if reduction.directions is None or np.ndim(reduction.directions) == 0:
+        count = reduction.directions
+        v = spread_directions(size, None if count is None else int(count), rng)  # type: ignore[arg-type]
+    else:
+        v = np.array(reduction.directions, dtype=np.float64)
+        if v.ndim != 2 or v.shape[1] != size or not np.isfinite(v).all():
+            raise ConfigError(f"directions have the shape {v.shape}: must be (V, {size}), finite")
+    if np.linalg.matrix_rank(v) < size:
+        raise ConfigError(
+            f"{len(v)} directions do not span {size} dimensions; give {size} at least, "
+            "not all in a plane"
+        )
+    return v, np.array([slot_means(cloud[0] @ each, cloud[1], reduction.size) for each in v])
+
+
+def _matched(v: Floats, b: Floats, x: Floats) -> Floats:
+    """For each direction and particle the slot mean of its rank (V, n); ties by position.
+
+    Particles that coincide have different ranks and so go different ways.
+    """
+    order = np.argsort(v @ x.T, axis=1, kind="stable")
+    matched = np.empty_like(b)
+    np.put_along_axis(matched, order, b, axis=1)
+    return matched
+
+
+def _sliced(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
+    v, b = _projections(reduction, cloud, rng)
+    solve = np.linalg.solve(v.T @ v, v.T)
+
+    def improve(x: Floats) -> Cloud:
+        for _ in range(reduction.iterations):
+            before, x = x, (solve @ _matched(v, b, x)).T
+            if np.array_equal(before, x):
+                break
+        return _polished(reduction, cloud, x)
+
+    return improve
+
+
+def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
+    """[Prossel] equations 19 to 24, with the gain in equation 20.
+
+    A sweep is the least-squares step with a weak pull to where it began. Ranks are those of its
+    beginning: taken from positions on the way they lead to worse ones, and depend on the order.
+    """
+    v, b = _projections(reduction, cloud, rng)
+
+    def improve(x: Floats) -> Cloud:
+        for _ in range(reduction.iterations):
+            before, matched = x, _matched(v, b, x)
+            covariance = PRIOR * np.eye(v.shape[1])
+            for each, targets in zip(v, matched, strict=True):
+                gain = covariance @ each / (1 + each @ covariance @ each)
+                x = x + np.outer(targets - x @ each, gain)
+                covariance = covariance - np.outer(gain, each @ covariance)
+            if np.array_equal(before, x):
+                break
+        return _polished(reduction, cloud, x)
+
+    return improve
+
+
+def _polished(reduction: Reduction, cloud: Cloud, x: Floats) -> Cloud:
+    for _ in range(reduction.polish):
+        x = _relocated(cloud, x)
+    return x, np.full(len(x), 1 / len(x))
+
+
+def _relocated(cloud: Cloud, x: Floats) -> Floats:
+    """Each particle to the mean of what an optimal plan brings it, [Prossel] equation 7."""
+    own = x, np.full(len(x), 1 / len(x))
+    return np.asarray(len(x) * (plan(own, cloud, 2) @ cloud[0]))
+
+
+def _atl(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:  # noqa: ARG001
+    def improve(x: Floats) -> Cloud:
+        for _ in range(reduction.iterations):
+            before, x = x, _relocated(cloud, x)
+            if np.array_equal(before, x):
+                break
+        return x, np.full(len(x), 1 / len(x))
+
+    return improve
+
+
+def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:  # noqa: ARG001
+    """Lloyd's iteration; a centre without particles goes to the one that costs most."""
+    from scipy.spatial.distance import cdist
+
+    points, weights = cloud
+
+    def improve(x: Floats) -> Cloud:
+        for _ in range(reduction.iterations):
+            before = x
+            apart = cdist(points, x, "sqeuclidean")
+            nearest = apart.argmin(axis=1)
+            cost = weights * apart[np.arange(len(points)), nearest]
+            for empty in np.flatnonzero(np.bincount(nearest, minlength=len(x)) == 0):
+                alone = np.bincount(nearest, minlength=len(x))[nearest] == 1
+                worst = int(np.argmax(np.where(alone, -1.0, cost)))
+                nearest[worst], cost[worst] = empty, 0.0
+            mass = np.bincount(nearest, weights, len(x))
+            sums = [np.bincount(nearest, weights * each, len(x)) for each in points.T]
+            x = np.column_stack(sums) / mass[:, None]
+            if np.array_equal(before, x):
+                break
+        return x, np.asarray(mass, np.float64)
+
+    return improve
+
+
+_METHODS: "dict[str, Callable[[Reduction, Cloud, np.random.Generator], Improve]]" = {
+    "sliced": _sliced,
+    "recursive": _recursive,
+    "atl": _atl,
+    "kmeans": _kmeans,
+}
+
+
+def _check_count(name: str, value: object, least: int) -> None:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least:  # type: ignore[operator]
+        raise ConfigError(f"{name} is {value!r}: must be a whole number, from {least}")

@@ -1,0 +1,355 @@
+"""Optimal transport between two particle clouds, exactly.
+
+The mass of one cloud is moved to the other at the least cost
+
+    W_q = (min_w  sum_ij w_ij d(x_i, y_j)^q)^(1/q),   w_ij >= 0,
+    sum_j w_ij = weight of x_i,   sum_i w_ij = weight of y_j,
+
+[Danu] equations 7 and 14; equation 13 has lost the root, without which it is no metric. In one
+dimension sorting solves it, against one point there is nothing to choose, clouds of equally many
+particles of equal weight are an assignment; the rest is solved by POT, the extra ``clouds``.
+"""
+
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tgospa_eval.distances.mahalanobis import cholesky
+from tgospa_eval.distances.clouds.sampling import as_cloud
+from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.common.words import install
+
+Floats = NDArray[np.float64]
+Cloud = tuple[Floats, Floats]
+"""Points (N, d) and weights (N,) > 0 that sum to 1."""
+
+ASSIGNED = 200
+"""Particles up to which an assignment is quicker than transport."""
+
+FARTHEST = 1e150
+"""Of whitened coordinates: their squares are numbers."""
+
+LARGEST = 4000
+"""Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
+
+TOO_LARGE = (
+    f"more than {LARGEST} x {LARGEST} particles of a pair take too long and too much memory; "
+    "reduce the clouds first, --reduce 100 or reduce_cloud"
+)
+
+NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
+
+ALIKE = 1e-13
+"""Of a weight: what rounding makes of one, added and divided in another order."""
+
+
+def cloud_wasserstein(
+    points_a: ArrayLike,
+    weights_a: ArrayLike | None,
+    points_b: ArrayLike,
+    weights_b: ArrayLike | None,
+    *,
+    order: int = 2,
+    covariance: ArrayLike | None = None,
+) -> float:
+    """Wasserstein distance of two particle clouds: a metric on weighted clouds.
+
+    Parameters
+    ----------
+    points_a, points_b : (N, d) and (M, d) array-like
+        Particles, in state units; (N,) and (M,) in one dimension.
+    weights_a, weights_b : (N,) and (M,) array-like or None
+        >= 0, not all zero; normalised. None: equal ones.
+    order : {1, 2}
+        q, the power in which distances of particles are summed.
+    covariance : (d, d) array-like, optional
+        Particles are compared by the Mahalanobis distance with this covariance instead of the
+        Euclidean one. Distances of several pairs make a metric only with the same one for all.
+
+    Returns
+    -------
+    float
+        In state units; without unit if a covariance is given.
+
+    Warns
+    -----
+    UserWarning
+        Weights sum to something else than 1, by more than 1e-3.
+
+    Raises
+    ------
+    ConfigError
+        A weight is negative, NaN or infinite, or all are zero; a point is not finite; shapes,
+        order or covariance are wrong; the clouds have more than 4,000 x 4,000 distinct particles,
+        and not on a line; POT is needed and not installed.
+
+    Notes
+    -----
+    Source: [Danu], equations 7, 10, 14, 26.
+    """
+    check_order(order)
+    a, b = _pair(points_a, weights_a, points_b, weights_b)
+    if covariance is not None:
+        a, b = whitened((a, b), cholesky(covariance, a[0].shape[1]))
+    return distance(merged(a), merged(b), order)
+
+
+def transport_plan(
+    points_a: ArrayLike,
+    weights_a: ArrayLike | None,
+    points_b: ArrayLike,
+    weights_b: ArrayLike | None,
+    *,
+    order: int = 2,
+) -> Floats:
+    """How the mass moves: an optimal plan between two clouds, with Euclidean distances.
+
+    Among several optimal plans, as ties have them, any may be returned.
+
+    Parameters
+    ----------
+    points_a, weights_a, points_b, weights_b, order
+        As for `cloud_wasserstein`.
+
+    Returns
+    -------
+    (N, M) array
+        Entry (i, j) is the mass that goes from particle i of the first cloud to particle j of the
+        second; sums of rows and of columns are the normalised weights.
+
+    Raises
+    ------
+    ConfigError
+        As for `cloud_wasserstein`.
+
+    Notes
+    -----
+    Source: [Danu], equations 8 and 14.
+    """
+    check_order(order)
+    a, b = _pair(points_a, weights_a, points_b, weights_b)
+    return plan(a, b, order)
+
+
+def cross_covariance(
+    points_a: ArrayLike,
+    weights_a: ArrayLike | None,
+    points_b: ArrayLike,
+    weights_b: ArrayLike | None,
+) -> Floats:
+    """Covariance between the states of two clouds under their optimal plan.
+
+    ``P12 = sum_ij w_ij (x_i - m_a) (y_j - m_b)'`` with the means m and the plan of order 2. With
+    the covariances P1 and P2 of the clouds, ``W_2^2 = |m_a - m_b|^2 + tr(P1 + P2 - P12 - P12')``.
+    That matrix is as small as a joint distribution allows, zero for shifted copies: it is not to
+    be inverted as the covariance of a difference.
+
+    Parameters
+    ----------
+    points_a, weights_a, points_b, weights_b
+        As for `cloud_wasserstein`.
+
+    Returns
+    -------
+    (d, d) array
+        Rows are components of the first cloud. Where several plans are optimal only its trace is
+        determined.
+
+    Raises
+    ------
+    ConfigError
+        As for `cloud_wasserstein`.
+
+    Notes
+    -----
+    Source: [Danu], equation 27.
+    """
+    a, b = _pair(points_a, weights_a, points_b, weights_b)
+    centred = [points - weights @ points for points, weights in (a, b)]
+    return np.asarray(centred[0].T @ plan(a, b, 2) @ centred[1])
+
+
+def check_order(order: object) -> None:
+    """Whether clouds can be compared with it.
+
+    Raises
+    ------
+    ConfigError
+        They cannot.
+    """
+    if isinstance(order, bool) or order not in (1, 2):
+        raise ConfigError(f"cloud-order is {order!r}: must be 1 or 2")
+
+
+def _pair(
+    points_a: ArrayLike,
+    weights_a: ArrayLike | None,
+    points_b: ArrayLike,
+    weights_b: ArrayLike | None,
+) -> tuple[Cloud, Cloud]:
+    a = as_cloud(points_a, weights_a, "first cloud", depth=4)
+    b = as_cloud(points_b, weights_b, "second cloud", depth=4)
+    if a[0].shape[1] != b[0].shape[1]:
+        raise ConfigError(
+            f"the first cloud has {a[0].shape[1]} components, the second {b[0].shape[1]}; "
+            "compare the same ones"
+        )
+    return a, b
+
+
+def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
+    """Clouds ``L^-1 (x - centre)``, in which the Mahalanobis distance with L L' is Euclidean.
+
+    Raises
+    ------
+    ConfigError
+        They are so far apart that the squares are no numbers.
+    """
+    centre = clouds[0][0][0]
+    with np.errstate(over="ignore", invalid="ignore"):  # looked at below
+        found = tuple((whitened_points(x, factor, centre), weights) for x, weights in clouds)
+    if any(not (np.abs(points) <= FARTHEST).all() for points, _ in found):
+        raise ConfigError(
+            f"particles are more than {FARTHEST:g} standard deviations apart; the covariance is "
+            "too small for them"
+        )
+    return found
+
+
+def whitened_points(points: Floats, factor: Floats, centre: Floats) -> Floats:
+    """``L^-1 (x - centre)`` by forward substitution.
+
+    Number by number, and not by a routine for matrices, which may round equal particles to
+    different places.
+    """
+    found = np.empty(points.shape)
+    for k, row in enumerate(factor):
+        rest = points[:, k] - centre[k]
+        for weight, done in zip(row[:k], found.T, strict=False):
+            rest = rest - weight * done
+        found[:, k] = rest / row[k]
+    return found
+
+
+def merged(cloud: Cloud) -> Cloud:
+    """The cloud with its distinct particles once each, those without weight left out."""
+    points, weights, _ = _merged(cloud)
+    return points, weights
+
+
+def _merged(cloud: Cloud) -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """Distinct particles that weigh, their weights, and the place of each particle among them."""
+    points, weights = cloud
+    order = np.lexsort(points.T[::-1])
+    ordered = points[order]
+    fresh = np.ones(len(points), bool)
+    fresh[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    place = np.empty(len(points), np.intp)
+    place[order] = np.cumsum(fresh) - 1
+    total = np.asarray(np.bincount(place, weights), np.float64)
+    kept = total > 0
+    moved = np.cumsum(kept) - 1
+    return ordered[fresh][kept], total[kept], np.where(kept, moved, -1)[place]
+
+
+def distance(a: Cloud, b: Cloud, order: int) -> float:
+    """W_q of two clouds; distinct particles of positive weight, in order, save time."""
+    if _are_alike(a, b):
+        return 0.0
+    if a[0].shape[1] == 1:
+        return float(_along_a_line(a, b, order) ** (1 / order))
+    _check_size(a, b)
+    costs = _costs(a[0], b[0], order)
+    return float(np.vdot(_optimal(a[1], b[1], costs), costs) ** (1 / order))
+
+
+def _are_alike(a: Cloud, b: Cloud) -> bool:
+    """Whether they are the same particles, with weights that only rounding tells apart.
+
+    The least mass that rounding leaves over would have to go far: its root is not small.
+    """
+    (x, u), (y, v) = a, b
+    return x.shape == y.shape and bool((np.abs(u - v) <= ALIKE * u).all()) and bool((x == y).all())
+
+
+def plan(a: Cloud, b: Cloud, order: int) -> Floats:
+    """An optimal plan (N, M); particles that coincide share what goes to or from their place."""
+    (x, u, at_x), (y, v, at_y) = _merged(a), _merged(b)
+    _check_size((x, u), (y, v))
+    # Merged points of a line are sorted, and their plan runs along the diagonal.
+    is_line = x.shape[1] == 1
+    best = north_west(u, v) if is_line else _optimal(u, v, _costs(x, y, order))
+    shares = [
+        np.where(at >= 0, weights / total[at], 0.0)
+        for at, weights, total in ((at_x, a[1], u), (at_y, b[1], v))
+    ]
+    return np.asarray(shares[0][:, None] * best[np.ix_(at_x, at_y)] * shares[1])
+
+
+def north_west(u: Floats, v: Floats) -> Floats:
+    """The plan of sorted clouds: from the first corner on, row or column is used up in turn."""
+    ends = np.cumsum(u), np.cumsum(v)
+    cuts = np.sort(np.concatenate((ends[0][:-1], ends[1][:-1])))
+    cuts = np.concatenate(([0.0], cuts.clip(0, 1), [1.0]))
+    middle = 0.5 * (cuts[1:] + cuts[:-1])
+    table = np.zeros((len(u), len(v)))
+    i, j = (np.searchsorted(end[:-1], middle) for end in ends)
+    np.add.at(table, (i, j), np.diff(cuts))
+    return table
+
+
+def _along_a_line(a: Cloud, b: Cloud, order: int) -> float:
+    """W_q^q in one dimension: quantiles go to quantiles."""
+    points, ends = [], []
+    for x, weights in (a, b):
+        by_place = np.argsort(x[:, 0], kind="stable")
+        points.append(x[by_place, 0])
+        ends.append(np.cumsum(weights[by_place])[:-1])
+    cuts = np.concatenate(([0.0], np.sort(np.concatenate(ends)).clip(0, 1), [1.0]))
+    middle = 0.5 * (cuts[1:] + cuts[:-1])
+    x, y = (p[np.searchsorted(end, middle)] for p, end in zip(points, ends, strict=True))
+    return float(np.diff(cuts) @ np.abs(x - y) ** order)
+
+
+def _check_size(a: Cloud, b: Cloud) -> None:
+    if len(a[0]) * len(b[0]) > LARGEST**2:
+        raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {TOO_LARGE}")
+
+
+def _costs(x: Floats, y: Floats, order: int) -> Floats:
+    """Distances of the particles to the power q, from differences: no large squares to cancel."""
+    from scipy.spatial.distance import cdist
+
+    return np.asarray(cdist(x, y, "sqeuclidean" if order == 2 else "euclidean"))
+
+
+def _optimal(u: Floats, v: Floats, costs: Floats) -> Floats:
+    """An optimal plan for these costs."""
+    if 1 in costs.shape:
+        return u[:, None] * v
+    if len(u) == len(v) <= ASSIGNED and (u == u[0]).all() and (v == v[0]).all():
+        from scipy.optimize import linear_sum_assignment
+
+        table = np.zeros(costs.shape)
+        table[linear_sum_assignment(costs)] = 1 / len(u)
+        return table
+    # POT answers 0 to weights that are wrong, which those that come here are not.
+    best, log = _pot().emd(u, v, costs, numItermax=10_000_000, log=True, check_marginals=False)
+    if log["warning"] is not None:
+        raise SolverError(f"POT did not solve a transport: {log['warning']}")
+    return np.asarray(best)
+
+
+def can_transport() -> bool:
+    """Whether POT is installed."""
+    return find_spec("ot") is not None
+
+
+def _pot() -> Any:
+    try:
+        from ot import lp  # here: slow to import, and an extra
+    except ModuleNotFoundError:
+        raise ConfigError(NEEDED) from None
+    return lp

@@ -1,0 +1,76 @@
+"""What looks wrong with two sides before anything is solved: clocks, units, axes. Prints nothing.
+
+A warning changes no number. It is raised only where undoing the fault would at least halve the
+per-step GOSPA cost, of a clock at least that of common tracks, where what is near is so by chance,
+or where a side cannot mean what it seems to.
+"""
+
+import numpy as np
+
+from tgospa_eval.tracks.alignment import Alignment, Stamps
+from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
+from tgospa_eval.evaluation.diagnosis.sides import side_warnings
+from tgospa_eval.evaluation.diagnosis.states import state_warnings
+from tgospa_eval.distances import Distance
+from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.common.words import counted, in_both
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
+def diagnose(
+    sides: tuple[Trajectories, Trajectories],
+    aligned: Alignment,
+    stamps: Stamps,
+    parameters: Parameters,
+    distance: Distance,
+    spell: Spelling = as_option,
+) -> list[Notice]:
+    """Warnings about two sides.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate as read.
+    aligned : Alignment
+        The same, aligned.
+    stamps : Stamps
+        How.
+    parameters : Parameters
+        Cutoff and order of the per-step GOSPA cost.
+    distance : Distance
+        Base distance.
+    spell : callable
+        How settings are written in remedies: `as_option` or `as_argument`.
+    """
+    rough = distance.rough
+    found = side_warnings(sides)
+    clock = clock_warnings(sides, aligned, stamps, parameters, rough, spell)
+    found += clock
+    if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
+        found += state_warnings((aligned.truth, aligned.estimate), parameters, rough, spell)
+    return found
+
+
+def alignment_notices(aligned: Alignment, stamps: Stamps, spell: Spelling = as_option) -> list[str]:
+    """What aligning two sides took: steps of both, stamps that were joined, rows left out."""
+    alone = aligned.union - aligned.common
+    at = "what exists at the other is missed or false"
+    if alone > 1:
+        at = f"what exists at the other {alone:,} is missed or false"
+    costly = stamps.grid == "union" and alone and aligned.common
+    notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
+    if aligned.joined:
+        pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
+        notices.append(
+            f"{pairs} joined, at most {stamps.tolerance:.15g} apart ({spell('time_tolerance', '')})"
+        )
+    if any(aligned.left_out):
+        steps = aligned.union - len(aligned.truth.times)
+        notices.append(
+            f"{counted(steps, 'step')} left out ({spell('grid', stamps.grid)}), with "
+            f"{counted(aligned.left_out[0], 'row')} of the truth and {aligned.left_out[1]} of the "
+            "estimate"
+        )
+    return notices

@@ -1,0 +1,357 @@
+"""Warnings about the times of two sides: stamps that miss each other, other clocks, other units.
+
+They cost little beside an evaluation: they look at the stamps, and at some steps that are sampled
+evenly, of which bounds settle all but suspicious cases.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps, nearest, within
+from tgospa_eval.evaluation.diagnosis.costs import (
+    FEWEST,
+    FIRST,
+    StepCosts,
+    affordable,
+    at_steps,
+    evenly,
+    occupied,
+    saving,
+    saving_of_tracks,
+)
+from tgospa_eval.distances import Distance
+from tgospa_eval.common.figures import number, shortest
+from tgospa_eval.common.notices import Notice, Spelling
+from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.common.words import counted
+
+FEW = 0.9
+"""Share of common steps below which something is probably wrong with the clocks."""
+
+NEARLY = 0.01
+"""Of the median step: unmatched stamps that are closer are probably meant to be the same."""
+
+FAR = 10
+"""Steps by which a clock may be off, beside those that make the first or the last stamps equal."""
+
+SAME = 0.1
+"""Of the median step: stamps that are so close after a change of the clock are the same moment."""
+
+POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
+"""What stamps beside seconds may be counted in, by the power of ten that makes seconds of them."""
+
+MORE = 0.1
+"""Share of the cost that another clock must save beyond a shift by one step, to be told instead."""
+
+RATES = 3.0
+"""Rates of two files differ by no more where only the unit of their stamps does."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift:
+    """That the estimate fits much better when its states are moved by one step.
+
+    Parameters
+    ----------
+    late : bool
+        Whether the estimate comes a step too late, rather than too early.
+    saving : float
+        Share of the per-step GOSPA cost that goes away, at least one half.
+    steps : int
+        Steps that were looked at.
+    of_tracks : bool
+        Whether that is of common tracks alone, as of `saving_of_tracks`.
+    """
+
+    late: bool
+    saving: float
+    steps: int
+    of_tracks: bool
+
+
+def clock_warnings(
+    sides: tuple[Trajectories, Trajectories],
+    aligned: Alignment,
+    stamps: Stamps,
+    parameters: Parameters,
+    distance: Distance,
+    spell: Spelling,
+) -> list[Notice]:
+    """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
+    near = _near_misses((sides[0].times, sides[1].times), aligned, stamps, spell)
+    found = [_few_common(sides, aligned, stamps, spell), near]
+    if near is None:  # else the next step is the same moment: no shift
+        shift = find_shift(aligned, parameters, distance)
+        clock = _find_clock(sides, aligned, parameters, distance)
+        if clock is not None and (shift is None or clock.saving > shift.saving + MORE):
+            found.append(_clock_warning(clock, aligned.truth.clock))
+        elif shift is not None:
+            found.append(_shift_warning(shift, aligned.truth))
+    return [notice for notice in found if notice]
+
+
+def _few_common(
+    sides: tuple[Trajectories, Trajectories], aligned: Alignment, stamps: Stamps, spell: Spelling
+) -> Notice | None:
+    steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
+    if stamps.grid == "common":  # of two rates the lower one may be wholly in the other
+        steps, meaning = min(len(side.times) for side in sides), "the others are left out"
+    if not steps or aligned.common >= FEW * steps:
+        return None
+    share = f"{100 * aligned.common / steps:.0f} %"
+    return Notice(
+        code="steps-unmatched",
+        text=f"only {share} of the steps are in both files, and {meaning}",
+        remedy=f"if the clocks differ, see {spell('time_tolerance', '')} and {spell('grid', '')}",
+    )
+
+
+def _near_misses(
+    times: tuple[NDArray[Any], NDArray[Any]],
+    aligned: Alignment,
+    stamps: Stamps,
+    spell: Spelling,
+) -> Notice | None:
+    """Stamps that are not the same, and closer than 1 % of the median step."""
+    if aligned.common == aligned.union or not all(map(len, times)):
+        return None
+    steps = [step for step in map(median_step, times) if step is not None]
+    if not steps:
+        return None
+    clock = aligned.truth.clock
+    apart = nearest(*times).apart
+    is_close = (apart < NEARLY * min(steps)) & ~within(apart, stamps.tolerance, times, clock)
+    close = apart[is_close & (apart > 0)]
+    if not len(close):
+        return None
+    unit = SECOND if clock != "number" else 1
+    most = float(close.max())
+    if close.dtype.kind == "f":  # `within` allows for the rounding of the stamps
+        most = max(most - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * most)
+    named = _rounded_up(most / unit)
+    pairs = counted(len(close), "pair of stamps is", "pairs of stamps are")
+    alone = aligned.union - aligned.common
+    return Notice(
+        code="stamps-near",
+        text=f"{pairs} nearly the same, of {counted(alone, 'stamp')} that one file only has, at "
+        f"most {named} apart where the median step is {_told(min(steps), clock, *times)}",
+        remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
+    )
+
+
+def median_step(times: NDArray[Any]) -> float | None:
+    """Median distance of consecutive times, in the unit in which they are held."""
+    if len(times) < 2:
+        return None
+    return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
+
+
+def _told(step: float, clock: str, *times: NDArray[Any]) -> str:
+    """A step between stamps, in their unit or in seconds, without what rounding them adds to it."""
+    floats = [side for side in times if side.dtype.kind == "f"]
+    noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
+    return number(shortest(step if clock == "number" else step / SECOND, noise))
+
+
+def median(values: NDArray[Any]) -> float:
+    """Without np.median, which imports numpy.ma, slower than all else."""
+    ordered = np.sort(values)
+    return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
+
+
+def _rounded_up(value: float) -> str:
+    """Two digits, not below the value but for the last digit of a double."""
+    from decimal import ROUND_CEILING, Context
+
+    rounded = Context(prec=2, rounding=ROUND_CEILING).create_decimal(f"{value:.15g}")
+    return f"{float(rounded):.15g}"
+
+
+def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
+    way, cure = ("late", "earlier") if shift.late else ("early", "later")
+    step = median_step(truth.times)
+    size = "" if step is None else f" ({_told(step, truth.clock, truth.times)})"
+    of_tracks = ", of tracks that are there before and after, without what is missed or false"
+    return Notice(
+        code="clock-shift",
+        text=f"the estimate seems {way} by a step{size} or more: with its states one step {cure} "
+        + _falls(shift)
+        + of_tracks * shift.of_tracks,
+        remedy="check from where the two files count their steps, and what moment a stamp means",
+    )
+
+
+def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -> Shift | None:
+    """Whether moving the estimate by one step at least halves the cost, or that of common tracks.
+
+    Few steps rule that out for most recordings; where they do not, more are asked.
+    """
+    inside = len(aligned.truth.times) - 2  # each of these has a step before and one after
+    count = min(inside, affordable((aligned.truth, aligned.estimate)))
+    if count < FEWEST:
+        return None
+    shift = _shift_of(aligned, parameters, distance, min(count, FIRST))
+    return (
+        shift
+        if shift is None or count <= FIRST
+        else _shift_of(aligned, parameters, distance, count)
+    )
+
+
+def _saving(here: StepCosts, there: StepCosts) -> tuple[float, bool]:
+    """Share of the cost that goes away, and whether that is of common tracks alone."""
+    saved = saving(here, there)
+    return (saved, False) if saved else (saving_of_tracks(here, there), True)
+
+
+def _falls(found: "Shift | Clock") -> str:
+    share = f"{100 * found.saving:.0f} %"
+    return f"the per-step GOSPA cost of {found.steps} steps falls by {share} or more"
+
+
+def _shift_of(
+    aligned: Alignment, parameters: Parameters, distance: Distance, count: int
+) -> Shift | None:
+    """The same, of so many steps."""
+    inside = len(aligned.truth.times) - 2
+    steps = 1 + np.arange(count) * inside // count
+    truth = at_steps(aligned.truth, steps)
+    here = StepCosts(truth, at_steps(aligned.estimate, steps), parameters, distance)
+    if not here.upper.any():
+        return None
+    for move in (1, -1):
+        there = StepCosts(truth, at_steps(aligned.estimate, steps + move), parameters, distance)
+        saved, of_tracks = _saving(here, there)
+        if saved:
+            return Shift(late=move > 0, saving=saved, steps=count, of_tracks=of_tracks)
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """Another clock: time since the first stamp of the estimate, times a factor, plus an offset.
+
+    That is the time since the first stamp of the truth.
+
+    Parameters
+    ----------
+    factor, offset : float
+        In the unit in which the times are held.
+    ahead : float
+        How far the stamps of the estimate are ahead, where the factor is 1.
+    saving : float
+        Share of the per-step GOSPA cost that goes away.
+    steps : int
+        Steps that were looked at.
+    """
+
+    factor: float
+    offset: float
+    ahead: float = 0.0
+    saving: float = 0.0
+    steps: int = 0
+
+
+def _clock_warning(clock: Clock, kind: str) -> Notice:
+    return Notice(
+        code="clock-shift",
+        text=f"the clock of the estimate seems to {_said(clock, kind)}: without that "
+        + _falls(clock),
+        remedy="write the stamps of both files by one clock; a latency of the tracker is "
+        "rightly an error",
+    )
+
+
+def _find_clock(
+    sides: tuple[Trajectories, Trajectories],
+    aligned: Alignment,
+    parameters: Parameters,
+    distance: Distance,
+) -> Clock | None:
+    """Another unit of time, or another start of the clock, where that explains the cost."""
+    truth, estimate = sides
+    step = median_step(truth.times)
+    if step is None or len(estimate.times) < 2:
+        return None
+    steps = evenly(np.flatnonzero(occupied(truth)), sides)
+    if len(steps) < FEWEST:
+        return None
+    own = np.searchsorted(aligned.truth.times, truth.times[steps])
+    if own[-1] >= len(aligned.truth.times) or aligned.truth.step.shape != truth.step.shape:
+        return None  # a grid that leaves out steps of the truth
+    chosen = at_steps(truth, steps)
+    here = StepCosts(chosen, at_steps(aligned.estimate, own), parameters, distance)
+    if 2 * here.upper.sum() < here.alone.sum():
+        return None
+    moments, theirs = map(_from_first, (truth.times, estimate.times))
+    starts = Fraction(truth.times[0].item()), Fraction(estimate.times[0].item())
+    best: Clock | None = None
+    for clock in _clocks((moments, theirs), starts, step):
+        at, is_there = _same_moments(moments[steps], theirs * clock.factor + clock.offset, step)
+        if np.count_nonzero(is_there) < FEWEST / 2:
+            continue
+        there = StepCosts(chosen, _moved(estimate, at, is_there), parameters, distance)
+        saved = saving(here, there)
+        if saved > (best.saving if best else 0.0):
+            best = replace(clock, saving=saved, steps=len(steps))
+    return best
+
+
+def _from_first(times: NDArray[Any]) -> Floats:
+    """Times since the first; exact before they are rounded to doubles, however far apart."""
+    if times.dtype.kind == "i":
+        unsigned = times.astype(np.int64).view(np.uint64)
+        return np.asarray(unsigned - unsigned[0], np.float64)
+    return np.asarray(times - times[0], np.float64)
+
+
+def _clocks(
+    times: tuple[Floats, Floats], starts: tuple[Fraction, Fraction], step: float
+) -> Iterator[Clock]:
+    """What may be wrong: times of both sides since their first stamps, and these stamps."""
+    moments, theirs = times
+    own = median_step(theirs) or step
+    for power in (*POWERS, *(-power for power in POWERS)):
+        factor = Fraction(10) ** power
+        if 1 / RATES <= own * float(factor) / step <= RATES:
+            since = float(starts[1] * factor - starts[0])  # both count from one moment
+            yield from (Clock(factor=float(factor), offset=offset) for offset in (since, 0.0))
+    apart = float(starts[1] - starts[0])
+    ends = (0.0, float(moments[-1] - theirs[-1]))
+    moves = [apart + sign * k * step for k in range(1, FAR + 1) for sign in (1, -1)]
+    for offset in (*ends, *moves):
+        if offset != apart:
+            yield Clock(factor=1.0, offset=offset, ahead=apart - offset)
+
+
+def _same_moments(wanted: Floats, theirs: Floats, step: float) -> tuple[Ints, NDArray[np.bool_]]:
+    """The step of the estimate nearest to each moment, and whether it is the same moment."""
+    after = np.searchsorted(theirs, wanted).clip(1, len(theirs) - 1)
+    at = after - (wanted - theirs[after - 1] <= theirs[after] - wanted)
+    return at, np.asarray(np.abs(theirs[at] - wanted) <= SAME * step)
+
+
+def _moved(estimate: Trajectories, at: Ints, is_there: NDArray[np.bool_]) -> Trajectories:
+    """The rows at these steps; none where there is no such moment."""
+    found = at_steps(estimate, at)
+    rows = np.flatnonzero(is_there[found.step])
+    return found.chosen(rows, found.step[rows], found.times)
+
+
+def _said(clock: Clock, kind: str) -> str:
+    if clock.factor == 1.0:
+        way = "ahead" if clock.ahead > 0 else "behind"
+        unit, name = (1, "") if kind == "number" else (SECOND, " s")
+        return f"be {abs(clock.ahead) / unit:.10g}{name} {way}"
+    power = round(math.log10(clock.factor))
+    small, times = POWERS[-abs(power)], f"{10 ** abs(power):,} times"
+    if power < 0:
+        return f"run {times} as fast as that of the truth, like {small} beside seconds"
+    return f"run {times} slower than that of the truth, like seconds beside {small}"

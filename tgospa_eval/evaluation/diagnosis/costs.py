@@ -1,0 +1,222 @@
+"""Bounds of the per-step GOSPA cost of a few steps, for what a change of the data would save.
+
+The cost of a step is (n + m) / 2 - G in units of c^p, with n truths, m estimates, and G the largest
+sum of 1 - (d / c)^p over disjoint pairs. The sums of the largest terms of each truth and of each
+estimate bound G from above, the pairs that a greedy choice takes from below. Assignments are
+computed only where these bounds leave an answer open.
+"""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.distances import Distance, near_pairs
+from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+SAMPLE = 100
+"""Steps that are looked at."""
+
+FIRST = 25
+"""Steps that are looked at first."""
+
+ROWS = 20_000
+"""Rows of either side at these steps, at most."""
+
+PAIRS = 200_000
+"""Pairs of these steps, near or not, as long as that leaves `FEWEST` steps."""
+
+DENSE = 1_000_000
+"""Pairs of a step, near or not, up to which an assignment is computed."""
+
+FEWEST = 8
+"""Steps without which nothing is said about a shift."""
+
+PAIRED = 12
+"""Pairs without which nothing is said about a shift for their sake."""
+
+TRACKS = 3
+"""Tracks that must agree on a fault that is smaller than the cutoff: that of one may be its own
+error."""
+
+WORTH = 1e-3
+"""Of the cost of leaving all unassigned: less is not worth a warning, but about rounding."""
+
+CHEAPER = 2 / 3
+"""Share of the steps that a change must improve: a late start makes one step costly, not most."""
+
+
+class StepCosts:
+    """Bounds of the per-step GOSPA costs, `lower` and `upper` (T,), in units of c^p.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        On the same steps.
+    parameters : Parameters
+        Cutoff and order.
+    distance : Distance
+        Base distance of states alone.
+    """
+
+    def __init__(
+        self,
+        truth: Trajectories,
+        estimate: Trajectories,
+        parameters: Parameters,
+        distance: Distance,
+    ) -> None:
+        pairs = near_pairs(truth, estimate, parameters.cutoff, distance)
+        self.steps = len(truth.times)
+        self.step = truth.step[pairs.truth_row]
+        self.rows = pairs.truth_row, pairs.estimate_row
+        self.gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
+        objects = np.concatenate((truth.step, estimate.step))
+        self.alone = np.bincount(objects, minlength=self.steps) * np.float64(0.5)
+        self.truths = np.bincount(truth.step, minlength=self.steps)
+        self.estimate = estimate
+        self._bound()
+
+    def _bound(self) -> None:
+        # From the largest down, equal ones as they come; stable in every row below.
+        self.order = np.argsort(-self.gain, kind="stable")
+        most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
+        self.lower = self.alone - np.minimum(*most)
+
+    def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
+        """Without the other rows of the estimate."""
+        other = object.__new__(StepCosts)
+        near = kept[self.rows[1]]
+        other.steps, other.truths, other.estimate = self.steps, self.truths, self.estimate
+        other.step, other.gain = self.step[near], self.gain[near]
+        other.rows = self.rows[0][near], self.rows[1][near]
+        left_out = np.bincount(self.estimate.step[~kept], minlength=self.steps)
+        other.alone = self.alone - 0.5 * left_out
+        other._bound()
+        return other
+
+    @cached_property
+    def upper(self) -> Floats:
+        """Of the greedy choice; most changes of the data are ruled out without it."""
+        return self.alone - self._sums(self.taken)
+
+    def _sums(self, chosen: Ints) -> Floats:
+        sums = np.bincount(self.step[chosen], self.gain[chosen], minlength=self.steps)
+        return np.asarray(sums, np.float64)
+
+    def _first(self, rows: Ints, pairs: Ints) -> Ints:
+        """The first of these pairs for each row."""
+        by_row = pairs[np.argsort(rows[pairs], kind="stable")]
+        return by_row[np.flatnonzero(np.diff(rows[by_row], prepend=-1))]
+
+    @cached_property
+    def taken(self) -> Ints:
+        """Disjoint pairs, always the largest that is left: round by round the best of both."""
+        left, taken = self.order, [self.order[:0]]
+        is_taken = [np.zeros(int(rows.max(initial=-1)) + 1, bool) for rows in self.rows]
+        while len(left):
+            best = [np.zeros(len(self.gain), bool) for _ in self.rows]
+            for mine, rows in zip(best, self.rows, strict=True):
+                mine[self._first(rows, left)] = True
+            both = left[best[0][left] & best[1][left]]
+            taken.append(both)
+            for flags, rows in zip(is_taken, self.rows, strict=True):
+                flags[rows[both]] = True
+            left = left[~(is_taken[0][self.rows[0][left]] | is_taken[1][self.rows[1][left]])]
+        return np.concatenate(taken)
+
+    def settle(self) -> None:
+        """Make the bounds equal by assignments, but for steps too large for a dense one."""
+        from scipy.optimize import linear_sum_assignment  # here: slow to import, hardly ever needed
+
+        for step in np.flatnonzero(self.lower < self.upper).tolist():
+            pairs = slice(*np.searchsorted(self.step, [step, step + 1]).tolist())
+            axes = [np.unique(rows[pairs], return_inverse=True)[1] for rows in self.rows]
+            shape = [int(axis.max()) + 1 for axis in axes]
+            if shape[0] * shape[1] > DENSE:
+                continue
+            gain = np.zeros(shape)
+            gain[axes[0], axes[1]] = self.gain[pairs]
+            best = gain[linear_sum_assignment(gain, maximize=True)].sum()
+            self.lower[step] = self.upper[step] = self.alone[step] - best
+
+
+def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST) -> float:
+    """Share of the cost here that goes away there; 0 unless it is at least a half of most steps.
+
+    `fewest` is the number of steps, of which half must become cheaper. Objects that are not looked
+    at there are taken to cost what objects without counterpart do: to look away saves nothing.
+    """
+    unseen = max(0.0, float(here.alone.sum() - there.alone.sum()))
+    if 2 * (there.lower.sum() + unseen) > here.upper.sum():
+        return 0.0
+    if 2 * (there.upper.sum() + unseen) > here.lower.sum():
+        here.settle()
+        there.settle()
+    saved = 1 - (float(there.upper.sum()) + unseen) / max(float(here.lower.sum()), 1e-300)
+    busy = np.count_nonzero((here.upper > 0) | (there.upper > 0))
+    cheaper = np.count_nonzero(there.upper < here.upper)
+    return saved if saved >= 0.5 and cheaper >= max(CHEAPER * busy, fewest / 2) else 0.0
+
+
+def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
+    """The same where most of the cost is of what is missed or false either way, and left out.
+
+    Only tracks that are there at both moments are compared, whichever were missed at one of them.
+    What they cost, in units of c^p, is how many more pairs there are here or there than the gain: a
+    pair that is near either here or there only, costs one where it is not. Half of the pairs that
+    there could be must be near there: of another recording, fewer are.
+    """
+    rows = [side.estimate.step * np.int64(2**32) + side.estimate.track for side in (here, there)]
+    here = here.only(np.isin(rows[0], rows[1], assume_unique=True))
+    there = there.only(np.isin(rows[1], rows[0], assume_unique=True))
+    highest = float((there.alone - there.lower).sum())
+    if 2 * highest <= len(here.taken) + float((here.alone - here.upper).sum()):
+        return 0.0
+    if 2 * len(there.taken) < np.minimum(there.truths, 2 * there.alone - there.truths).sum():
+        return 0.0
+    found = [np.bincount(side.step[side.taken], minlength=side.steps) for side in (here, there)]
+    pairs = np.maximum(*found)
+    here.settle()
+    there.settle()
+    costs = [pairs - (side.alone - side.upper) for side in (here, there)]
+    total, left = (float(cost.sum()) for cost in costs)
+    tracks = np.unique(there.estimate.track[there.rows[1][there.taken]])
+    if (
+        len(tracks) < TRACKS
+        or pairs.sum() < PAIRED
+        or total < WORTH * pairs.sum()
+        or 2 * left > total
+    ):
+        return 0.0
+    busy = np.count_nonzero(pairs)
+    cheaper = np.count_nonzero(costs[1] < costs[0])
+    return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST) else 0.0
+
+
+def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
+    """How many steps may be looked at."""
+    objects = [len(side.step) / max(len(side.times), 1) for side in sides]
+    by_pairs = max(FEWEST, int(PAIRS / max(objects[0] * objects[1], 1)))
+    return min(SAMPLE, by_pairs, int(ROWS / max(*objects, 1)))
+
+
+def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:
+    """As many of the steps as may be looked at, evenly spread."""
+    count = max(1, min(len(steps), affordable(sides), most))
+    return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
+
+
+def at_steps(side: Trajectories, steps: Ints) -> Trajectories:
+    """The rows at these steps as points; the steps are then 0, 1, 2, ..."""
+    begin = np.searchsorted(side.step, steps)
+    count = np.searchsorted(side.step, steps, side="right") - begin
+    rows = np.arange(count.sum()) + np.repeat(begin - (np.cumsum(count) - count), count)
+    order = np.arange(len(steps))
+    return side.seen_as(()).chosen(rows, np.repeat(order, count), order)
+
+
+def occupied(side: Trajectories) -> NDArray[np.bool_]:
+    """Steps at which it has rows (T,)."""
+    return np.bincount(side.step, minlength=len(side.times)) > 0

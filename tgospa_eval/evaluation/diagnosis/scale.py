@@ -1,0 +1,57 @@
+"""Whether default parameters suit the data."""
+
+import math
+from collections.abc import Sequence
+
+from tgospa_eval.tracks.alignment import Alignment
+from tgospa_eval.distances import Distance
+from tgospa_eval.distances.gating import median_nearest
+from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.problem.problem import Parameters
+
+NAMES = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
+
+
+def default_notice(
+    aligned: Alignment,
+    distance: Distance,
+    parameters: Parameters,
+    defaults: Sequence[str],
+    spell: Spelling = as_option,
+    *,
+    others: bool = False,
+) -> Notice:
+    """One line about the defaults in use, with the scale of the data beside it.
+
+    It is a warning where the default cutoff is below the median distance to the nearest estimate.
+
+    Parameters
+    ----------
+    aligned : Alignment
+        Both sides.
+    distance : Distance
+        Base distance.
+    parameters : Parameters
+        In use.
+    defaults : sequence of str
+        Which of cutoff and switch_penalty nobody chose.
+    spell : callable
+        How settings are written.
+    others : bool
+        Whether another warning explains the distances.
+    """
+    used = " and ".join(f"{NAMES[name]} = {getattr(parameters, name):g}" for name in defaults)
+    nearest = median_nearest(aligned.truth, aligned.estimate, distance)
+    known = nearest is not None and math.isfinite(nearest)
+    scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
+    far = nearest is not None and nearest >= parameters.cutoff and "cutoff" in defaults
+    return Notice(
+        code="default-parameters" if far and not others else "",
+        text=f"default {used}{scale}",
+        remedy="choose with " + " and ".join(spell(name, "") for name in defaults),
+    )
+
+
+def explained(found: Sequence[Notice]) -> bool:
+    """Whether a warning says why states are far from each other."""
+    return any(notice.code != "nothing-near" for notice in found)

@@ -1,0 +1,377 @@
+"""Warnings about the states of two sides: other units, other axes, another origin.
+
+Each suspicion is tried on some steps that both sides have: it is told only where undoing it would
+at least halve the per-step GOSPA cost.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations, product
+
+import numpy as np
+
+from tgospa_eval.evaluation.diagnosis.costs import (
+    FIRST,
+    SAMPLE,
+    TRACKS,
+    WORTH,
+    StepCosts,
+    at_steps,
+    evenly,
+    occupied,
+    saving,
+)
+from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
+from tgospa_eval.distances import Distance
+from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.tracks.trajectories import Ints, Trajectories
+from tgospa_eval.common.words import counted
+
+FACTORS = {
+    1000.0: ("metres", "kilometres"),
+    100.0: ("centimetres", "metres"),
+    1 / 0.3048: ("feet", "metres"),
+    180 / np.pi: ("degrees", "radians"),
+}
+"""How many of a unit make another one: what the coordinates of one file may be off by."""
+
+PAIRS = 6
+"""Pairs that must be near after a change for it to be believed, more of a fitted offset."""
+
+FITTED = 12
+
+VOTES, EACH = 6_000, 40
+"""Differences of states among which an offset is sought: so many, and so many for each estimate of
+a step, of which one may be right."""
+
+POSITIONS = (("x", "y", "z"), ("lat", "lon"))
+BOX = ("left", "top", "width", "height")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Change:
+    """A linear change of the estimate's columns: ``state[:, order] * factor + offset``.
+
+    Parameters
+    ----------
+    code : str
+        Of the warning.
+    text : str
+        What seems wrong, and what undoes it.
+    remedy : Callable
+        What to do about it, of a spelling.
+    order : tuple of int
+        Column of the estimate that becomes each column.
+    factor, offset : (d,) float arrays
+        After that.
+    """
+
+    code: str
+    text: str
+    remedy: Callable[[Spelling], str]
+    order: tuple[int, ...]
+    factor: Floats
+    offset: Floats
+
+    def __call__(self, estimate: Trajectories) -> Trajectories:
+        """The estimate without the suspected fault."""
+        state = estimate.state[:, self.order] * self.factor + self.offset
+        return replace(estimate, state=state)
+
+
+class _Sample:
+    """Some steps that both sides have, and what they cost.
+
+    Parameters
+    ----------
+    aligned : pair of Trajectories
+        On the same steps.
+    parameters : Parameters
+        Cutoff and order.
+    distance : Distance
+        Base distance of states alone.
+    """
+
+    def __init__(
+        self,
+        aligned: tuple[Trajectories, Trajectories],
+        parameters: Parameters,
+        distance: Distance,
+        most: int = SAMPLE,
+    ) -> None:
+        common = np.flatnonzero(occupied(aligned[0]) & occupied(aligned[1]))
+        self.steps = evenly(common, aligned, most)
+        self.sides = at_steps(aligned[0], self.steps), at_steps(aligned[1], self.steps)
+        self.truth, self.estimate = self.sides
+        self.parameters, self.distance = parameters, distance
+        self.columns = self.truth.columns
+        self.here = self.costs(self.estimate)
+
+    def costs(self, estimate: Trajectories) -> StepCosts:
+        """With another estimate."""
+        return StepCosts(self.truth, estimate, self.parameters, self.distance)
+
+    @property
+    def is_bad(self) -> bool:
+        """Whether most truths and estimates have no counterpart."""
+        return bool(2 * self.here.upper.sum() > self.here.alone.sum())
+
+    def saving(self, change: _Change, fewest: int = PAIRS) -> float:
+        """Share of the cost that a change saves; 0 where that is not convincing."""
+        there = self.costs(change(self.estimate))
+        saved = saving(self.here, there, min(len(self.steps), 2))
+        if not saved or len(there.taken) < fewest:
+            return 0.0
+        if change.code == "unit-scale" and np.abs(change.factor).min() < 1:
+            # Whatever shrinks comes near to truths at the origin.
+            origin = self.costs(replace(change, factor=0 * change.factor)(self.estimate))
+            if origin.upper.sum() < 2 * there.upper.sum():
+                return 0.0
+        return saved
+
+
+def state_warnings(
+    aligned: tuple[Trajectories, Trajectories],
+    parameters: Parameters,
+    distance: Distance,
+    spell: Spelling,
+) -> list[Notice]:
+    """What looks wrong with units, axes and origin of the two sides; at most one warning.
+
+    Parameters
+    ----------
+    aligned : pair of Trajectories
+        Truth and estimate on the same steps.
+    parameters : Parameters
+        Cutoff and order.
+    distance : Distance
+        Base distance of states alone.
+    spell : callable
+        How settings are written in remedies.
+    """
+    sample = _Sample(aligned, parameters, distance, FIRST)
+    if not len(sample.steps) or sample.here.upper.sum() < WORTH * sample.here.alone.sum():
+        return []
+    found = _best(sample, _linear(sample)) if sample.is_bad else None
+    found = found or _best(sample, _displaced(sample), FITTED)
+    suspicious = found is not None or few_are_near(sample.here, sample.sides)
+    if suspicious and len(sample.steps) >= FIRST:  # what few steps suggest, more must confirm
+        sample = _Sample(aligned, parameters, distance)
+        saved = sample.saving(found[1]) if found else 0.0
+        found = (saved, found[1]) if found and saved else None
+    if found is not None:
+        saved, change = found
+        return [
+            Notice(
+                code=change.code,
+                text=f"{change.text} the per-step GOSPA cost of "
+                f"{counted(len(sample.steps), 'step')} falls by {100 * saved:.0f} % or more",
+                remedy=change.remedy(spell),
+            )
+        ]
+    return nearness_warnings(sample.here, sample.sides, parameters, distance)
+
+
+def _best(
+    sample: _Sample, changes: Iterator[_Change], fewest: int = PAIRS
+) -> tuple[float, _Change] | None:
+    """The change that saves the most, the first one of equals; None if none convinces."""
+    best: tuple[float, _Change] | None = None
+    for change in changes:
+        saved = sample.saving(change, fewest)
+        if saved > (best[0] + 1e-9 if best else 0.0):
+            best = saved, change
+    return best
+
+
+def _linear(sample: _Sample) -> Iterator[_Change]:
+    """Other units, columns in another order, negated columns."""
+    columns = sample.columns
+    size = len(columns)
+    same, none = tuple(range(size)), np.zeros(size)
+    circular = sample.distance.settings(columns).get("periodic", {})
+    straight = np.array([name not in circular for name in columns])
+    named = ",".join(name for name in columns if name not in circular)
+    for factor, units in FACTORS.items():
+        if ("degrees" in units) != (sample.distance.name == "haversine"):
+            continue
+        for by, far, (own, other) in (
+            (factor, "small", units[::-1]),
+            (1 / factor, "large", units),
+        ):
+            yield _Change(
+                code="unit-scale",
+                text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
+                f"of the truth, like {own} beside {other}: with {named} of the estimate times "
+                f"{by:.6g}",
+                remedy=lambda _: "write both files in one unit",
+                order=same,
+                factor=np.where(straight, by, 1.0),
+                offset=none,
+            )
+    for order, signs in _turns(columns):
+        yield _turned(columns, order, signs)
+
+
+def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:
+    """Orders of the columns and signs, the simplest ones first, without the one that is none."""
+    size = len(columns)
+    same = tuple(range(size))
+    if columns == BOX:
+        yield (1, 0, 3, 2), np.ones(size)
+        return
+    places = next(
+        ([columns.index(c) for c in names if c in columns] for names in POSITIONS
+         if names[0] in columns),
+        list(same) if size <= 3 else [],
+    )  # fmt: skip
+    for k in range(1, len(places) + 1):
+        for chosen in combinations(places, k):
+            yield same, np.where(np.isin(same, chosen), -1.0, 1.0)
+    for turned in list(permutations(places))[1:]:
+        order = list(same)
+        for place, source in zip(places, turned, strict=True):
+            order[place] = source
+        for signs in product((1.0, -1.0), repeat=len(places)):
+            whole = np.ones(size)
+            whole[places] = signs
+            yield tuple(order), whole
+
+
+def _turned(
+    columns: tuple[str, ...], order: tuple[int, ...], signs: Floats, offset: Floats | None = None
+) -> _Change:
+    """Columns in another order, or negated, or both."""
+    negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
+    moved = [
+        (name, columns[source]) for k, (name, source) in enumerate(zip(columns, order, strict=True))
+        if source != k
+    ]  # fmt: skip
+    mapping = ",".join(f"{name}=HEADER" for name, _ in moved)
+    names = " and ".join(name for name, _ in moved)
+    if moved:
+        text = f"{names} of the estimate seem exchanged"
+        text += f", with {' and '.join(negated)} negated" if negated else ""
+    else:
+        text = f"{' and '.join(negated)} of the estimate {'seem' if len(negated) > 1 else 'seems'}"
+        text += " negated"
+
+    def remedy(spell: Spelling) -> str:
+        if moved and not negated and spell is as_option:
+            return (
+                "write both files in the same axes, or name the headers in the other order with "
+                f"{spell('estimate_columns', mapping)}"
+            )
+        return "write both files in the same axes"
+
+    return _Change(
+        code="axis-swap" if moved else "axis-sign",
+        text=f"{text}: with that undone",
+        remedy=remedy,
+        order=order,
+        factor=signs,
+        offset=np.zeros(len(columns)) if offset is None else offset,
+    )
+
+
+def _displaced(sample: _Sample) -> Iterator[_Change]:
+    """Another origin, also of axes that are negated or exchanged."""
+    columns = sample.columns
+    size = len(columns)
+    axes = sample.distance.axes(sample.estimate, slice(None))
+    reach = sample.distance.reach(sample.parameters.cutoff, axes)
+    if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
+        return  # no distance of differences
+    if sample.distance.settings(columns).get("periodic"):
+        return
+    same = tuple(range(size))
+    if not sample.is_bad:
+        offset = _mean_difference(sample)
+        if offset is not None:
+            yield _moved(columns, offset)
+        return
+    radius = reach[:, 0]
+    for order, signs in ((same, np.ones(size)), *_turns(columns)):
+        plain = _turned(columns, order, signs)
+        offset = _voted(sample.truth, plain(sample.estimate), radius)
+        if offset is None:
+            continue
+        if order == same and (signs > 0).all():
+            yield _moved(columns, offset)
+        else:
+            text = plain.text.removesuffix(": with that undone")
+            yield replace(
+                plain, text=f"{text}, about another origin: with that undone", offset=offset,
+                remedy=lambda _: "write both files in the same axes, from the same origin",
+            )  # fmt: skip
+
+
+def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
+    size = len(columns)
+    vector = ", ".join(
+        f"{0.0 - value:.0f}" if abs(value) >= 1e4 else f"{0.0 - value:.4g}" for value in offset
+    )
+    return _Change(
+        code="offset",
+        text=f"the estimate seems displaced by ({vector}) in {','.join(columns)}: without that",
+        remedy=lambda _: (
+            "bring both files to one origin; if it is a bias or a latency of the "
+            "tracker, it is rightly an error"
+        ),
+        order=tuple(range(size)),
+        factor=np.ones(size),
+        offset=offset,
+    )
+
+
+def _mean_difference(sample: _Sample) -> Floats | None:
+    """What pairs that are near have in common, if it is most of their distance."""
+    here = sample.here
+    truth_row, estimate_row = (rows[here.taken] for rows in here.rows)
+    if len(truth_row) < FITTED:
+        return None
+    if np.count_nonzero(np.bincount(sample.truth.track[truth_row])) < TRACKS:
+        return None
+    apart = sample.truth.state[truth_row] - sample.estimate.state[estimate_row]
+    mean = apart.mean(axis=0)
+    if 2 * np.square(apart - mean).sum() > np.square(apart).sum():
+        return None
+    return np.asarray(mean)
+
+
+def _voted(truth: Trajectories, estimate: Trajectories, radius: Floats) -> Floats | None:
+    """The difference on which the most pairs agree within the radius (d,)."""
+    rows = _crossed(truth.step, estimate.step, len(truth.times))
+    if rows is None:
+        return None
+    scaled = (truth.state[rows[0]] - estimate.state[rows[1]]) / radius
+    if not np.isfinite(scaled).all() or np.abs(scaled).max() > 2.0**52:
+        return None
+    _, cell, count = np.unique(np.floor(scaled), axis=0, return_inverse=True, return_counts=True)
+    centre = scaled[cell.ravel() == count.argmax()].mean(axis=0)
+    for _ in range(5):
+        near = np.abs(scaled - centre).max(axis=1) < 1
+        centre = scaled[near].mean(axis=0)
+    return np.asarray(centre * radius)
+
+
+def _crossed(first: Ints, second: Ints, steps: int) -> tuple[Ints, Ints] | None:
+    """Rows of all pairs of some steps, about so many as votes are wanted."""
+    counts = [np.bincount(side, minlength=steps) for side in (first, second)]
+    starts = [np.concatenate(([0], np.cumsum(count))) for count in counts]
+    pairs = counts[0] * counts[1]
+    chosen = np.flatnonzero(pairs)
+    together = int(pairs.sum())
+    if not together:
+        return None
+    votes = max(VOTES, EACH * int(counts[1].max()))
+    chosen = chosen[:: -(-together // votes)]
+    left, right = [], []
+    for step in chosen.tolist():
+        thin = -(-int(pairs[step]) // votes)
+        i = np.arange(starts[0][step], starts[0][step + 1])[::thin]
+        j = np.arange(starts[1][step], starts[1][step + 1])
+        left.append(np.repeat(i, len(j)))
+        right.append(np.tile(j, len(i)))
+    return np.concatenate(left), np.concatenate(right)

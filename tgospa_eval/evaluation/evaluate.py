@@ -1,0 +1,367 @@
+"""The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from tgospa_eval import __version__
+from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.evaluation.diagnosis import diagnose
+from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.distances import Distance, Pairs
+from tgospa_eval.errors import ConfigError, TgospaWarning
+from tgospa_eval.results.result import Proof, Result
+from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
+from tgospa_eval.evaluation.prepare import (
+    Prepared,
+    TrajectoriesLike,
+    as_distance,
+    as_sides,
+    as_solver,
+    fit,
+    prepare,
+)
+from tgospa_eval.problem.problem import Parameters, check_underflow
+from tgospa_eval.problem.solution import Bounds, Solution
+from tgospa_eval.solvers import Solver
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.problem.weights import ONE
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.certified import Certified
+
+BLOCK = 1 << 16
+"""Pairs whose distances are taken apart at a time."""
+
+GAP = 1e-9
+"""Relative gap that counts as exact, for solvers that have no setting for it."""
+
+
+@spoken_in_python(reads=False)
+def evaluate(
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
+    cutoff: float | None = None,
+    order: float = 2,
+    switch_penalty: float | None = None,
+    *,
+    distance: str | Distance = "euclidean",
+    solver: str | Solver = "certified",
+    unit: str | None = None,
+    time_tolerance: float = 0.0,
+    grid: str = "union",
+    curve: bool = False,
+) -> Result:
+    """TGOSPA between two sets of trajectories, with proven bounds.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories, DataFrame, array or path
+        As read by `read_trajectories`; a table of pandas, Polars or another that Arrow knows, in
+        the long form ``id, t, x[, y[, z]]``; an array (T, k, d) with NaN for absent; or a file.
+    cutoff : float, optional
+        c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
+    order : float
+        p >= 1.
+    switch_penalty : float, optional
+        gamma >= 0, in the unit of the distance; 2.0 by default, 0.5 with ``"iou"``.
+    distance : str or Distance
+        Base distance: ``"euclidean"``, ``"manhattan"``, ``"chebyshev"``, ``"haversine"``,
+        ``"iou"``, ``"gaussian-wasserstein"``, ``"cloud-wasserstein"``, or a record of
+        `tgospa_eval.distances` with settings: `Norm`, `Mahalanobis`, `GaussianWasserstein`,
+        `CloudWasserstein`. Arrays and DataFrames are taken to have the columns that it needs:
+        ``lat, lon`` or ``left, top, width, height``; of DataFrames covariances and particles are
+        read if the distance looks at them.
+    solver : str or solver record
+        ``"certified"``, ``"exact"``, ``"sinkhorn"``, or `Certified`, `Exact`, `Sinkhorn` with
+        settings.
+    unit : str, optional
+        Unit of the states, for printing.
+    time_tolerance : float
+        Stamps of the two sides that are at most so far apart are one step, where each is the
+        other's nearest; in the unit of the stamps, seconds for ISO times. The step bears the stamp
+        of the truth.
+    grid : {"union", "truth", "estimate", "common"}
+        Steps that count. Rows at other steps are left out, and counted in `Result.input`.
+    curve : bool
+        Whether to evaluate the steps up to each step as well, for `Result.curve`.
+
+    Returns
+    -------
+    Result
+        Value, bracket, decomposition, tables.
+
+    Warns
+    -----
+    TgospaWarning
+        Something looks wrong with the data: see `Result.warnings`.
+
+    Raises
+    ------
+    ConfigError
+        A parameter is out of range or a name is unknown.
+    InputError
+        The two sides do not fit: other columns, other kinds of time, states out of range.
+    """
+    stopwatch = Stopwatch()
+    measure = as_distance(distance)
+    with stopwatch.span("read"):
+        sides = as_sides(truth, estimate, measure)
+    given = {"cutoff": cutoff, "switch_penalty": switch_penalty}
+    defaults = dict(zip(given, measure.defaults, strict=True))
+    chosen = {name: defaults[name] if value is None else value for name, value in given.items()}
+    parameters = Parameters(order=order, **chosen)
+    solver, stamps = as_solver(solver), Stamps(tolerance=time_tolerance, grid=grid)
+    unchosen = [name for name, value in given.items() if value is None]
+    found = look(sides, measure, stamps, parameters, unchosen)
+    result = evaluate_trajectories(
+        *sides,
+        parameters=parameters,
+        distance=measure,
+        solver=solver,
+        stamps=stamps,
+        unit=unit,
+        stopwatch=stopwatch,
+        curve=curve,
+    )
+    result = replace(result, warnings=(*found, *result.warnings))
+    for notice in result.warnings:
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
+    return result
+
+
+def look(
+    sides: tuple[Trajectories, Trajectories],
+    distance: Distance,
+    stamps: Stamps,
+    parameters: Parameters,
+    defaults: Sequence[str] = (),
+) -> list[Notice]:
+    """Warnings about two sides, in the words of Python; `defaults` name what nobody chose."""
+    fitted, aligned = fit(*sides, distance, stamps)
+    found = diagnose(sides, aligned, stamps, parameters, fitted, as_argument)
+    if defaults:
+        notice = default_notice(
+            aligned, fitted, parameters, defaults, as_argument, others=explained(found)
+        )
+        found += [notice] if notice.code else []
+    return found
+
+
+def evaluate_trajectories(
+    truth: Trajectories,
+    estimate: Trajectories,
+    *,
+    parameters: Parameters,
+    distance: str | Distance,
+    solver: Solver,
+    stamps: Stamps | None = None,
+    unit: str | None = None,
+    settings: dict[str, Any] | None = None,
+    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    stopwatch: Stopwatch | None = None,
+    curve: bool = False,
+) -> Result:
+    """`evaluate` with everything resolved.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        The two sides, each on its own times.
+    parameters : Parameters
+        Cutoff, order and switch penalty.
+    distance : str or Distance
+        Base distance.
+    solver : Solver
+        Record of settings.
+    stamps : Stamps, optional
+        Which stamps are one step, and which steps count.
+    unit : str, optional
+        For printing.
+    settings : dict, optional
+        Further options that change the number, recorded in ``parameters``.
+    inputs : pair of dict, optional
+        What the result says of the two files beside their digests; by default their rows.
+    stopwatch : Stopwatch, optional
+        Running clock with the time of reading.
+    curve : bool
+        Whether to evaluate the steps up to each step as well.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `evaluate`.
+    """
+    stopwatch = stopwatch or Stopwatch()
+    if curve:
+        check_curve(solver)
+    prepared = prepare(
+        truth,
+        estimate,
+        parameters=parameters,
+        distance=distance,
+        stamps=stamps,
+        unit=unit,
+        settings=settings,
+        inputs=inputs,
+        stopwatch=stopwatch,
+        jobs=getattr(solver, "jobs", None),
+    )
+    return solve(prepared, solver, stopwatch, curve=curve)
+
+
+def solve(
+    prepared: Prepared, solver: Solver, stopwatch: Stopwatch, *, curve: bool = False
+) -> Result:
+    """The second half: solution, proof, result; the problem can be solved again."""
+    stopwatch.progress.begin(prepared.parameters.root)
+    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, curve=curve)
+
+
+def check_curve(solver: Solver) -> None:
+    """Only the certified solver solves the steps up to each step.
+
+    Raises
+    ------
+    ConfigError
+        It is another one.
+    """
+    if solver.name != "certified":
+        raise ConfigError(f"the curve needs the solver certified, not {solver.name}")
+
+
+def prove(
+    prepared: Prepared,
+    solver: Solver,
+    solution: Solution,
+    stopwatch: Stopwatch,
+    *,
+    curve: bool = False,
+) -> Result:
+    """What a solution proves of a problem; the solution may be used up."""
+    prices, reduced = solution.prices.copy() if curve else None, solution.reduced
+    with stopwatch.span("certify"):
+        bounds, weights, breakdown = certify(prepared.states, solution)
+    check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
+    proof = Proof(
+        parameters=prepared.parameters,
+        states=prepared.states,
+        bounds=bounds,
+        weights=weights,
+        breakdown=breakdown,
+    )
+    traced = None
+    if prices is not None:
+        from tgospa_eval.evaluation.curve import trace  # here: only when it is asked for
+
+        with stopwatch.span("curve"):
+            traced = trace(
+                prepared.states, weights, prices, cast("Certified", solver), reduced,
+                stopwatch.progress,
+            )  # fmt: skip
+    truth, estimate = prepared.sides
+    with stopwatch.span("report"):
+        split = _split(truth, estimate, prepared.distance, proof)
+    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
+    return Result(
+        proof=proof,
+        split=split,
+        traced=traced,
+        labels=prepared.labels,
+        gap=gap,
+        settings={**prepared.settings, **solver_settings(solver)},
+        solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
+        timings=_nested(stopwatch),
+        input=prepared.input,
+        version=__version__,
+        scene=prepared.scene,
+        warnings=_within_rounding(bounds, gap),
+    )
+
+
+def _within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
+    if not bounds.within_rounding(gap):
+        return ()
+    return (
+        Notice(
+            code="within-rounding",
+            text="the value is within the rounding of the distances: only its bounds are known",
+            remedy="coordinates with a nearby origin keep more digits",
+        ),
+    )
+
+
+def _split(
+    truth: Trajectories, estimate: Trajectories, distance: Distance, proof: Proof
+) -> tuple[float, float] | None:
+    """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
+    if proof.parameters.order != 2:
+        return None
+    states, problem = proof.states, proof.states.problem
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    sums = [0.0, 0.0]
+    for begin in range(0, len(used) or 1, BLOCK):
+        state = used[begin : begin + BLOCK]
+        entry = states.entry[state]
+        pairs = Pairs(
+            truth_row=problem.truth_row[entry],
+            estimate_row=problem.estimate_row[entry],
+            distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry]),
+        )
+        parts = distance.parts(pairs, truth, estimate)
+        if parts is None:
+            return None
+        for k, part in enumerate(parts):
+            sums[k] += float((proof.weights[state] / ONE) @ (part * part))
+    return sums[0], sums[1]
+
+
+def _solver_record(
+    solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
+) -> dict[str, Any]:
+    """What the result says of the solver; the bracket of its history as costs."""
+    finished, status = solution.finished, solution.status
+    if met != finished and (met or solver.name == "certified"):
+        # The proof knows better than the solver.
+        finished, status = met, "solved" if met else "not solved"
+    scale = parameters.cutoff**parameters.order
+    return {
+        "name": solver.name,
+        "status": status,
+        "finished": finished,
+        "iterations": solution.iterations,
+        "kernel": KERNEL,
+        "history": [
+            {**check, "lower": scale * check["lower"], "upper": scale * check["upper"]}
+            for check in solution.history
+        ],
+    }
+
+
+def solver_settings(solver: Solver) -> dict[str, Any]:
+    """The settings of a solver that change the number."""
+    changing = {
+        name: value for name, value in vars(solver).items() if value is not None and name != "jobs"
+    }
+    return {"solver": solver.name, **changing}
+
+
+def _nested(stopwatch: Stopwatch) -> dict[str, Any]:
+    """Spans as a tree, with the names that are always there."""
+    timings: dict[str, Any] = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
+    solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
+    for name, seconds in stopwatch.spans.items():
+        stage, _, part = name.partition("/")
+        if part:
+            solve[part] = seconds
+        else:
+            timings[stage] = seconds
+    if stopwatch.work:
+        timings["nanoseconds_per_state"] = stopwatch.nanoseconds
+    return {**timings, "solve": solve, "total": stopwatch.elapsed()}

@@ -1,0 +1,333 @@
+"""TGOSPA over a range of one parameter, to see whether a conclusion is an artefact of its value.
+
+Near pairs are searched once, for the largest cutoff. The ends of the range are solved first, then
+what is in the middle between two solved values, and so on: each starts from what its neighbours on
+either side say of it (`tgospa_eval.solvers.warm_start`), and is proven by itself.
+"""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tgospa_eval import __version__
+from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.distances import Distance, Pairs
+from tgospa_eval.errors import ConfigError, TgospaWarning
+from tgospa_eval.results.result import Result
+from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
+from tgospa_eval.results.sweep import Point, Sweep
+from tgospa_eval.evaluation.prepare import (
+    Measured,
+    TrajectoriesLike,
+    as_distance,
+    as_sides,
+    as_solver,
+    measure,
+)
+from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.solvers import Solver
+from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.solvers.warm_start import Kept, keep, offer
+from tgospa_eval.problem.states import States
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    pass
+
+CONCAVE = ("cutoff", "switch_penalty")
+"""Parameters along which prices between those of two neighbours are good for something."""
+
+EASY, FEW = 10, 300
+"""What takes no longer than to look at what neighbours say: half sweeps, were all states in each of
+them, and iterations."""
+
+Values = float | Sequence[float] | Floats
+
+
+@spoken_in_python(reads=False)
+def sweep(
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
+    cutoff: Values | None = None,
+    order: Values = 2,
+    switch_penalty: Values | None = None,
+    *,
+    distance: str | Distance = "euclidean",
+    solver: str | Solver = "certified",
+    unit: str | None = None,
+    time_tolerance: float = 0.0,
+    grid: str = "union",
+) -> Sweep:
+    """TGOSPA over a range of one parameter, each point with proven bounds.
+
+    Exactly one of `cutoff`, `order` and `switch_penalty` is a sequence of values; everything else
+    is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched once.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories, DataFrame, array or path
+        As for `evaluate`.
+    cutoff, order, switch_penalty : float or sequence of float
+        One of them is a sequence, in any order, without repetitions.
+    distance, solver, unit, time_tolerance, grid
+        As for `evaluate`; a time limit holds for each point.
+
+    Returns
+    -------
+    Sweep
+        Points in the order of the values.
+
+    Warns
+    -----
+    TgospaWarning
+        As `evaluate`, for a value in the middle.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `evaluate`; none or several of the three are sequences; a value is repeated.
+    """
+    stopwatch = Stopwatch()
+    chosen = as_distance(distance)
+    with stopwatch.span("read"):
+        sides = as_sides(truth, estimate, chosen)
+    given: dict[str, Any] = {
+        "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
+        "order": order,
+        "switch_penalty": chosen.defaults[1] if switch_penalty is None else switch_penalty,
+    }
+    swept = [name for name, value in given.items() if np.ndim(value)]
+    if len(swept) != 1:
+        raise ConfigError(
+            "one of cutoff, order and switch_penalty must be a sequence of values, the others "
+            f"numbers; {' and '.join(swept) or 'none'} is a sequence"
+        )
+    name = swept[0]
+    parameters = in_order(name, [float(value) for value in given.pop(name)], given)
+    stamps = Stamps(tolerance=time_tolerance, grid=grid)
+    found = look(sides, chosen, stamps, parameters[len(parameters) // 2])
+    made = sweep_trajectories(
+        *sides,
+        parameters=parameters,
+        parameter=name,
+        distance=chosen,
+        solver=as_solver(solver),
+        stamps=stamps,
+        unit=unit,
+        stopwatch=stopwatch,
+    )
+    for notice in found:
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
+    return replace(made, warnings=tuple(found))
+
+
+def in_order(
+    name: str, values: Sequence[float], others: dict[str, float]
+) -> tuple[Parameters, ...]:
+    """The parameters of all points, by value.
+
+    Raises
+    ------
+    ConfigError
+        There is no value, one is repeated, or one is out of its range.
+    """
+    if not values:
+        raise ConfigError(f"no value of the {name.replace('_', ' ')}: name one at least")
+    found = [Parameters(**{**others, name: value}) for value in values]
+    ordered = tuple(sorted(found, key=lambda made: _value(made, name)))
+    for a, b in pairwise(ordered):
+        if a == b:
+            raise ConfigError(f"{name.replace('_', ' ')} {_value(a, name):g} is given twice")
+    return ordered
+
+
+def sweep_trajectories(
+    truth: Trajectories,
+    estimate: Trajectories,
+    *,
+    parameters: Sequence[Parameters],
+    parameter: str,
+    distance: Distance,
+    solver: Solver,
+    stamps: Stamps | None = None,
+    unit: str | None = None,
+    settings: dict[str, Any] | None = None,
+    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    stopwatch: Stopwatch | None = None,
+) -> Sweep:
+    """`sweep` with everything resolved.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        The two sides, each on its own times.
+    parameters : sequence of Parameters
+        Of each point, by value, as from `in_order`.
+    parameter : str
+        Name of the one in which they differ.
+    distance, solver, stamps, unit, settings, inputs, stopwatch
+        As for `tgospa_eval.evaluation.evaluate.evaluate_trajectories`.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `sweep`.
+    """
+    stopwatch = stopwatch or Stopwatch()
+    measured, pairs = measure(
+        truth, estimate, cutoff=max(point.cutoff for point in parameters), distance=distance,
+        stamps=stamps, unit=unit, settings=settings, inputs=inputs, stopwatch=stopwatch,
+        jobs=getattr(solver, "jobs", None),
+    )  # fmt: skip
+    line = _Line(measured, pairs, tuple(parameters), parameter, solver, stopwatch)
+    points = line.points()
+    others = {k: v for k, v in vars(parameters[0]).items() if k != parameter}
+    left, right = measured.sides
+    return Sweep(
+        parameter=parameter,
+        points=points,
+        settings={**others, **measured.settings, **solver_settings(solver)},
+        sizes={"truth": len(left.ids), "estimates": len(right.ids), "steps": len(left.times)},
+        input=measured.input,
+        timings=_timings(stopwatch),
+        version=__version__,
+    )
+
+
+class _Line:
+    """The points on their way: ends first, then middles between what is solved."""
+
+    def __init__(
+        self,
+        measured: Measured,
+        pairs: Pairs,
+        parameters: tuple[Parameters, ...],
+        name: str,
+        solver: Solver,
+        stopwatch: Stopwatch,
+    ) -> None:
+        self.measured, self.pairs, self.name = measured, pairs, name
+        self.parameters, self.solver, self.stopwatch = parameters, solver, stopwatch
+        self.states: States | None = None
+
+    def points(self) -> tuple[Point, ...]:
+        """All of them."""
+        found: dict[int, Point] = {}
+        kept: dict[int, Kept | None] = {}
+        progress, count = self.stopwatch.progress, len(self.parameters)
+        for done, (k, neighbours) in enumerate(_bisected(count)):
+            if found and progress.stop.is_set():
+                break
+            value = f"{self.name.replace('_', ' ')} {_value(self.parameters[k], self.name):g}"
+            with progress.part(value, done, count):
+                found[k], kept[k] = self._solve(k, neighbours, [kept[at] for at in neighbours])
+        return tuple(found[k] for k in sorted(found))
+
+    def _solve(
+        self, k: int, neighbours: tuple[int, ...], kept: list[Kept | None]
+    ) -> tuple[Point, Kept | None]:
+        """A point, and what is kept of its solution for points beside it."""
+        parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
+        with stopwatch.span("solve/preparation"):
+            prepared = self.measured.prepared(self._reduced(parameters), parameters)
+        states = prepared.states
+        stopwatch.progress.begin(parameters.root)
+        if not (kernels and isinstance(solver, Certified) and self.name in CONCAVE):
+            result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
+            return _point(result, self.name), None
+        offered = None
+        beside = tuple(part for part in kept if part is not None)
+        if len(beside) == 2:
+            with stopwatch.span("solve/preparation"):
+                low, high = (self.parameters[at] for at in neighbours)
+                offered = offer(states, beside, _shares(low, parameters, high, self.name))
+        before = stopwatch.work
+        solution = solver(states, stopwatch, offered)
+        work = stopwatch.work - before
+        hard = work > EASY * len(states.begin) or solution.iterations > FEW or offered is not None
+        prices = solution.prices.copy() if hard else None  # the proof uses them up
+        result = prove(prepared, solver, solution, stopwatch)
+        mine = None if prices is None else keep(states, result.proof.weights, prices)
+        return _point(result, self.name), mine
+
+    def _reduced(self, parameters: Parameters) -> States:
+        """The states of a point; switch penalties change nothing but a price."""
+        if self.states is not None and self.name == "switch_penalty":
+            problem = replace(self.states.problem, switch_price=parameters.switch_price)
+            return replace(self.states, problem=problem)
+        self.states = merge_runs(self.measured.problem(self.pairs, parameters))
+        return self.states
+
+
+def _bisected(count: int) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """Numbers of points, and the two solved before between which they lie, ends first."""
+    yield 0, ()
+    if count > 1:
+        yield count - 1, ()
+    spans = [(0, count - 1)]
+    while spans:
+        low, high = spans.pop()
+        if high - low > 1:
+            middle = (low + high) // 2
+            yield middle, (low, high)
+            spans += [(middle, high), (low, middle)]
+
+
+def _shares(low: Parameters, here: Parameters, high: Parameters, name: str) -> tuple[float, float]:
+    """How much of its neighbours' prices a point takes, all in units of their c^p.
+
+    The chord is straight in c^p, or in gamma^p, of prices in state units.
+    """
+    if name == "cutoff":
+        a, b = ((side.cutoff / here.cutoff) ** here.order for side in (low, high))
+        at, scales = (1.0 - a) / (b - a), (a, b)
+    else:
+        a, b = low.switch_price, high.switch_price
+        at = (here.switch_price - a) / (b - a) if b > a else 0.5
+        scales = 1.0, 1.0
+    return (1.0 - at) * scales[0], at * scales[1]
+
+
+def _value(parameters: Parameters, name: str) -> float:
+    value: float = getattr(parameters, name)
+    return value
+
+
+def _point(result: Result, name: str) -> Point:
+    certified, counts = result.certified, result.counts
+    return Point(
+        value=_value(result.proof.parameters, name),
+        tgospa=result.tgospa,
+        lower_bound=result.lower_bound,
+        total=result.total,
+        relative_gap=result.relative_gap,
+        certified=certified,
+        normalised=result.normalised["tgospa"],
+        localisation=result.localisation,
+        missed=result.missed,
+        false=result.false,
+        switch=result.switch,
+        missed_count=counts["missed"],
+        false_count=counts["false"],
+        switch_count=counts["switch"],
+        status=result.solver["status"],
+        finished=certified
+        if result.solver["name"] == "certified"
+        else bool(result.solver["finished"]),
+    )
+
+
+def _timings(stopwatch: Stopwatch) -> dict[str, float]:
+    """Seconds of all points together, by stage."""
+    timings = {"read": 0.0, "distances": 0.0, "solve": 0.0, "certify": 0.0, "report": 0.0}
+    for name, seconds in stopwatch.spans.items():
+        timings[name.partition("/")[0]] += seconds
+    return {**timings, "total": stopwatch.elapsed()}

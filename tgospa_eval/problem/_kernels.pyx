@@ -1,0 +1,1296 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
+# cython: initializedcheck=False, embedsignature=True
+"""Loops that NumPy cannot do without large temporaries; each says what its NumPy twin is.
+
+All arrays are contiguous; indices are 32-bit. Everything runs without the interpreter lock, and
+never on the same rows in two threads, so that many threads give the bytes of one.
+"""
+
+import numpy as np
+
+from libc.math cimport exp, fabs, fmax, log, sqrt
+
+from tgospa_eval.errors import check_size
+
+ctypedef int i32
+ctypedef unsigned char u8
+
+ctypedef fused Weight:
+    double
+    u8
+
+cdef double NOTHING = -1e300
+cdef double NEVER = 1e300
+
+
+# --- merging of runs: the twin is in tgospa_eval.problem.merging and slots --------------------------------
+
+
+cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
+    """Positions by (key, position): a counting sort.
+
+    `at` comes as zeros, one more than there are keys, and becomes the end of each key in `order`.
+    """
+    cdef Py_ssize_t n
+    for n in range(key.shape[0]):
+        at[key[n] + 1] += 1
+    for n in range(at.shape[0] - 1):
+        at[n + 1] += at[n]
+    for n in range(key.shape[0]):
+        order[at[key[n]]] = <i32>n
+        at[key[n]] += 1
+
+
+def number_pairs(const i32[::1] truth, const i32[::1] estimate, int truths, int estimates):
+    """Pair of each entry, and truth and estimate of each pair, in order of truth and appearance.
+
+    The entries of one truth are visited together, so that a stamp for each estimate is enough.
+    """
+    cdef Py_ssize_t N = truth.shape[0], e, a
+    cdef i32 j, pairs = 0
+    cdef i32[::1] at = np.zeros(truths + 1, np.int32)
+    cdef i32[::1] order = np.empty(N, np.int32)
+    cdef i32[::1] pair_of = np.empty(N, np.int32)
+    cdef i32[::1] stamp = np.full(max(estimates, 1), -1, np.int32)
+    cdef i32[::1] number = np.empty(max(estimates, 1), np.int32)
+    with nogil:
+        sort_by(truth, at, order)
+        for a in range(N):
+            e = order[a]
+            j = estimate[e]
+            if stamp[j] != truth[e]:
+                stamp[j] = truth[e]
+                number[j] = pairs
+                pairs += 1
+            pair_of[e] = number[j]
+    pair_truth = np.empty(pairs, np.int32)
+    pair_estimate = np.empty(pairs, np.int32)
+    cdef i32[::1] pt = pair_truth, pe = pair_estimate
+    with nogil:
+        for e in range(N):
+            pt[pair_of[e]] = truth[e]
+            pe[pair_of[e]] = estimate[e]
+    return np.asarray(pair_of), pair_truth, pair_estimate
+
+
+def components(const i32[::1] a, const i32[::1] b, int nodes):
+    """Smallest node of the component of each node: union and find with halving."""
+    root_array = np.arange(nodes, dtype=np.int32)
+    cdef i32[::1] root = root_array
+    cdef Py_ssize_t e
+    cdef i32 x, y
+    with nogil:
+        for e in range(a.shape[0]):
+            x, y = a[e], b[e]
+            while root[x] != x:
+                root[x] = root[root[x]]
+                x = root[x]
+            while root[y] != y:
+                root[y] = root[root[y]]
+                y = root[y]
+            if x < y:
+                root[y] = x
+            elif y < x:
+                root[x] = y
+        for x in range(nodes):
+            root[x] = root[root[x]]
+    return root_array
+
+
+def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
+          bint single):
+    """States of every pair in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
+
+    `first`, `last` (P,): the window of each pair. With `single` a run is one state for each step.
+    Entries come in order of time.
+    """
+    cdef Py_ssize_t N = pair_of.shape[0], a, P = first.shape[0], p, n = 0
+    cdef i32 k, next_step
+    cdef i32[::1] at = np.zeros(P + 1, np.int32)
+    cdef i32[::1] order = np.empty(N, np.int32)
+    pair_first = np.zeros(P + 1, np.int32)
+    cdef i32[::1] pf = pair_first
+    with nogil:
+        sort_by(pair_of, at, order)
+        a = 0
+        for p in range(P):
+            next_step = first[p]
+            while a < at[p]:
+                k = step[order[a]]
+                if k > next_step:
+                    n += k - next_step if single else 1
+                n += 1
+                next_step = k + 1
+                a += 1
+            if next_step <= last[p]:
+                n += last[p] - next_step + 1 if single else 1
+            pf[p + 1] = <i32>n
+    check_size("states", n)
+    begin = np.empty(n, np.int32)
+    entry = np.empty(n, np.int32)
+    cdef i32[::1] begins = begin, entries = entry
+    with nogil:
+        n = 0
+        a = 0
+        for p in range(P):
+            next_step = first[p]
+            while True:
+                k = step[order[a]] if a < at[p] else last[p] + 1
+                if k > next_step:
+                    begins[n], entries[n] = next_step, -1
+                    n += 1
+                    if single:
+                        for next_step in range(next_step + 1, k):
+                            begins[n], entries[n] = next_step, -1
+                            n += 1
+                if a == at[p]:
+                    break
+                begins[n], entries[n] = k, order[a]
+                n += 1
+                a += 1
+                next_step = k + 1
+    return pair_first, begin, entry
+
+
+def in_time(const i32[::1] begin, int steps):
+    """The states by (begin, number): a stable counting sort."""
+    order = np.empty(begin.shape[0], np.int32)
+    cdef i32[::1] out = order
+    cdef i32[::1] at = np.zeros(steps + 1, np.int32)
+    with nogil:
+        sort_by(begin, at, out)
+    return order
+
+
+def slots(const i32[::1] order, const i32[::1] begin, const i32[::1] pair_first,
+          const i32[::1] pair_node, const u8[::1] shared):
+    """Slots of the shared nodes: first slot of each node, step of each, and of each state its first.
+
+    `order` has the states in time. States of nodes that are not shared get the (empty) place of
+    their node.
+    """
+    cdef Py_ssize_t S = begin.shape[0], P = pair_node.shape[0], nodes = shared.shape[0], s, p, a
+    cdef i32 node
+    cdef i32[::1] node_of = np.empty(S, np.int32)
+    cdef i32[::1] latest = np.full(nodes, -1, np.int32)
+    node_first = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] first = node_first
+    slot_begin = np.empty(S, np.int32)
+    cdef i32[::1] begins = slot_begin
+    with nogil:
+        for p in range(P):
+            for s in range(pair_first[p], pair_first[p + 1]):
+                node_of[s] = pair_node[p]
+        for a in range(S):
+            s = order[a]
+            node = node_of[s]
+            if shared[node] and latest[node] != begin[s]:
+                latest[node] = begin[s]
+                first[node + 1] += 1
+        for node in range(nodes):
+            first[node + 1] += first[node]
+            latest[node] = -1
+    step = np.empty(first[nodes], np.int32)
+    cdef i32[::1] steps = step
+    cdef i32[::1] filled = node_first.copy()
+    with nogil:
+        for a in range(S):
+            s = order[a]
+            node = node_of[s]
+            if not shared[node]:
+                begins[s] = first[node]
+                continue
+            if latest[node] != begin[s]:
+                latest[node] = begin[s]
+                steps[filled[node]] = begin[s]
+                filled[node] += 1
+            begins[s] = filled[node] - 1
+    return node_first, step, slot_begin
+
+
+def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_row, int nodes):
+    """The states by (row, begin, number), and the place of the first of each node, (nodes + 1,)."""
+    cdef Py_ssize_t S = order.shape[0], P = pair_row.shape[0], s, p, a
+    cdef i32 node
+    row_first = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] first = row_first
+    cdef i32[::1] row_of = np.empty(S, np.int32)
+    ordered = np.empty(S, np.int32)
+    cdef i32[::1] out = ordered
+    with nogil:
+        for p in range(P):
+            first[pair_row[p] + 1] += pair_first[p + 1] - pair_first[p]
+            for s in range(pair_first[p], pair_first[p + 1]):
+                row_of[s] = pair_row[p]
+        for node in range(nodes):
+            first[node + 1] += first[node]
+    cdef i32[::1] at = row_first.copy()
+    with nogil:
+        for a in range(S):
+            s = order[a]
+            out[at[row_of[s]]] = <i32>s
+            at[row_of[s]] += 1
+    return ordered, row_first
+
+
+# --- gains relative to the cheapest pair: the twin is tgospa_eval.problem.solution.add_gains -----------------
+
+
+cdef inline void add_to(double* total, double* rest, double part) noexcept nogil:
+    """Add to a sum of two doubles: what `total` loses by rounding goes to `rest` (Knuth)."""
+    cdef double new = total[0] + part
+    cdef double got = new - total[0]
+    rest[0] += (total[0] - (new - got)) + (part - got)
+    total[0] = new
+
+
+def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
+                   const i32[::1] entry, const double[::1] cost, double price,
+                   const double[::1] prices=None):
+    """Gains less those of the cheapest pair of their row and group, and what was taken off.
+
+    A *group* are the states of a row that begin together. Gains near 1 differ in their last
+    digits, which sums over many groups lose; their differences are differences of costs, and
+    exact. A run loses what was taken off while it lasts, and so does "none", in `row_forward`.
+
+    Parameters
+    ----------
+    price : float
+        Cost of leaving both objects of an entry unassigned, where that is the same for all.
+    prices : (N,) float array, optional
+        The same for each entry.
+
+    Returns
+    -------
+    gain : (S,) float array
+    group_first : (nodes + 1,) int array
+        The first group of each row.
+    offset : (G,) float array
+        What was taken off in each group.
+    """
+    cdef Py_ssize_t S = order.shape[0], nodes = row_first.shape[0] - 1, i, a, c, low, high, width
+    cdef i32 s, k, g, total = 0
+    cdef double least, least_price, running, rest
+    cdef bint vary = prices is not None
+    group_first_array = np.zeros(nodes + 1, np.int32)
+    cdef i32[::1] group_first = group_first_array
+    with nogil:
+        width = 0
+        for i in range(nodes):
+            low, high = row_first[i], row_first[i + 1]
+            if high - low > width:
+                width = high - low
+            for a in range(low, high):
+                if a == low or begin[order[a]] != begin[order[a - 1]]:
+                    total += 1
+            group_first[i + 1] = total
+    gain_array, offset_array = np.empty(S), np.zeros(total)
+    cdef double[::1] gain = gain_array, offset = offset_array
+    # What was taken off before the group of a state, in two parts.
+    cdef double[::1] before = np.empty(width + 1), lost = np.empty(width + 1)
+    cdef i32[::1] group = np.empty(width + 1, np.int32)
+    with nogil:
+        for i in range(nodes):
+            low, high = row_first[i], row_first[i + 1]
+            g = group_first[i]
+            running = rest = 0.0
+            a = low
+            while a < high:
+                k = begin[order[a]]
+                c = a
+                least = NEVER
+                while c < high and begin[order[c]] == k:
+                    s = order[c]
+                    before[s - low], lost[s - low], group[s - low] = running, rest, g
+                    if entry[s] >= 0 and cost[entry[s]] < least:
+                        least = cost[entry[s]]
+                        least_price = prices[entry[s]] if vary else price
+                    if k > begin[low] and entry[s - 1] < 0:
+                        gain[s - 1] = (-offset[g - 1] if group[s - 1 - low] == g - 1
+                                       else (before[s - 1 - low] - running)
+                                       + (lost[s - 1 - low] - rest))
+                    c += 1
+                if least < NEVER:
+                    offset[g] = least_price - least
+                while a < c:
+                    s = order[a]
+                    if entry[s] >= 0:
+                        gain[s] = least - cost[entry[s]]
+                        if vary:
+                            gain[s] += prices[entry[s]] - least_price
+                    a += 1
+                add_to(&running, &rest, offset[g])
+                g += 1
+            for s in range(<i32>low, <i32>high):
+                if (s + 1 == high or begin[s + 1] == begin[low]) and entry[s] < 0:
+                    gain[s] = (-offset[g - 1] if group[s - low] == g - 1
+                               else (before[s - low] - running) + (lost[s - low] - rest))
+    return gain_array, group_first_array, offset_array
+
+
+# --- best paths: the twin is tgospa_eval.problem.paths.best_values ---------------------------------------
+
+
+cdef double row_forward(const i32* order, const i32* begin, const double* crossing,
+                        const double* value, const double* offset, double* forward, i32* came,
+                        double* none, double* rest, Py_ssize_t low, Py_ssize_t high,
+                        i32* final) noexcept nogil:
+    """Best value of a path up to each state of one row, and the state that it came from (or -1).
+
+    A group of states that begin together is entered from the state before each or from the hub
+    ("none"), into which the states before them may have left at the same transition; `none` +
+    `rest` is the value of the hub then. In the hub a path loses the `offset` of each group. Returns
+    the value of the best path; its last state goes to `final`. `value`, `offset`, `forward`,
+    `came`, `none`, `rest` begin with the row.
+
+    `forward` is relative to the hub when the state begins, and the hub is a sum of two doubles:
+    nothing grows with the length of a recording, and no digits are lost to it.
+    """
+    cdef Py_ssize_t a = low, c, g = 0
+    cdef i32 s, k, hub_from = -1
+    cdef double hub = 0.0, lost = 0.0, price, rise, best
+    final[0] = -1
+    if low == high:
+        return 0.0
+    k = begin[order[low]]
+    while a < high and begin[order[a]] == k:
+        s = order[a] - <i32>low
+        forward[s] = value[s]
+        none[s] = 0.0
+        rest[s] = 0.0
+        came[s] = -1
+        a += 1
+    while a < high:
+        add_to(&hub, &lost, -offset[g])
+        g += 1
+        k = begin[order[a]]
+        price = crossing[k]
+        c = a
+        rise = 0.0
+        while c < high and begin[order[c]] == k:
+            s = order[c] - <i32>low
+            forward[s] = forward[s - 1] - ((hub - none[s - 1]) + (lost - rest[s - 1]))
+            if forward[s] - price > rise:
+                rise = forward[s] - price
+                hub_from = s - 1
+            c += 1
+        add_to(&hub, &lost, rise)
+        while a < c:
+            s = order[a] - <i32>low
+            if forward[s] - rise >= -price:
+                forward[s] = (forward[s] - rise) + value[s]
+                came[s] = s - 1
+            else:
+                forward[s] = value[s] - price
+                came[s] = hub_from
+            none[s] = hub
+            rest[s] = lost
+            a += 1
+    add_to(&hub, &lost, -offset[g])
+    best = 0.0
+    final[0] = hub_from
+    k = begin[low]
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == k:
+            price = forward[s] - ((hub - none[s]) + (lost - rest[s]))
+            if price > best:
+                best = price
+                final[0] = s
+    return hub + (lost + best)
+
+
+cdef void row_regret(const i32* order, const i32* begin, const double* crossing,
+                     const double* value, const double* offset, const double* forward,
+                     const double* none, const double* rest, const double* weight, Py_ssize_t low,
+                     Py_ssize_t high, double* at) noexcept nogil:
+    """Add what the assignment of one row loses against its best path to the steps where it does.
+
+    The reduced costs, at the values of `row_forward`, of the transitions that the assignment uses:
+    each is 0 or more, and their sum is the regret of the row. Arrays begin with the row, `at` with
+    the first step.
+    """
+    cdef Py_ssize_t a = low, c, g = 0
+    cdef i32 s, k, first = begin[order[low]]
+    cdef double hub = 0.0, lost = 0.0, cover = 0.0, price, rise, stays, reached, best
+    while a < high and begin[order[a]] == first:
+        cover += weight[order[a] - low]
+        a += 1
+    while a < high:
+        add_to(&hub, &lost, -offset[g])
+        g += 1
+        k = begin[order[a]]
+        price = crossing[k]
+        s = order[a] - <i32>low
+        rise = (none[s] - hub) + (rest[s] - lost)
+        hub, lost = none[s], rest[s]
+        at[k] += fmax(1.0 - cover, 0.0) * rise
+        c = a
+        while c < high and begin[order[c]] == k:
+            s = order[c] - <i32>low
+            reached = forward[s - 1] - ((hub - none[s - 1]) + (lost - rest[s - 1]))
+            stays = weight[s] if weight[s] < weight[s - 1] else weight[s - 1]
+            at[k] += (stays * fmax(forward[s] - value[s] - reached, 0.0)
+                      + (weight[s] - stays) * fmax(forward[s] - value[s] + price, 0.0)
+                      + (weight[s - 1] - stays) * fmax(price - reached, 0.0))
+            cover += weight[s] - weight[s - 1]
+            c += 1
+        a = c
+    add_to(&hub, &lost, -offset[g])
+    best = 0.0
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == first:
+            best = fmax(best, forward[s] - ((hub - none[s]) + (lost - rest[s])))
+    k = begin[order[high - 1]]
+    at[k] += fmax(1.0 - cover, 0.0) * best
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == first:
+            at[k] += weight[s] * fmax(best - (forward[s] - ((hub - none[s]) + (lost - rest[s]))),
+                                      0.0)
+
+
+cdef void row_backward(const i32* order, const i32* begin, const double* crossing,
+                       const double* value, const double* offset, Py_ssize_t groups,
+                       const double* forward, double* none, double* slack, double best,
+                       Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+    """Slack: what the best path of the row has over the best one through each state.
+
+    `forward` and `none` are those of `row_forward`, the first no longer relative. `none` becomes the same for the paths that are in no state when
+    the state begins. Within a group the best continuation of every state is known before the
+    states before them get theirs, which `slack` holds on the way.
+    """
+    cdef Py_ssize_t a = high, c, g = groups - 1
+    cdef i32 s, k = begin[low]
+    cdef double hub = -offset[g], price, top, after
+    for s in range(<i32>(high - low)):
+        if low + s + 1 == high or begin[low + s + 1] == k:
+            slack[s] = 0.0
+    while a > low:
+        k = begin[order[a - 1]]
+        price = crossing[k]
+        c = a
+        top = NOTHING
+        while a > low and begin[order[a - 1]] == k:
+            a -= 1
+            s = order[a] - <i32>low
+            none[s] = best - (none[s] + hub)
+            if value[s] + slack[s] > top:
+                top = value[s] + slack[s]
+        if a == low:
+            break
+        if top - price > hub:
+            hub = top - price
+        while c > a:
+            c -= 1
+            s = order[c] - <i32>low
+            after = value[s] + slack[s]
+            if hub - price > after:
+                after = hub - price
+            slack[s - 1] = after
+        g -= 1
+        hub -= offset[g]
+    for s in range(<i32>(high - low)):
+        slack[s] = best - (forward[s] + slack[s])
+
+
+cdef Py_ssize_t longest(const i32[::1] rows, const i32[::1] row_first) noexcept nogil:
+    """Most states of a row."""
+    cdef Py_ssize_t r, most = 0
+    for r in range(rows.shape[0]):
+        if row_first[rows[r] + 1] - row_first[rows[r]] > most:
+            most = row_first[rows[r] + 1] - row_first[rows[r]]
+    return most
+
+
+cdef enum:
+    NEAR = 1     # slack within reach
+    NEEDED = 2   # doing without any state when this one begins costs more than the reach
+    LOSES = 4    # slack that is more than rounding
+    BEST = 8     # on the best path that was found
+    TEMPTED = 16 # hardly any slack
+    MOST = 32    # on the best path, or more than half of the row in the last sweeps
+cdef double REGRET = 1e-11
+cdef double HARDLY = 1e-6
+
+
+def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
+           const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
+           const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] crossing,
+           const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
+           const double[::1] price, double[::1] best, const double[::1] weight=None,
+           double reach=0.0, double[::1] own=None, u8[::1] flags=None, double[::1] regret=None):
+    """Value of the best path of each row at the prices; with `flags` what that says of each state.
+
+    Gains are those of `relative_gains`. The prices of a state are those of its slots, from running
+    sums in each column. With `flags` also the value `own` of the assignment in `weight` at the
+    prices, less its changes. What that loses against the best paths is added to `regret` (T + 1,),
+    step by step.
+    """
+    cdef Py_ssize_t r, s, low, high, most = longest(rows, row_first)
+    cdef i32 b, e, i, last
+    cdef bint judge = flags is not None, locate = regret is not None
+    cdef double[::1] before = np.empty(price.shape[0] + 1), lost = np.empty(price.shape[0] + 1)
+    cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
+    cdef double[::1] none = np.empty(most + 1), slack = np.empty(most + 1 if judge else 1)
+    cdef double[::1] rest = np.empty(most + 1)
+    cdef i32[::1] came = np.empty(most + 1, np.int32)
+    if not most:
+        return
+    with nogil:
+        run_up(columns, column_first, price, before, lost)
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
+            for s in range(low, high):
+                b, e = slot_begin[s], slot_end[s]
+                if e == b:
+                    value[s - low] = gain[s]
+                elif e == b + 1:
+                    value[s - low] = gain[s] - price[b]
+                else:
+                    value[s - low] = gain[s] - (((before[e - 1] - before[b])
+                                                 + (lost[e - 1] - lost[b])) + price[e - 1])
+            best[i] = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
+                                  &offset[group_first[i]], &forward[0], &came[0], &none[0],
+                                  &rest[0], low, high, &last)
+            if low == high:
+                continue
+            if locate:
+                row_regret(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
+                           &forward[0], &none[0], &rest[0], &weight[low], low, high, &regret[0])
+            if not judge:
+                continue
+            for s in range(high - low):
+                forward[s] += none[s]
+            row_backward(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
+                         group_first[i + 1] - group_first[i], &forward[0], &none[0], &slack[0],
+                         best[i], low, high)
+            own[i] = row_own(&order[0], &begin[0], &crossing[0], &value[0],
+                             &offset[group_first[i]], &weight[low], low, high)
+            for s in range(low, high):
+                flags[s] = ((NEAR if slack[s - low] <= reach else 0)
+                            | (NEEDED if none[s - low] > reach else 0)
+                            | (LOSES if slack[s - low] > REGRET else 0)
+                            | (TEMPTED if slack[s - low] <= HARDLY else 0))
+            while last >= 0:
+                flags[low + last] |= BEST | MOST
+                last = came[last]
+
+
+cdef void run_up(const i32[::1] columns, const i32[::1] column_first, const double[::1] price,
+                 double[::1] before, double[::1] lost) noexcept nogil:
+    """Sum of the prices before each slot of its column, in two parts, as a recording may be long."""
+    cdef Py_ssize_t r, t
+    cdef double total, rest
+    for r in range(columns.shape[0]):
+        total = rest = 0.0
+        for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
+            before[t], lost[t] = total, rest
+            add_to(&total, &rest, price[t])
+
+
+cdef double row_own(const i32* order, const i32* begin, const double* crossing,
+                    const double* value, const double* offset, const Weight* weight,
+                    Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+    """Value of the assignment of one row: sum of weight x value, less its changes and offsets.
+
+    `value`, `offset` and `weight` begin with the row.
+    """
+    cdef Py_ssize_t a = low, g = 0
+    cdef i32 s, k, first = begin[low]
+    cdef double total = 0.0, rest = 0.0, cover = 0.0, change, part
+    while a < high:
+        k = begin[order[a]]
+        part = 0.0
+        while a < high and begin[order[a]] == k:
+            s = order[a] - <i32>low
+            part += weight[s] * value[s]
+            change = weight[s]
+            if k > first:
+                change -= weight[s - 1]
+                if change != 0.0:
+                    part -= crossing[k] * fabs(change)
+            cover += change
+            a += 1
+        add_to(&total, &rest, part - (1.0 - cover) * offset[g])
+        g += 1
+    return total + rest
+
+
+def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+               const i32[::1] begin, const double[::1] crossing, const double[::1] value,
+               const i32[::1] group_first, const double[::1] offset, const Weight[::1] weight,
+               double[::1] own):
+    """Value of the assignment of each row, as in `row_own`."""
+    cdef Py_ssize_t r
+    cdef i32 i
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            own[i] = 0.0
+            if row_first[i] < row_first[i + 1]:
+                own[i] = row_own(&order[0], &begin[0], &crossing[0], &value[row_first[i]],
+                                 &offset[group_first[i]], &weight[row_first[i]], row_first[i],
+                                 row_first[i + 1])
+
+
+def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+             const i32[::1] begin, const i32[::1] window_end, const i32[::1] slot_begin,
+             const i32[::1] slot_end, const u8[::1] flags, u8[::1] weight, i32[::1] load):
+    """Feasible weights 0 and 1: states that are MOST, unless one before is in their way.
+
+    `load` (K,) must come as zeros and becomes the number of rows on each column slot. Returns
+    whether a state lost its place.
+    """
+    cdef Py_ssize_t r, a, t
+    cdef i32 i, s, high, until
+    cdef bint free, lost = False
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            high = row_first[i + 1]
+            until = -1
+            for a in range(row_first[i], high):
+                s = order[a]
+                weight[s] = 0
+                if not flags[s] & MOST:
+                    continue
+                if begin[s] <= until:
+                    lost = True
+                    continue
+                free = True
+                for t in range(slot_begin[s], slot_end[s]):
+                    if load[t]:
+                        free = False
+                        break
+                if not free:
+                    lost = True
+                    continue
+                for t in range(slot_begin[s], slot_end[s]):
+                    load[t] = 1
+                weight[s] = 1
+                until = window_end[i]
+                if s + 1 < high and begin[s + 1] > begin[s]:
+                    until = begin[s + 1] - 1
+    return lost
+
+
+def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+            const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
+            const double[::1] crossing, const double[::1] gain, const i32[::1] group_first,
+            const double[::1] offset, i32[::1] load, u8[::1] weight, double[::1] own):
+    """Each row in turn takes its best path through what the others leave; how many changed.
+
+    `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
+    `own` becomes the value of each row.
+    """
+    cdef Py_ssize_t r, t, low, high, s, most = longest(rows, row_first)
+    cdef i32 i, last, changed = 0
+    cdef double best
+    cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
+    cdef double[::1] none = np.empty(most + 1), rest = np.empty(most + 1)
+    cdef i32[::1] came = np.empty(most + 1, np.int32)
+    if not most:
+        return 0
+    with nogil:
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
+            for s in range(low, high):
+                if weight[s]:
+                    for t in range(slot_begin[s], slot_end[s]):
+                        load[t] -= 1
+            own[i] = row_own(&order[0], &begin[0], &crossing[0], &gain[low],
+                             &offset[group_first[i]], &weight[low], low, high)
+            for s in range(low, high):
+                value[s - low] = gain[s]
+                for t in range(slot_begin[s], slot_end[s]):
+                    if load[t] > 0:
+                        value[s - low] = NOTHING
+                        break
+            best = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
+                               &offset[group_first[i]], &forward[0], &came[0], &none[0],
+                               &rest[0], low, high, &last)
+            if best > own[i]:
+                # Sums in another order differ in the last digit: that is no change for the better.
+                changed += best > own[i] + 1e-12
+                own[i] = best
+                weight[low:high] = 0
+                while last >= 0:
+                    weight[low + last] = 1
+                    last = came[last]
+            for s in range(low, high):
+                if weight[s]:
+                    for t in range(slot_begin[s], slot_end[s]):
+                        load[t] += 1
+    return changed
+
+
+# --- entropic sweeps ------------------------------------------------------------------------------
+
+cdef enum:
+    INSIDE = 1   # of a link: the state goes on from the link before, no way in between them
+    GOES_ON = 2  # of a link: the state goes on with the next link, no way out between them
+    FIRST = 4    # of a node: the window begins
+    BOUND = 8    # of a node and its state: before it the row was surely in this pair
+    FINAL = 16   # of a node and its state: after it the row is surely in this pair
+    FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
+
+
+def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
+                const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
+                const double[::1] weight, const double[::1] price, const u8[::1] flags,
+                u8[::1] chosen):
+    """Choose the states that a chain is built of; 1 = chosen, with BOUND and FINAL at its ends.
+
+    Chosen are the states near, by the flags of `survey`, and those in use. Where a row has one
+    option only, and nobody contests it, there is nothing to find out: such stretches are left out
+    but for their ends, and so are rows without any contest.
+    """
+    cdef Py_ssize_t r, a, c, low, high, t, K = price.shape[0]
+    cdef i32 i, s, k, first, group, active, crowded
+    cdef bint contested
+    cdef i32[::1] change = np.zeros(K + 1, np.int32)
+    cdef i32[::1] rivals = np.zeros(K + 1, np.int32)
+    cdef i32[::1] since = np.empty(longest(rows, row_first) + 1, np.int32)
+    with nogil:
+        for r in range(rows.shape[0]):
+            for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
+                chosen[s] = 1 if flags[s] & NEAR or weight[s] > 0.0 else 0
+                if chosen[s]:
+                    change[slot_begin[s]] += 1
+                    change[slot_end[s]] -= 1
+        active = 0
+        for t in range(K):
+            active += change[t]
+            rivals[t + 1] = rivals[t] + (active > 1 or (active == 1 and price[t] > 0.0))
+        for r in range(rows.shape[0]):
+            i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
+            if low == high:
+                continue
+            contested = False
+            for s in range(low, high):
+                if chosen[s] and rivals[slot_end[s]] > rivals[slot_begin[s]]:
+                    contested = True
+                    break
+            if not contested:
+                chosen[low:high] = 0
+                continue
+            # A state is sure (2) if no other is chosen while it lasts, nor "none", nor a rival.
+            first = begin[low]
+            active = 0
+            group = 0
+            crowded = -1
+            a = low
+            while a < high:
+                k = begin[order[a]]
+                c = a
+                while c < high and begin[order[c]] == k:
+                    s = order[c]
+                    if k > first and chosen[s - 1]:
+                        active -= 1
+                        if crowded < since[s - 1 - low] and is_sure(
+                                s - 1, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
+                            chosen[s - 1] = 2
+                    if chosen[s]:
+                        active += 1
+                        since[s - low] = group
+                    c += 1
+                if active > 1:
+                    crowded = group
+                group += 1
+                a = c
+            for s in range(low, high):
+                if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
+                        crowded < since[s - low]) and is_sure(
+                            s, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
+                    chosen[s] = 2
+            # Sure states stay where a neighbour in time is not sure; 3 is left out.
+            for s in range(low, high):
+                if chosen[s] == 2 and (begin[s] == first or chosen[s - 1] >= 2) and (
+                        s + 1 == high or begin[s + 1] == first or chosen[s + 1] == 2):
+                    chosen[s] = 3
+            for s in range(low, high):
+                if chosen[s] == 2:
+                    chosen[s] = 1
+                    if begin[s] != first and chosen[s - 1] == 3:
+                        chosen[s] |= BOUND
+                    if s + 1 < high and begin[s + 1] != first and chosen[s + 1] == 3:
+                        chosen[s] |= FINAL
+            for s in range(low, high):
+                if chosen[s] == 3:
+                    chosen[s] = 0
+
+
+cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_begin,
+                  const i32* slot_end) noexcept nogil:
+    """Whether leaving the state costs more than the reach and nobody else wants its column."""
+    return flags[s] & (NEAR | NEEDED) == (NEAR | NEEDED) and (
+        rivals[slot_end[s]] == rivals[slot_begin[s]])
+
+
+cdef class Chain:
+    """The working set as a chain of links, and messages along it (docs/theory, "Sinkhorn").
+
+    A *node* is a row at a step where something happens to it: a state of the working set begins or
+    has just ended, or a stretch of slots begins for which a state of it competes. It has a *link*
+    for each state that the row could be in. Nodes are sorted by (step, row), links by node. Link 0
+    stands for "none before" and "none after" and holds 0; the first constraints for "no price".
+
+    Parameters
+    ----------
+    rows, columns : (R,), (C,) int arrays
+        Nodes of the problem that take part.
+    chosen : (S,) uint8 array
+        The working set, from `working_set`.
+    price : (K,) float array
+        Prices at the start, absorbed into the kernel.
+    most : int
+        Nothing is built if there were more links; `links` says how many.
+    others : arrays
+        As in `tgospa_eval.solvers.dual_ascent.Ascent`.
+    """
+
+    cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
+    cdef double[::1] crossing, kernel, none_kernel, ahead, behind, passed, total, into
+    cdef double[::1] none_ahead, none_behind
+    cdef double[::1] price, slack, cap, u, load, stay
+    cdef double[::1] row
+    cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
+    cdef i32[::1] step_constraint, slot_first, slot_count
+    cdef i32[::1] node_of
+    cdef u8[::1] kind, ends
+
+    def __init__(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
+                 const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
+                 const i32[::1] column_first, const i32[::1] slot_step, const i32[::1] slot_begin,
+                 const i32[::1] slot_end, const u8[::1] chosen, const i32[::1] entry,
+                 const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
+                 const double[::1] price, const double[::1] crossing, Py_ssize_t most):
+        cdef Py_ssize_t K = slot_step.shape[0]
+        self.crossing = crossing.copy()
+        self.steps = crossing.shape[0]
+        self.rows = rows.shape[0]
+        cdef i32[::1] constraint_of = np.zeros(K + 1, np.int32)
+        cdef i32[::1] after = np.empty(K + 1, np.int32)
+        self._constrain(rows, columns, row_first, column_first, slot_step, slot_begin, slot_end,
+                        chosen, price, constraint_of, after)
+
+        cdef i32[::1] node_at = np.zeros(self.steps + 1, np.int32)
+        cdef i32[::1] link_at = np.zeros(self.steps + 1, np.int32)
+        self._emit(False, rows, row_first, order, begin, window_end, slot_step, slot_begin,
+                   slot_end, chosen, entry, gain, group_first, offset, constraint_of, after,
+                   node_at, link_at)
+        nodes, links = np.asarray(node_at), np.asarray(link_at)
+        self.nodes, self.links = nodes.sum(dtype=np.int64), links.sum(dtype=np.int64)
+        if self.links > most:
+            return
+        node_at = np.concatenate(([0], np.cumsum(nodes)[:self.steps])).astype(np.int32)
+        link_at = np.concatenate(([1], 1 + np.cumsum(links)[:self.steps])).astype(np.int32)
+        self.step_node = np.append(np.asarray(node_at)[:self.steps], self.nodes).astype(np.int32)
+        self.state = np.zeros(self.links + 1, np.int32)
+        self.previous = np.zeros(self.links + 1, np.int32)
+        self.next = np.zeros(self.links + 1, np.int32)
+        self.constraint = np.arange(self.links + 1, dtype=np.int32) % FREE
+        self.node_of = np.zeros(self.links + 1, np.int32)
+        self.kind = np.zeros(self.links + 1, np.uint8)
+        self.ends = np.zeros(self.nodes + 1, np.uint8)
+        self.node_row = np.empty(self.nodes + 1, np.int32)
+        self.node_link = np.empty(self.nodes + 1, np.int32)
+        self.node_link[self.nodes] = <i32>(self.links + 1)
+        self.kernel = np.zeros(self.links + 1)
+        self._emit(True, rows, row_first, order, begin, window_end, slot_step, slot_begin,
+                   slot_end, chosen, entry, gain, group_first, offset, constraint_of, after,
+                   node_at, link_at)
+
+        self.ahead = np.zeros(self.links + 1)
+        self.behind = np.zeros(self.links + 1)
+        self.passed = np.zeros(self.links + 1)
+        self.total = np.empty(nodes.max(initial=0) + 1)
+        self.into = np.empty(3 * (nodes.max(initial=0) + 1))
+        self.none_kernel = np.zeros(self.nodes + 1)
+        self.none_ahead = np.zeros(self.nodes + 1)
+        self.none_behind = np.zeros(self.nodes + 1)
+        self.slack = np.ones(self.constraints + FREE)
+        self.cap = np.ones(self.constraints + FREE)
+        self.u = np.ones(self.constraints + FREE)
+        self.load = np.zeros(self.constraints + FREE)
+        self.stay = np.empty(self.steps)
+        self.row = np.empty(4 * max(self.rows, 1))
+
+    cdef object _constrain(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
+                   const i32[::1] column_first, const i32[::1] slot_step,
+                   const i32[::1] slot_begin, const i32[::1] slot_end, const u8[::1] chosen,
+                   const double[::1] price, i32[::1] constraint_of, i32[::1] after):
+        """Stretches of slots with the same chosen states; those that need a price, by step.
+
+        A stretch is priced where two states compete, or where a price has to come down again.
+        """
+        cdef Py_ssize_t r, s, K = slot_step.shape[0], t, n = 0
+        cdef i32 c, active, start, last
+        cdef double total
+        cdef bint fill
+        cdef i32[::1] opens = np.zeros(K + 1, np.int32)
+        cdef i32[::1] closes = np.zeros(K + 1, np.int32)
+        cdef i32[::1] at = np.zeros(self.steps + 2, np.int32)
+        with nogil:
+            for r in range(rows.shape[0]):
+                for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
+                    if chosen[s] and slot_end[s] > slot_begin[s]:
+                        opens[slot_begin[s]] += 1
+                        closes[slot_end[s] - 1] += 1
+        for fill in (False, True):  # how many there are at each step, then what they are
+            with nogil:
+                for r in range(columns.shape[0]):
+                    c = columns[r]
+                    active = 0
+                    t = column_first[c]
+                    while t < column_first[c + 1]:
+                        active += opens[t]
+                        start = <i32>t
+                        total = price[t]
+                        t += 1
+                        while t < column_first[c + 1] and not opens[t] and not closes[t - 1]:
+                            total += price[t]
+                            t += 1
+                        if active > 1 or (active == 1 and total > 0.0):
+                            if fill:
+                                n = at[slot_step[start]]
+                                at[slot_step[start]] += 1
+                                self.slot_first[n] = start
+                                self.slot_count[n] = <i32>t - start
+                                self.price[n] = total
+                                constraint_of[start] = <i32>n
+                            else:
+                                at[slot_step[start] + 2] += 1
+                                n += 1
+                        active -= closes[t - 1]
+            if not fill:
+                self.constraints = n
+                self.slot_first = np.zeros(n + FREE, np.int32)
+                self.slot_count = np.ones(n + FREE, np.int32)
+                self.price = np.zeros(n + FREE)
+                at = FREE + np.cumsum(at, dtype=np.int32)
+                self.step_constraint = at  # the places move on to the next step below
+                at = at[1:]
+        with nogil:
+            last = <i32>K
+            for t in range(K, -1, -1):
+                if constraint_of[t]:
+                    last = <i32>t
+                after[t] = last
+
+    cdef object _emit(self, bint fill, const i32[::1] rows, const i32[::1] row_first,
+              const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
+              const i32[::1] slot_step, const i32[::1] slot_begin, const i32[::1] slot_end,
+              const u8[::1] chosen, const i32[::1] entry, const double[::1] gain,
+              const i32[::1] group_first, const double[::1] offset,
+              const i32[::1] constraint_of, const i32[::1] after, i32[::1] node_at,
+              i32[::1] link_at):
+        """Walk the rows in time; count nodes and links of every step, or write them."""
+        cdef Py_ssize_t r, a, c, low, high, x, y, width = 1
+        cdef i32 i, s, k, e, g, first, active, link
+        cdef bint event
+        with nogil:
+            for r in range(rows.shape[0]):
+                i = rows[r]
+                low, high = row_first[i], row_first[i + 1]
+                x = 0
+                for a in range(low, high):
+                    if begin[a] == begin[low]:
+                        x += 1
+                if x > width:
+                    width = x
+        cdef i32[::1] held = np.empty(width, np.int32)    # states that the row could be in
+        cdef i32[::1] cursor = np.empty(width, np.int32)  # the next slot that they compete for
+        cdef i32[::1] latest = np.empty(width, np.int32)  # their latest link
+        cdef i32[::1] link_of = np.empty(longest(rows, row_first) + 1, np.int32)
+        with nogil:
+            for r in range(rows.shape[0]):
+                i = rows[r]
+                low, high = row_first[i], row_first[i + 1]
+                if low == high:
+                    continue
+                first = begin[low]
+                active = 0
+                a = low
+                g = group_first[i] - 1
+                while True:
+                    k = begin[order[a]] if a < high else window_end[i] + 1
+                    while active:
+                        e = k
+                        for x in range(active):
+                            if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] < e:
+                                e = slot_step[cursor[x]]
+                        if e == k:
+                            break
+                        self._node(fill, r, e, active, &held[0], &cursor[0], &latest[0],
+                                   &slot_step[0], &slot_end[0], &constraint_of[0], &after[0],
+                                   &node_at[0], &link_at[0])
+                    if a == high:
+                        break
+                    event = False
+                    c = a
+                    g += 1
+                    while c < high and begin[order[c]] == k:
+                        s = order[c]
+                        if chosen[s]:
+                            event = True
+                        elif k > first and chosen[s - 1]:
+                            if chosen[s - 1] & FINAL:
+                                active = 0
+                            else:
+                                event = True
+                        c += 1
+                    if not event:
+                        a = c
+                        continue
+                    y = 0
+                    for x in range(active):
+                        s = held[x]
+                        if s + 1 < high and begin[s + 1] == k:
+                            if fill:
+                                link_of[s - low] = latest[x]
+                        else:
+                            held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
+                            y += 1
+                    active = <i32>y
+                    self._node(fill, r, k, active, &held[0], &cursor[0], &latest[0],
+                               &slot_step[0], &slot_end[0], &constraint_of[0], &after[0],
+                               &node_at[0], &link_at[0])
+                    while a < c:
+                        s = order[a]
+                        a += 1
+                        if not chosen[s]:
+                            continue
+                        held[active] = s
+                        cursor[active] = after[slot_begin[s]]
+                        if slot_begin[s] == slot_end[s]:
+                            cursor[active] = slot_end[s]
+                        if fill:
+                            link = link_at[k]
+                            self.state[link] = s
+                            if entry[s] >= 0:
+                                self.kernel[link] = gain[s] + offset[g]
+                            self.node_of[link] = node_at[k] - 1
+                            self.ends[node_at[k] - 1] |= chosen[s] & (BOUND | FINAL)
+                            if k == first:
+                                self.ends[node_at[k] - 1] |= FIRST
+                            elif chosen[s - 1] and not chosen[s] & BOUND:
+                                self.previous[link] = link_of[s - 1 - low]
+                                self.next[self.previous[link]] = link
+                            latest[active] = link
+                        if cursor[active] < slot_end[s] and slot_step[cursor[active]] == k:
+                            if fill:
+                                self.constraint[link] = constraint_of[cursor[active]]
+                            cursor[active] = after[cursor[active] + 1]
+                        link_at[k] += 1
+                        active += 1
+
+    cdef void _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, i32* held, i32* cursor,
+                    i32* latest, const i32* slot_step, const i32* slot_end,
+                    const i32* constraint_of, const i32* after, i32* node_at,
+                    i32* link_at) noexcept nogil:
+        """A node of row r at step k, with a link for each state that goes on."""
+        cdef Py_ssize_t x
+        cdef i32 link, n = node_at[k]
+        node_at[k] = n + 1
+        if fill:
+            self.node_row[n] = <i32>r
+            self.node_link[n] = link_at[k]
+        for x in range(active):
+            link = link_at[k]
+            link_at[k] = link + 1
+            if fill:
+                self.state[link] = held[x]
+                self.node_of[link] = n
+                self.kind[link] |= INSIDE
+                self.kind[latest[x]] |= GOES_ON
+                self.previous[link] = latest[x]
+                self.next[latest[x]] = link
+                latest[x] = link
+            if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] == k:
+                if fill:
+                    self.constraint[link] = constraint_of[cursor[x]]
+                cursor[x] = after[cursor[x] + 1]
+
+    def heat(self, double epsilon):
+        """Make the kernel of the gains and prices at a temperature, once."""
+        cdef Py_ssize_t n, l, c, k
+        cdef double top, value
+        with nogil:
+            for c in range(FREE, self.constraints + FREE):
+                self.u[c] = 1.0
+                self.slack[c] = exp(-self.price[c] / epsilon)
+                self.cap[c] = exp(min(self.price[c] / epsilon, 230.0))
+            for k in range(self.steps):
+                self.stay[k] = exp(-self.crossing[k] / epsilon)
+                if self.stay[k] < 1e-60:
+                    self.stay[k] = 1e-60
+            for n in range(self.nodes):
+                top = 0.0
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    value = self.kernel[l] - self.price[self.constraint[l]]
+                    self.kernel[l] = value
+                    if value > top:
+                        top = value
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    value = (self.kernel[l] - top) / epsilon
+                    self.kernel[l] = exp(value) if value > -450.0 else 3.7e-196
+                self.none_kernel[n] = exp(-top / epsilon) if top < 450.0 * epsilon else 3.7e-196
+            self._pass(True, False)
+
+    def sweep(self, int count):
+        """Sweep forward and backward; the largest violation of a column in the last sweep."""
+        cdef double violation = 0.0, second
+        cdef int n
+        with nogil:
+            for n in range(count):
+                violation = self._pass(False, True)
+                second = self._pass(True, True)
+                if second > violation:
+                    violation = second
+        return violation
+
+    def cool(self, double epsilon):
+        """Take the changes of the prices out of the messages into `price`."""
+        cdef Py_ssize_t c
+        with nogil:
+            for c in range(FREE, self.constraints + FREE):
+                self.price[c] -= epsilon * log(self.u[c])
+                if self.price[c] < 0.0:
+                    self.price[c] = 0.0
+                self.u[c] = 1.0
+
+    def write_prices(self, double[::1] price):
+        """Prices of the stretches as prices of their slots: more on the first, or all less."""
+        cdef Py_ssize_t c, t
+        cdef double total
+        with nogil:
+            for c in range(FREE, self.constraints + FREE):
+                total = 0.0
+                for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
+                    total += price[t]
+                if self.price[c] >= total:
+                    price[self.slot_first[c]] += self.price[c] - total
+                else:
+                    for t in range(self.slot_first[c], self.slot_first[c] + self.slot_count[c]):
+                        price[t] *= self.price[c] / total
+
+    def write_majorities(self, u8[::1] flags):
+        """Set MOST where a state of the working set has more than half of the paths of its row."""
+        cdef Py_ssize_t n, l
+        cdef double total
+        cdef i32 s
+        with nogil:
+            for n in range(self.nodes):
+                total = self.none_ahead[n] * self.none_kernel[n] * self.none_behind[n]
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    self.passed[l] = (self.ahead[l] * self.kernel[l]
+                                      * self.u[self.constraint[l]] * self.behind[l])
+                    total += self.passed[l]
+                for l in range(self.node_link[n], self.node_link[n + 1]):
+                    if not self.kind[l] & INSIDE:
+                        s = self.state[l]
+                        flags[s] = flags[s] & ~MOST
+                        if total > 1e-290 and self.passed[l] > 0.5 * total:
+                            flags[s] |= MOST
+
+    cdef double _pass(self, bint reverse, bint update) noexcept nogil:
+        """One direction: renew its messages node by node, and the prices step by step.
+
+        With S' the sum over the states that may pass the hub, a0 for "none" and
+        q = exp(-lambda / epsilon): none' = a0 + q S', state' = (1 - q^2) state + q a0 + q^2 S'.
+        All are scaled by r where they have grown or shrunk too much.
+        """
+        cdef Py_ssize_t step, k, n, l, c, low, high
+        cdef i32 row
+        cdef double r, q, none, hub, keep, bound, rho, part, violation = 0.0
+        cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
+        cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
+        cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
+        cdef double* none_behind = &self.none_ahead[0] if reverse else &self.none_behind[0]
+        cdef i32* source = &self.next[0] if reverse else &self.previous[0]
+        cdef double* kernel = &self.kernel[0]
+        cdef double* none_kernel = &self.none_kernel[0]
+        cdef double* u = &self.u[0]
+        cdef double* slack = &self.slack[0]
+        cdef double* passed = &self.passed[0]
+        cdef double* load = &self.load[0]
+        cdef double* cap = &self.cap[0]
+        cdef double* stay = &self.stay[0]
+        cdef double* total = &self.total[0]
+        # Of each node of one step: sum of the shares; from the hub, and the factors of staying.
+        cdef double* into = &self.into[0]
+        cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass the hub, q
+        cdef double* here
+        cdef i32* constraint = &self.constraint[0]
+        cdef i32* node_link = &self.node_link[0]
+        cdef i32* node_row = &self.node_row[0]
+        cdef i32* node_of = &self.node_of[0]
+        cdef i32* step_node = &self.step_node[0]
+        cdef i32* step_constraint = &self.step_constraint[0]
+        cdef u8* kind = &self.kind[0]
+        cdef u8* ends = &self.ends[0]
+        cdef u8 straight = GOES_ON if reverse else INSIDE  # no hub between the link and its source
+        cdef u8 held = INSIDE if reverse else GOES_ON      # no hub after it
+        cdef u8 start = FINAL if reverse else FIRST | BOUND
+        cdef u8 sure = FINAL if reverse else BOUND
+        for row in range(self.rows):
+            at[4 * row], at[4 * row + 1], at[4 * row + 2], at[4 * row + 3] = 1.0, 0.0, 0.0, -1.0
+        for step in range(self.steps):
+            k = self.steps - 1 - step if reverse else step
+            low, high = step_node[k], step_node[k + 1]
+            if low == high:
+                continue
+            for c in range(step_constraint[k], step_constraint[k + 1]):
+                load[c] = 0.0
+            for n in range(low, high):
+                here = at + 4 * node_row[n]
+                q = here[3] if reverse else stay[k]
+                if q < 0.0 or ends[n] & start:  # nothing to pay
+                    none, hub, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
+                else:
+                    r = here[0] + here[1] + here[2]
+                    r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
+                    none = r * (here[0] + q * here[2])
+                    hub = q * none
+                    keep = r * (1.0 - q * q)
+                none_ahead[n] = none
+                none *= none_kernel[n]
+                here[0], here[1], here[2], here[3] = none, 0.0, 0.0, stay[k]
+                into[3 * (n - low)], into[3 * (n - low) + 1] = hub, keep
+                into[3 * (n - low) + 2] = r
+                total[n - low] = none * none_behind[n]
+            for l in range(node_link[low], node_link[high]):
+                n = node_of[l] - low
+                part = passed[source[l]]
+                part = into[3 * n + 2] * part if kind[l] & straight else (
+                    into[3 * n + 1] * part + into[3 * n])
+                ahead[l] = part
+                part *= kernel[l]
+                passed[l] = part
+                total[n] += part * u[constraint[l]] * behind[l]
+            if update:
+                for n in range(high - low):
+                    # Underflow: such a row has no say until the next kernel.
+                    total[n] = 1.0 / total[n] if total[n] > 1e-290 else 0.0
+                for l in range(node_link[low], node_link[high]):
+                    c = constraint[l]
+                    load[c] += passed[l] * u[c] * behind[l] * total[node_of[l] - low]
+                for c in range(step_constraint[k], step_constraint[k + 1]):
+                    # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
+                    bound = u[c] * slack[c] + load[c]
+                    if fabs(bound - 1.0) > violation:
+                        violation = fabs(bound - 1.0)
+                    if bound < 1e-40:
+                        bound = 1e-40
+                    rho = u[c] / (bound * sqrt(bound))
+                    # At most 1 / slack, where the price is 0.
+                    u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
+            for l in range(node_link[low], node_link[high]):
+                here = at + 4 * node_row[node_of[l]]
+                part = passed[l] * u[constraint[l]]
+                passed[l] = part
+                here[1 if kind[l] & held else 2] += part
+        return violation

@@ -1,0 +1,349 @@
+"""Proof: bounds of the optimum from whatever a solver left, and the split of the cost.
+
+Plain NumPy over the whole reduced problem; knows no solver, and no solver grades its own work.
+Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
+Both bounds are rounded outward (docs/theory, "Rounding"): they hold for real numbers.
+"""
+
+import math
+
+import numpy as np
+
+from tgospa_eval.errors import SolverError
+from tgospa_eval.problem.paths import (
+    best_values,
+    down,
+    lower_sums,
+    relative_gains,
+    row_steps,
+    up,
+)
+from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by, sum_parts
+from tgospa_eval.problem.reduced import forced_cost
+from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
+from tgospa_eval.problem.slots import PART, parts
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, whole_weights
+
+EPS = 2.0**-53
+"""Largest relative error of one rounded operation."""
+
+HALF = 1 << 31
+"""Of a whole price: sums of as many as there can be of either half are no overflow."""
+
+CHUNK = 64
+"""Terms of a cost that are added with rounding; sums of these are added without."""
+
+MOST = 1e100
+"""Prices above this are taken as 0."""
+
+
+def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:
+    """Prove bounds from a proposed assignment and proposed prices.
+
+    The upper bound is the cost of the repaired assignment, summed in cost form. The lower bound is
+    the Lagrangian bound of the prices v >= 0, in a form that does not cancel (docs/theory,
+    "Certificate").
+
+    Parameters
+    ----------
+    states : States
+        What was solved.
+    solution : Solution
+        What is proposed.
+
+    Returns
+    -------
+    Bounds
+        In units of c^p.
+    weights : (S,) int array
+        The feasible assignment, in units of 1/ONE.
+    Breakdown
+        Its cost by step; sums to the upper bound but for its rounding.
+
+    Raises
+    ------
+    SolverError
+        The bounds contradict each other, which only a fault of this program can bring about.
+    """
+    weights, lower, breakdown = prove(states, solution)
+    problem = states.problem
+    upper = upper_cost(problem, breakdown)
+    least = lower_cost(problem, math.fsum((*lower.tolist(), *unpaired_prices(states))))
+    if least > upper:
+        raise SolverError(
+            f"the proof contradicts itself, lower bound {least!r} and upper bound {upper!r} in "
+            "units of c^p: please report this as a bug, with the two files"
+        )
+    return Bounds(lower=least, upper=upper, rounding=problem.rounding), weights, breakdown
+
+
+def prove(states: States, solution: Solution) -> tuple[Ints, Floats, Breakdown]:
+    """What `certify` adds up, block by block; a disposable solution is used up.
+
+    Returns
+    -------
+    weights : (S,) int array
+        The feasible assignment, in units of 1/ONE.
+    lower : (B,) float array
+        Lower bound of the cost of each block, its objects at steps outside its window included.
+    Breakdown
+        Cost of the assignment.
+    """
+    reduced = solution.reduced
+    given, prices = (
+        solution.give_up()
+        if solution.disposable
+        else (solution.weights.copy(), solution.prices.copy())
+    )
+    given = np.require(given, np.float64, ["C", "W"])
+    weights = given.view(np.int64)
+    for low, high in states.cuts(PART):
+        part, state, _ = states.between(low, high)
+        whole_weights(given[state], weights[state])
+        make_feasible(part, weights[state])
+    lower = lower_bounds(states, prices, reduced)
+    return weights, lower, break_down(states, weights)
+
+
+def lower_cost(problem: Problem, bound: float) -> float:
+    """A lower bound of the cost in exact numbers, from one that holds for the costs as they are.
+
+    All costs and switch prices are right within `cost_error`, relative, and the optimum is a
+    minimum of sums of them with weights >= 0.
+    """
+    least = (bound * (1 - 4 * EPS) - problem.cost_slack) / (1 + problem.cost_error)
+    return max(least * (1 - 4 * EPS), 0.0)
+
+
+def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
+    """An upper bound of the exact cost of an assignment: see `lower_cost`, and `break_down`.
+
+    A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
+    """
+    return breakdown.total * (1 + (CHUNK + 8) * EPS) / (1 - problem.cost_error)
+
+
+def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
+    """Lower bound of the cost of the objects of each block, (B,), from any prices >= 0.
+
+    Where blocks were solved at smaller cutoffs (`tgospa_eval.problem.reduced`), it is the best of those.
+    """
+    blocks = len(states.block_begin)
+    lower = np.zeros(blocks)
+    direct = np.ones(blocks, bool)
+    for part in reduced:
+        direct &= ~part.blocks
+        inner = lower_bounds(part.states, part.solution.prices, part.solution.reduced)
+        np.maximum(lower, of_whole(states, part, inner), out=lower)
+    objects = _Objects(states)
+    prices = fair_prices(prices)
+    for low, high in states.cuts(PART):
+        if direct[low:high].any():
+            part_states, _, slot = states.between(low, high)
+            bound = _bounds_of_prices(part_states, prices[slot], objects, low)
+            np.maximum(lower[low:high], bound, out=lower[low:high], where=direct[low:high])
+    return lower
+
+
+def fair_prices(prices: Floats) -> Floats:
+    """Prices that prove something: at least 0, and 0 for what is no number or too large."""
+    return np.where(prices <= MOST, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
+
+
+class _Objects:
+    """Prices of leaving the objects of each block unassigned."""
+
+    def __init__(self, states: States) -> None:
+        problem = states.problem
+        self.sides = []
+        for name in ("truth", "estimate"):
+            block = block_of_tracks(states, name)[getattr(problem, f"{name}_track")]
+            self.sides.append((block, getattr(problem, f"{name}_price")))
+        pair = problem.pair_price
+        self.half = None if pair is None else 0.5 * pair
+        if pair is not None:
+            blocks = len(states.block_begin)
+            both = np.concatenate([block for block, _ in self.sides])
+            self.count = np.bincount(both[both >= 0], minlength=blocks)
+        else:
+            self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
+
+    def prices(self, block: int) -> list[float]:
+        """The price of each object of a block at each step."""
+        found: list[float] = []
+        for (of_row, price), order in zip(self.sides, self.order, strict=True):
+            low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
+            found += price[order[low:high]].tolist()
+        return found
+
+
+def block_of_tracks(states: States, name: str) -> Ints:
+    """Block of each truth or estimate, -1 for those without a near pair."""
+    block = np.full(getattr(states.problem, f"{name}s"), -1)
+    block[getattr(states, f"pair_{name}")] = states.pair_block
+    return block
+
+
+def unpaired_prices(states: States) -> tuple[float, float]:
+    """Cost of the truths and of the estimates that are in no block, rounded down."""
+    found = []
+    for name in ("truth", "estimate"):
+        block = block_of_tracks(states, name)[getattr(states.problem, f"{name}_track")]
+        price = getattr(states.problem, f"{name}_price")[block < 0]
+        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
+    return found[0], found[1]
+
+
+def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: int) -> Floats:
+    """Lower bound of each block: the prices of its objects, less what rows can gain, less prices.
+
+    With the best pair of each row and step put aside, what rows can gain is small where the cost
+    is, and nothing cancels: unassigned prices and prices of the pairs put aside are taken off those
+    of all objects and of all columns as whole numbers.
+    """
+    columns, problem = states.columns, states.problem
+    running = columns.running(prices)
+    unit, whole = running[0], np.diff(running[1])
+    # Prices less those of the pairs put aside, in two halves so that no sum overflows.
+    left = np.stack([_whole_sums(half, columns.first) for half in _halves(whole)])
+    terms = np.zeros((states.nodes, 4))
+    groups = np.zeros(states.nodes)
+    taken: list[Ints] = []
+    for rows, _ in row_parts(states):
+        steps = row_steps(rows)
+        price = rows.columns.spans(running)
+        runs = np.flatnonzero(rows.entry < 0)
+        price[runs] = np.nextafter(price[runs], 0.0)
+        gains = relative_gains(rows, steps, price)
+        terms[:, 1] -= best_values(rows, gains.relative, steps, gains.offset)
+        best = gains.best[gains.best >= 0]
+        least = np.zeros(len(gains.best))
+        least[gains.best >= 0] = problem.cost[rows.entry[best]]
+        terms[:, 2] += lower_sums(least, steps.first)
+        groups += sum_parts((gains.best >= 0).astype(np.float64), steps.first)
+        taken.append(rows.entry[best])
+        priced = best[rows.columns.end[best] > rows.columns.begin[best]]
+        slot = rows.columns.begin[priced]
+        node = rows.pair_column[np.searchsorted(rows.pair_first, priced, side="right") - 1]
+        for half, of_slot in zip(left, _halves(whole[slot]), strict=True):
+            np.subtract.at(half, node, of_slot)
+    terms[:, 0], terms[:, 3] = -up(unit * left[0]), -up(unit * HALF * left[1])
+    blocks = len(states.block_begin)
+    first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
+    if objects.half is not None:
+        count = objects.count[low : low + blocks] - 2 * sum_by(states.node_block, groups, blocks)
+        constant = [[part] for part in down(objects.half * count).tolist()]
+    else:
+        constant = [objects.prices(low + block) for block in range(blocks)]
+        entry = np.concatenate(taken)
+        block = block_of_tracks(states, "truth")[problem.truth_track[problem.truth_row[entry]]]
+        for side in ("truth", "estimate"):
+            price = -getattr(problem, f"{side}_price")[getattr(problem, f"{side}_row")[entry]]
+            for number, value in zip(block.tolist(), price.tolist(), strict=True):
+                constant[number].append(value)
+    sums_of = [
+        math.fsum((*part, *terms[a:b].ravel().tolist()))
+        for part, a, b in zip(constant, first[:-1], first[1:], strict=True)
+    ]
+    return np.maximum(down(np.array(sums_of)), 0.0)
+
+
+def _halves(whole: Ints) -> tuple[Ints, Ints]:
+    """Integers >= 0 as remainders and multiples of HALF."""
+    return whole % HALF, whole // HALF
+
+
+def _whole_sums(value: Ints, first: Ints) -> Ints:
+    """Sums of parts of integers; part i begins at first[i]."""
+    running = np.concatenate(([0], np.cumsum(value)))
+    sums: Ints = running[first[1:]] - running[first[:-1]]
+    return sums
+
+
+def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
+    """From bounds of the blocks at a smaller cutoff those of the blocks of the whole, (B,).
+
+    Every cost is the sum of what it is at the smaller cutoff and of the rest, so the optimum is at
+    least the sum of the two optima; of the rest at least what no assignment can avoid. 0 for blocks
+    that `part` does not stand for.
+    """
+    blocks, scale = len(states.block_begin), part.scale
+    home = home_blocks(states, part.states)
+    terms: list[list[float]] = [[] for _ in range(blocks)]
+    for block, bound in zip(home.tolist(), (scale * inner).tolist(), strict=True):
+        terms[block].append(bound)
+    problem = states.problem
+    for name in ("truth", "estimate"):
+        track = getattr(problem, f"{name}_track")
+        outer = block_of_tracks(states, name)[track]
+        lone = (block_of_tracks(part.states, name)[track] < 0) & (outer >= 0)
+        price = scale * getattr(problem, f"{name}_price")[lone][:1]
+        count = np.bincount(outer[lone], minlength=blocks)
+        for block in np.flatnonzero(count).tolist():
+            terms[block].append(math.nextafter(float(price[0]) * int(count[block]), 0.0))
+    forced = forced_cost(states, part.blocks)
+    lower = np.array(
+        [
+            math.fsum((*own, fixed, -scale * fixed))
+            for own, fixed in zip(terms, forced.tolist(), strict=True)
+        ]
+    )
+    return np.where(part.blocks, np.maximum(down(lower), 0.0), 0.0)
+
+
+def home_blocks(states: States, inner: States) -> Ints:
+    """The block of the whole that each block at a smaller cutoff is a part of."""
+    truth = np.empty(len(inner.block_begin), np.int64)
+    truth[inner.pair_block] = inner.pair_truth
+    return block_of_tracks(states, "truth")[truth]
+
+
+def _in_chunks(terms: Floats) -> list[float]:
+    """Sums of CHUNK terms each."""
+    return np.add.reduceat(terms, np.arange(0, len(terms), CHUNK)).tolist() if len(terms) else []
+
+
+def break_down(states: States, weights: Ints) -> Breakdown:
+    """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
+    problem, steps = states.problem, states.problem.steps
+
+    localisation = np.zeros(steps)
+    chunks: list[float] = []  # of all terms, for the sum
+
+    def unassigned(name: str) -> tuple[Floats, Floats]:
+        """Cost and number of one side's unassigned objects at each step; one side at a time."""
+        row, step, price = (getattr(problem, f"{name}_{of}") for of in ("row", "step", "price"))
+        free = np.full(len(step), ONE)
+        for part in parts(len(weights)):
+            used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
+            entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
+            np.subtract.at(free, row[entry].astype(np.intp), whole)
+            if name == "truth":
+                paid = whole / ONE * problem.cost[entry]
+                np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
+                chunks.extend(_in_chunks(paid))
+        cost, count = np.zeros(steps), np.zeros(steps)
+        for part in parts(len(free)):
+            left = np.flatnonzero(free[part])
+            at, share = step[part][left].astype(np.intp), free[part][left] / ONE
+            np.add.at(count, at, share)
+            lost = share * price[part][left]
+            np.add.at(cost, at, lost)
+            chunks.extend(_in_chunks(lost))
+        return cost, count
+
+    missed, false = unassigned("truth"), unassigned("estimate")
+    moved, amount = changes(states, weights)
+    chunks.extend(_in_chunks(problem.crossing_price[states.begin[moved]] * amount))
+    variation = sum_by(states.begin[moved], amount, steps)
+    return Breakdown(
+        localisation=localisation,
+        missed=missed[0],
+        false=false[0],
+        switch=variation * problem.crossing_price[:-1],
+        missed_count=missed[1],
+        false_count=false[1],
+        switch_count=0.5 * variation,
+        total=math.fsum(chunks),
+    )

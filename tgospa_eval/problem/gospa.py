@@ -1,0 +1,193 @@
+"""GOSPA of every step by itself, and the switches that its assignments happen to make.
+
+Not a metric between trajectories: each step is assigned without a look at the others, and what
+changes from step to step is counted afterwards, by the rules of two tools. Knows no solver.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
+from tgospa_eval.problem.states import connected_components
+
+DENSE = 4_000_000
+"""Elements up to which a matrix of pairs is always written out."""
+
+SPARSE = 8
+"""Beyond that it is if less than so many times as large as the number of near pairs."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Changes:
+    """Changes of partners into each step.
+
+    Parameters
+    ----------
+    whole : (T,) float array
+        From one estimate to another; each counts 1.
+    half : (T,) float array
+        From or to "none", how many; each counts one half.
+    """
+
+    whole: Floats
+    half: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Switches, (T,)."""
+        return self.whole + 0.5 * self.half
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PerStep:
+    """The cheapest assignment of each step, in units of c^p.
+
+    Parameters
+    ----------
+    entries : int array
+        Entries of the problem that are assigned.
+    localisation, missed, false : (T,) float arrays
+        Costs of each step.
+    """
+
+    entries: Ints
+    localisation: Floats
+    missed: Floats
+    false: Floats
+
+    @property
+    def total(self) -> Floats:
+        """GOSPA of each step to the power p, (T,)."""
+        return self.localisation + self.missed + self.false
+
+
+def per_step_gospa(problem: Problem) -> PerStep:
+    """GOSPA (alpha = 2) of each step, exactly.
+
+    GOSPA_k^p = min over partial assignments of the sum of min(d, c)^p over assigned pairs and of
+    c^p / 2 over the objects without partner (Rahmathullah, García-Fernández and Svensson, 2017).
+    Objects of a step that are joined by near pairs are assigned together, others apart. Among
+    assignments of equal cost that of SciPy is taken, with the objects in the order of their rows.
+    """
+    entries = np.sort(np.concatenate([np.zeros(0, np.int64), *_cheapest(problem)]))
+    free = []
+    for side in ("truth", "estimate"):
+        price = np.array(getattr(problem, f"{side}_price"))
+        price[getattr(problem, f"{side}_row")[entries]] = 0.0
+        free.append(sum_by(getattr(problem, f"{side}_step"), price, problem.steps))
+    return PerStep(
+        entries=entries,
+        localisation=sum_by(problem.entry_step[entries], problem.cost[entries], problem.steps),
+        missed=free[0],
+        false=free[1],
+    )
+
+
+def _cheapest(problem: Problem) -> Iterator[Ints]:
+    """Entries of the cheapest assignment, component by component of the graph of near pairs."""
+    rows, columns = problem.truth_row, problem.estimate_row
+    if not len(rows):
+        return
+    truths = len(problem.truth_step)
+    label = connected_components(rows, columns + truths, truths + len(problem.estimate_step))
+    order = np.argsort(label[rows], kind="stable")
+    opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
+    size = np.diff(opens, append=len(order))
+    alone = problem.pair_price  # costs keep digits that gains near 1 have lost
+    losses = -problem.gain if alone is None else problem.cost
+    yield order[opens[size == 1]]
+    for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):
+        group = order[begin : begin + count]
+        yield group[_assign(rows[group], columns[group], losses[group], alone or 0.0)]
+
+
+def _assign(rows: Ints, columns: Ints, loss: Floats, alone: float) -> Ints:
+    """Which of these pairs to take: each loses less than `alone`, what two without a pair lose."""
+    from scipy.optimize import linear_sum_assignment  # here: slow to import
+
+    row, column = (np.unique(axis, return_inverse=True)[1] for axis in (rows, columns))
+    shape = int(row.max()) + 1, int(column.max()) + 1
+    if shape[0] * shape[1] > max(DENSE, SPARSE * len(loss)):
+        return _assign_sparse(row, column, loss, alone, shape)
+    matrix = np.full(shape, alone)
+    matrix[row, column] = loss
+    partner = np.full(shape[0], -1)
+    i, j = linear_sum_assignment(matrix)
+    partner[i] = j
+    return np.flatnonzero(partner[row] == column)
+
+
+def _assign_sparse(
+    row: Ints, column: Ints, loss: Floats, alone: float, shape: tuple[int, int]
+) -> Ints:
+    """The same without a matrix of all pairs: each row may take a column of its own instead."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+
+    own = np.arange(shape[0])
+    shift = 1.0 - loss.min()  # a stored weight of 0 would count as no pair
+    weight = np.concatenate((loss, np.full(shape[0], alone))) + shift
+    graph = csr_array(
+        (weight, (np.concatenate((row, own)), np.concatenate((column, shape[1] + own)))),
+        shape=(shape[0], shape[1] + shape[0]),
+    )
+    partner = np.full(shape[0], -1)
+    i, j = min_weight_full_bipartite_matching(graph)
+    partner[i] = j
+    return np.flatnonzero(partner[row] == column)
+
+
+def partners(problem: Problem, entries: Ints) -> Ints:
+    """Track of the estimate that each truth row is assigned to, -1 for none, (R_truth,)."""
+    track = np.full(len(problem.truth_step), -1)
+    track[problem.truth_row[entries]] = problem.estimate_track[problem.estimate_row[entries]]
+    return track
+
+
+def changes_since_last_stored(problem: Problem, track: Ints) -> Changes:
+    """Changes into each step as Stone Soup counts them.
+
+    Compared is the partner of a truth with the last one that was stored for it. Storing begins
+    with the first estimate that it is assigned to; from then on "none" is stored as well. A step
+    without any estimate is passed over. A change counts 1, from or to "none" one half.
+    """
+    reported = np.zeros(problem.steps, bool)
+    reported[problem.estimate_step] = True
+    order = _by_truth(problem)
+    order = order[reported[problem.truth_step[order]]]
+    seen = np.cumsum(track[order] >= 0)
+    # Assignments of other truths before the first row of this one do not count.
+    opens = np.diff(problem.truth_track[order], prepend=-1) != 0
+    before = np.where(opens, seen - (track[order] >= 0), 0)
+    order = order[seen > np.maximum.accumulate(before)]
+    return _changes(problem, track, order, np.ones(max(len(order) - 1, 0), bool))
+
+
+def changes_since_last_step(problem: Problem, track: Ints) -> Changes:
+    """Changes into each step as MathWorks describes them.
+
+    Compared are the partners of a truth at a step and at the step before, where it exists at both.
+    A change counts 1, from or to "none" one half.
+    """
+    order = _by_truth(problem)
+    return _changes(problem, track, order, np.diff(problem.truth_step[order]) == 1)
+
+
+def _by_truth(problem: Problem) -> Ints:
+    """Truth rows sorted by (track, step)."""
+    return np.lexsort((problem.truth_step, problem.truth_track))
+
+
+def _changes(problem: Problem, track: Ints, order: Ints, counts: NDArray[np.bool_]) -> Changes:
+    """Changes from each row to the next one of the same truth, booked at the later step."""
+    after, before = track[order[1:]], track[order[:-1]]
+    counts = counts & (np.diff(problem.truth_track[order]) == 0) & (after != before)
+    both = (after >= 0) & (before >= 0)
+    step = problem.truth_step[order[1:]]
+    return Changes(
+        whole=np.bincount(step[counts & both], minlength=problem.steps).astype(float),
+        half=np.bincount(step[counts & ~both], minlength=problem.steps).astype(float),
+    )

@@ -1,0 +1,222 @@
+"""Best paths of rows for given prices: upper bounds of what each is worth.
+
+Every operation that rounds is followed by a step outward, so that what is called a bound is one of
+the exact value in real numbers (docs/theory, "Rounding").
+"""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from tgospa_eval.problem.problem import Floats, Ints, sum_parts
+from tgospa_eval.problem.slots import Slots
+from tgospa_eval.problem.states import States
+
+CHUNK = 1024
+"""Terms of a sum whose rounding is bounded together."""
+
+
+def up(value: Floats) -> Floats:
+    """The next larger doubles, in place: at least the exact results of one rounded operation."""
+    return np.nextafter(value, np.inf, out=value)
+
+
+def down(value: Floats) -> Floats:
+    """The next smaller doubles, in place."""
+    return np.nextafter(value, -np.inf, out=value)
+
+
+def lower_sums(value: Floats, first: Ints) -> Floats:
+    """Lower bounds of the sums of parts of values >= 0; part i begins at first[i].
+
+    A sum of n terms >= 0 is off by at most (n - 1) units of rounding, whatever the order; sums of
+    chunks, and then of these, keep n small.
+    """
+    if len(value) <= CHUNK:
+        total, terms = sum_parts(value, first), np.diff(first)
+    else:
+        begins = np.zeros(len(value), bool)
+        begins[::CHUNK] = begins[first[first < len(value)]] = True
+        starts = np.flatnonzero(begins)
+        chunks = np.add.reduceat(value, starts)
+        of_part = np.searchsorted(starts, np.minimum(first, len(value)))
+        of_part[first >= len(value)] = len(starts)
+        total = sum_parts(chunks, of_part)
+        terms = np.minimum(np.diff(first), CHUNK) + np.diff(of_part)
+    total *= 1.0 - (terms + 2) * 2.0**-53
+    return total
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gains:
+    """Gains less prices of states, relative to the best pair of their row and step.
+
+    Gains near 1 differ in their last digits, which sums over many steps lose, and so do large
+    prices that nobody contests; differences of costs and of prices keep the digits of those. Every
+    path of a row is lowered by the same sum. Where no pair is worth its price there is no offset.
+
+    Parameters
+    ----------
+    relative : (S,) float array
+        Upper bounds of the gains less prices and less the offsets of their steps.
+    offset : (G,) float array
+        Lower bounds of the gain less price of the best pair of each row and step, 0 without one.
+    best : (G,) int array
+        Its state, -1 where there is none.
+    """
+
+    relative: Floats
+    offset: Floats
+    best: Ints
+
+
+def relative_gains(states: States, steps: Slots, price: Floats | None = None) -> Gains:
+    """The gains of all states less their prices (S,); `steps` are those of `row_steps`.
+
+    The prices of states with a gain are exact, those of runs lower bounds.
+    """
+    problem, entry = states.problem, states.entry
+    price = np.zeros(len(entry)) if price is None else price
+    runs = np.flatnonzero(entry < 0)
+    at = steps.begin.astype(np.intp)
+    cost = np.empty(len(entry))
+    np.take(problem.cost, entry, out=cost, mode="clip")
+    cost[runs] = np.inf
+    base: float | Floats
+    sides: tuple[Floats, ...] = ()
+    if problem.pair_price is None:
+        sides = (
+            problem.truth_price[problem.truth_row[entry]],
+            problem.estimate_price[problem.estimate_row[entry]],
+        )
+        base = sides[0] + sides[1]
+    else:
+        base = problem.pair_price
+    loss = cost + price - base
+    least = np.zeros(len(steps.step))
+    np.minimum.at(least, at, loss)
+    best = np.full(len(least), -1)
+    is_best = np.flatnonzero((loss == least[at]) & (loss < 0))
+    best[at[is_best]] = is_best
+    with np.errstate(invalid="ignore"):
+        relative = up(up(cost[best][at] - cost) + up(price[best][at] - price))
+        for side in sides:  # what two pairs of objects cost if they are left unassigned differs
+            relative = up(relative + up(side - side[best][at]))
+        offset = np.broadcast_to(base, len(entry))[best]
+        offset = down(down(down(offset) - cost[best]) - price[best])
+        np.maximum(np.where(best >= 0, offset, 0.0), 0.0, out=offset)
+        alone = np.flatnonzero((best[at] < 0) & (entry >= 0))
+        own = up(np.broadcast_to(base, len(entry))[alone] - cost[alone])
+        relative[alone] = up(up(own) - price[alone])
+    relative[runs] = up(-price[runs] - steps.totals(offset, runs, floor=True))
+    return Gains(relative=relative, offset=offset, best=best)
+
+
+def row_steps(states: States) -> Slots:
+    """The slots of the rows, with those of a single pair: the steps at which states begin."""
+    rows, size = states.rows, np.diff(states.pair_first)
+    alone = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
+    if not alone.any():
+        return rows
+    count = np.diff(rows.first)
+    count[states.pair_row[alone]] = size[alone]
+    first = np.concatenate(([0], np.cumsum(count))).astype(np.int32)
+    begin = rows.begin + np.repeat((first[:-1] - rows.first[:-1])[states.pair_row], size)
+    state = np.arange(len(begin), dtype=np.int32)
+    begin += (state - np.repeat(states.pair_first[:-1], size)) * np.repeat(alone, size)
+    step = np.empty(first[-1], np.int32)
+    step[begin] = states.begin
+    return Slots(
+        first=first,
+        step=step,
+        begin=begin,
+        pair_first=states.pair_first,
+        pair_node=states.pair_row,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Turns:
+    """The states in the order of a Viterbi pass over all rows at once.
+
+    A turn takes the states that begin at the same step of their rows, counted in steps at which any
+    begin. The states before them end there; those of the first turn open the window.
+
+    Parameters
+    ----------
+    bounds : list of int
+        Where the states of each turn begin in the order, and the end.
+    order : (S,) int array
+        The states.
+    pair, row : (S,) int arrays
+        Pair and row of each, in that order.
+    """
+
+    bounds: list[int]
+    order: Ints
+    pair: Ints
+    row: Ints
+
+
+def turns(states: States, steps: Slots | None = None) -> Turns:
+    """The turns of all states; `steps` are those of `row_steps` if they are known."""
+    steps = steps or row_steps(states)
+    size = np.diff(states.pair_first)
+    order, bounds = _ranked(steps.begin - np.repeat(steps.first[states.pair_row], size))
+    pair = np.repeat(np.arange(len(size)), size)[order]
+    return Turns(bounds=bounds, order=order, pair=pair, row=states.pair_row.astype(np.intp)[pair])
+
+
+def _ranked(rank: Ints) -> tuple[Ints, list[int]]:
+    """Order by (rank, place), and where the ranks 0, 1, 2, ... begin in it, and the end."""
+    count = int(rank.max(initial=-1)) + 1
+    if count <= 1 << 16:
+        rank = rank.astype(np.uint16)  # sorted by radix
+    order = np.argsort(rank, kind="stable")
+    return order, np.searchsorted(rank[order], np.arange(count + 1)).tolist()
+
+
+def best_values(
+    states: States, value: Floats, steps: Slots | None = None, offsets: Floats | None = None
+) -> Floats:
+    """Upper bound of the value of the best path of each row, (nodes,): Viterbi over the states.
+
+    hub = best value at "none"; a state is entered from the one before it or from the hub, and left
+    into the hub, each for the price of half a switch. At "none" a path loses the offsets, which
+    belong to the `steps` of `row_steps`.
+    """
+    steps = steps or row_steps(states)
+    turn = turns(states, steps)
+    value = value[turn.order]
+    count = np.diff(steps.first)
+    at, lost = _ranked(np.arange(count.sum()) - np.repeat(steps.first[:-1], count))
+    row_lost = np.repeat(np.arange(states.nodes), count)[at]
+    offsets = np.zeros(len(at)) if offsets is None else offsets[at]
+
+    hub = np.zeros(states.nodes)
+    current = np.zeros(len(states.pair_row))  # at the first turn: a window is entered for free
+    price: Floats = np.asarray(states.problem.switch_price)
+    varies, crossing = price.ndim > 0, states.problem.crossing_price
+    next_double, top = np.nextafter, np.array(np.inf)  # `up`, without the cost of a call
+    for (low, high), (first, last) in zip(
+        itertools.pairwise(turn.bounds), itertools.pairwise(lost), strict=True
+    ):
+        pair, row = turn.pair[low:high], turn.row[low:high]
+        reached = current[pair]
+        if varies:
+            price = crossing[states.begin[turn.order[low:high]]]
+        left = reached - price
+        np.maximum.at(hub, row, next_double(left, top, left))
+        enter = hub[row]
+        enter -= price
+        np.maximum(reached, next_double(enter, top, enter), out=reached)
+        reached += value[low:high]
+        current[pair] = next_double(reached, top, reached)
+        if first < last:
+            losing = row_lost[first:last]
+            less = hub[losing]
+            less -= offsets[first:last]
+            hub[losing] = next_double(less, top, less)
+    np.maximum.at(hub, states.pair_row, current)
+    return hub

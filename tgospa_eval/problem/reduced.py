@@ -1,0 +1,114 @@
+"""Blocks of a problem at a smaller cutoff, and what that proves of the whole.
+
+Let C = c^p be the price of a missed and a false object together, and s < 1 a fraction of it. Every
+cost min(d^p, C) is the sum of min(d^p, s C) and of the rest, and so are C / 2 = s C / 2 +
+(1 - s) C / 2; the switch price goes to the first part. So the optimum is at least the optimum of
+the problem with the cutoff price s C, and (1 - s) C / 2 for every object that no assignment of its
+step can avoid leaving out. Where the cutoff is far above the errors, both together are the optimum
+for a small s, at which no digit of an error is lost beside the cutoff (docs/theory, "Cutoffs far
+above the errors").
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.states import States
+
+HUGE = 1e100
+"""Switch prices above this are no different."""
+
+
+def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> States:
+    """The problem of some blocks at the cutoff price `scale`, a power of 2, in units of that.
+
+    Rows and tracks keep their numbers. All objects must have the same price (`Problem.pair_price`).
+    """
+    problem = states.problem
+    entry = _entries(states, blocks)
+    entry = entry[problem.cost[entry] < scale * (problem.pair_price or 0.0)]
+    price = problem.switch_price
+    return merge_runs(
+        Problem(
+            steps=problem.steps,
+            truths=problem.truths,
+            estimates=problem.estimates,
+            truth_step=problem.truth_step,
+            truth_track=problem.truth_track,
+            truth_price=problem.truth_price,
+            estimate_step=problem.estimate_step,
+            estimate_track=problem.estimate_track,
+            estimate_price=problem.estimate_price,
+            truth_row=problem.truth_row[entry],
+            estimate_row=problem.estimate_row[entry],
+            cost=problem.cost[entry] / scale,
+            switch_price=(
+                min(price / scale, HUGE)
+                if isinstance(price, float)
+                else np.minimum(price / scale, HUGE)
+            ),
+        )
+    )
+
+
+def _entries(states: States, blocks: NDArray[np.bool_]) -> Ints:
+    """The entries of some blocks, in order."""
+    chosen = np.repeat(blocks[states.pair_block], np.diff(states.pair_first))
+    entry = states.entry[chosen & (states.entry >= 0)]
+    return np.sort(entry)
+
+
+def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
+    """What the objects of each of these blocks cost at least that no assignment can reach, (B,).
+
+    At each step no more pairs can be assigned than a vertex cover of the near pairs has objects.
+    The cover belongs to a largest matching, and is checked.
+    """
+    problem = states.problem
+    entry = _entries(states, blocks)
+    truth = problem.truth_row[entry].astype(np.int64)
+    estimate = problem.estimate_row[entry].astype(np.int64)
+    home = np.full(problem.truths, -1)
+    home[states.pair_truth] = states.pair_block
+    other = np.full(problem.estimates, -1)
+    other[states.pair_estimate] = states.pair_block
+    count = len(states.block_begin)
+    cover = _cover(truth, estimate, len(problem.truth_step), len(problem.estimate_step))
+    if not np.all(cover[0][truth] | cover[1][estimate]):
+        return np.zeros(count)
+    objects = np.zeros(count, np.int64)
+    for track, of_track, covered in (
+        (problem.truth_track, home, cover[0]),
+        (problem.estimate_track, other, cover[1]),
+    ):
+        block = of_track[track]
+        mine = block >= 0
+        objects += np.bincount(block[mine], minlength=count)
+        objects -= 2 * np.bincount(block[mine & covered], minlength=count)
+    return np.where(blocks, np.maximum(objects, 0) * problem.truth_price[:1].sum(), 0.0)
+
+
+def _cover(
+    truth: Ints, estimate: Ints, truths: int, estimates: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """A least vertex cover of a bipartite graph by Konig's theorem: marks of either side."""
+    from scipy import sparse  # here: slow to import and rarely needed
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    graph = sparse.csr_array(
+        (np.ones(len(truth), np.int8), (truth, estimate)), shape=(truths, estimates)
+    )
+    partner = maximum_bipartite_matching(graph, perm_type="column")
+    # Alternating paths from the truths without partner: along any pair, back along a matched one.
+    reached = partner < 0
+    paired = np.full(estimates, -1)
+    paired[partner[partner >= 0]] = np.flatnonzero(partner >= 0)
+    seen = np.zeros(estimates, bool)
+    while True:
+        fresh = np.unique(estimate[reached[truth] & ~seen[estimate]])
+        if not len(fresh):
+            return ~reached, seen
+        seen[fresh] = True
+        back = paired[fresh]
+        reached[back[back >= 0]] = True

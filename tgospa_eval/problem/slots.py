@@ -1,0 +1,227 @@
+"""Slots: stretches of steps of a node on which the states that compete for it do not change.
+
+The assignment over a slot may sum to at most 1.
+"""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats, Ints, sum_parts
+
+PART = 1 << 19
+"""States that are looked at together where arrays as long as all states would be too much."""
+
+CROWD, FULL = 4000, 1 << 61
+"""More pairs of a node than this may sum to more than FULL, where weights are below 2^50."""
+
+CACHE = 1 << 16
+"""States whose slots are made together: what is written in no order stays in the cache."""
+
+
+def parts(size: int) -> Iterator[slice]:
+    """Slices of PART elements each that cover `size`."""
+    return (slice(low, min(low + PART, size)) for low in range(0, size, PART))
+
+
+def divided(group: Ints, pair_first: Ints, size: int) -> list[int]:
+    """Pairs at which to divide so that no group is, in parts of some `size` states; first and end.
+
+    `group` (P,) is that of each pair: its row or its block; those of one group are neighbours.
+    """
+    if 0 < pair_first[-1] <= size:
+        return [0, len(group)]
+    opens = np.flatnonzero(np.diff(group, prepend=-1))  # first pair of each group
+    part = pair_first[opens] // size
+    return [*opens[np.diff(part, prepend=-1) > 0].tolist(), len(group)]
+
+
+def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
+    """The unit in which each part's values are counted, and running sums of all, (K + 1,).
+
+    Part i begins at first[i]. Values become integers for it, of as many bits as the sum of their
+    part allows: differences of running sums are exact then, even where the sum over all parts
+    overflows, and a small sum never loses its digits to large values far away. With `floor` they
+    never become larger.
+    """
+    rounded = np.floor if floor else np.rint
+    size = sum_parts(np.abs(value), first)
+    unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
+    running = np.zeros(len(value) + 1, np.int64)
+    for part in parts(len(value)):
+        edges = np.minimum(np.maximum(first, part.start), part.stop)
+        count = edges[1:] - edges[:-1]
+        running[1:][part] = rounded(value[part] / np.repeat(unit, count))
+    return unit, np.cumsum(running, out=running)
+
+
+def changed(pair_first: Ints, weight: Ints) -> NDArray[np.bool_]:
+    """Whether the weight of each state differs from that of the state before of its pair."""
+    differs = np.zeros(len(weight), bool)
+    np.not_equal(weight[1:], weight[:-1], out=differs[1:])
+    differs[pair_first[:-1]] = False
+    return differs
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Slots:
+    """The capacity constraints on one side, rows or columns.
+
+    Nodes with one pair have none: the bound of the other side implies it. A state covers the slots
+    from its own first to the one before the first of the next state of its pair.
+
+    Parameters
+    ----------
+    first : (nodes + 1,) int array
+        First slot of each node; its slots follow in time.
+    step : (K,) int array
+        First step of each slot.
+    begin : (S,) int array
+        First slot of each state.
+    pair_first, pair_node : (P + 1,), (P,) int arrays
+        First state and node of each pair.
+    """
+
+    first: Ints
+    step: Ints
+    begin: Ints
+    pair_first: Ints
+    pair_node: Ints
+
+    @property
+    def node(self) -> Ints:
+        """Node of each slot, (K,)."""
+        return np.repeat(np.arange(len(self.first) - 1, dtype=np.int32), np.diff(self.first))
+
+    @property
+    def end(self) -> Ints:
+        """The slot after the last of each state, (S,)."""
+        end = np.empty_like(self.begin)
+        end[:-1] = self.begin[1:]
+        end[self.pair_first[1:] - 1] = self.first[self.pair_node + 1]
+        return end
+
+    def sums(self, weight: Ints) -> Ints:
+        """Exact sum of the integer weights (S,) of the states over each slot, (K,).
+
+        Weights are >= 0. Sums of nodes with so many pairs that integers could overflow are right
+        up to FULL, and FULL above that.
+        """
+        if len(self.pair_node) and int(np.bincount(self.pair_node).max()) > CROWD:
+            sums = self._sums(weight)
+            coarse = self._sums(weight >> 20)
+            return np.where(coarse >= FULL >> 20, FULL, sums)
+        return self._sums(weight)
+
+    def _sums(self, weight: Ints) -> Ints:
+        change = np.zeros(len(self.step) + 1, np.int64)
+        # All pairs of a node open at its first slot and close after its last.
+        for state, slot, sign in (
+            (self.pair_first[:-1], self.first[self.pair_node], 1),
+            (self.pair_first[1:] - 1, self.first[self.pair_node + 1], -1),
+        ):
+            used = np.flatnonzero(weight[state] != 0)
+            np.add.at(change, slot[used].astype(np.intp), sign * weight[state[used]])
+        differs = changed(self.pair_first, weight)
+        for part in parts(len(weight)):
+            state = np.flatnonzero(differs[part]) + part.start
+            rise = weight[state] - weight[state - 1]
+            np.add.at(change, self.begin[state].astype(np.intp), rise)
+        return np.cumsum(change[:-1], out=change[:-1])
+
+    def running(self, price: Floats, *, floor: bool = False) -> tuple[Floats, Ints]:
+        """`exact_running` of prices (K,), node by node."""
+        return exact_running(price, self.first, floor=floor)
+
+    def totals(self, price: Floats, chosen: Ints | None = None, *, floor: bool = False) -> Floats:
+        """Sum of the prices (K,) over the slots of each state, or of the chosen ones."""
+        return self.spans(self.running(price, floor=floor), chosen, floor=floor)
+
+    def spans(
+        self, running: tuple[Floats, Ints], chosen: Ints | None = None, *, floor: bool = False
+    ) -> Floats:
+        """`totals` where the running sums are known; with `floor` no sum is too large."""
+        unit, sums = running
+        begin, end = self.begin, self.end
+        total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
+        if chosen is not None:
+            begin, end, total = begin[chosen], end[chosen], total[chosen]
+        for part in parts(len(total)):
+            total[part] *= sums[end[part]] - sums[begin[part]]
+            if floor:
+                np.nextafter(total[part], 0.0, out=total[part])
+        return total
+
+
+def make_slots(
+    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int, group: Ints
+) -> Slots:
+    """The slots of the nodes that several pairs share; `pair_node` is the node of each pair.
+
+    They are made for some groups of pairs at a time: rows or blocks, which share no node, and of
+    which later ones have nodes with larger numbers.
+    """
+    bounds = divided(group, pair_first, max(CACHE, steps))
+    if len(bounds) == 2:
+        first, step, slot = _slots_of_part(begin, pair_first, pair_node, nodes, steps)
+        return Slots(first=first, step=step, begin=slot, pair_first=pair_first, pair_node=pair_node)
+    first = np.zeros(nodes + 1, np.int32)
+    slot = np.empty(len(begin), np.int32)
+    made: list[Ints] = [np.zeros(0, np.int32)]
+    done = 0
+    for low, high in itertools.pairwise(bounds):
+        own = slice(pair_first[low], pair_first[high])
+        node = pair_node[low:high]
+        least, size = int(node.min()), int(np.ptp(node)) + 1
+        place, fresh, at = _slots_of_part(
+            begin[own], pair_first[low : high + 1] - pair_first[low], node - least, size, steps
+        )
+        first[least + 1 : least + 1 + size] = np.diff(place)
+        slot[own] = at
+        slot[own] += done
+        made.append(fresh)
+        done += len(fresh)
+    np.cumsum(first, out=first)
+    return Slots(
+        first=first,
+        step=np.concatenate(made),
+        begin=slot,
+        pair_first=pair_first,
+        pair_node=pair_node,
+    )
+
+
+def _slots_of_part(
+    begin: Ints, pair_first: Ints, pair_node: Ints, nodes: int, steps: int
+) -> tuple[Ints, Ints, Ints]:
+    """First slot of each node, step of each slot, first slot of each state."""
+    in_time = _in_time(begin, steps)
+    shared = np.bincount(pair_node, minlength=nodes) > 1
+    if kernels:
+        found: tuple[Ints, Ints, Ints] = kernels.slots(
+            in_time, begin, pair_first, pair_node, shared.view(np.uint8)
+        )
+        return found
+    node = np.repeat(pair_node, np.diff(pair_first))[in_time]
+    known = shared[node]
+    order = np.flatnonzero(known)[np.argsort(node[known], kind="stable")]
+    chosen, node = in_time[order], node[order]
+    fresh = np.ones(len(order), bool)
+    fresh[1:] = (np.diff(node) != 0) | (np.diff(begin[chosen]) != 0)
+    step = begin[chosen[fresh]]
+    first = np.searchsorted(node[fresh], np.arange(nodes + 1)).astype(np.int32)
+    slot = np.repeat(first[pair_node], np.diff(pair_first))
+    slot[chosen] = np.cumsum(fresh) - 1
+    return first, step, slot
+
+
+def _in_time(begin: Ints, steps: int) -> Ints:
+    """The states by (begin, number)."""
+    if kernels:
+        found: Ints = kernels.in_time(begin, steps)
+        return found
+    return np.argsort(begin, kind="stable")

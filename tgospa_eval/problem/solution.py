@@ -1,0 +1,159 @@
+"""What solvers propose and what is proven of it: solutions, bounds, breakdowns, curves."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.states import States
+
+
+@dataclass(kw_only=True)
+class Solution:
+    """What a solver proposes; nothing in it is trusted.
+
+    Parameters
+    ----------
+    weights : (S,) float array
+        Assignment of each state, between 0 and 1.
+    prices : (K,) float array
+        Price of each column slot.
+    status : str
+        One sentence for the user.
+    iterations : int
+        Sweeps or simplex iterations.
+    finished : bool
+        False if a limit or a failure stopped the solver early.
+    history : tuple of dict
+        Convergence, one record per check.
+    disposable : bool
+        Whether nobody needs the arrays any more, so that the proof may write over them; it takes
+        them away then.
+    missing : (B,) bool array
+        Blocks that are not known to be solved.
+    reduced : tuple of Reduced
+        Blocks of which prices at a smaller cutoff prove more.
+    """
+
+    weights: Floats
+    prices: Floats
+    status: str
+    iterations: int = 0
+    finished: bool = True
+    history: tuple[dict[str, float], ...] = field(default=())
+    disposable: bool = False
+    missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    reduced: "tuple[Reduced, ...]" = ()
+
+    def give_up(self) -> tuple[Floats, Floats]:
+        """Weights and prices, which the solution holds no longer: they are large."""
+        weights, prices = self.weights, self.prices
+        self.weights = self.prices = np.zeros(0)
+        return weights, prices
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reduced:
+    """Some blocks of a problem at a smaller cutoff, and what is proposed for that.
+
+    Parameters
+    ----------
+    states : States
+        The problem of these blocks at the smaller cutoff, from `tgospa_eval.problem.reduced`.
+    blocks : (B,) bool array
+        Which blocks of the whole they are.
+    scale : float
+        The smaller cutoff to the power p, as a fraction of that of the whole; a power of 2.
+    solution : Solution
+        Of `states`.
+    """
+
+    states: States
+    blocks: NDArray[np.bool_]
+    scale: float
+    solution: Solution
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """Proven: ``lower <= optimum <= upper``, in units of c^p, rounded outward.
+
+    Parameters
+    ----------
+    lower, upper : float
+        The bracket; `upper` is the cost of a feasible assignment.
+    rounding : float
+        An `upper` below this may come from the last places of the states alone.
+    """
+
+    lower: float
+    upper: float
+    rounding: float = 0.0
+
+    @property
+    def relative_gap(self) -> float:
+        """(upper - lower) / upper, 0 if upper is 0."""
+        return (self.upper - self.lower) / self.upper if self.upper > 0 else 0.0
+
+    def narrow(self, gap: float) -> bool:
+        """Whether the bracket is as narrow as `gap`, relative."""
+        return self.upper - self.lower <= gap * self.upper
+
+    def within_rounding(self, gap: float) -> bool:
+        """Whether a wider bracket says no less, since the cost itself is one of rounding."""
+        return not self.narrow(gap) and self.upper <= self.rounding
+
+    def met(self, gap: float) -> bool:
+        """Whether the bracket is narrow, or that of a cost within rounding."""
+        return self.narrow(gap) or self.within_rounding(gap)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Breakdown:
+    """Where the cost of a feasible assignment comes from, in units of c^p.
+
+    Parameters
+    ----------
+    localisation, missed, false, switch : (T,) float arrays
+        Cost at each step; a switch between two steps is booked at the later one.
+    missed_count, false_count, switch_count : (T,) float arrays
+        Unassigned existing objects, and half the total variation of the assignment.
+    total : float
+        The whole cost: of its terms, not of those of each step.
+    """
+
+    localisation: Floats
+    missed: Floats
+    false: Floats
+    switch: Floats
+    missed_count: Floats
+    false_count: Floats
+    switch_count: Floats
+    total: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Costs of the steps up to each of the T steps, in units of c^p.
+
+    Parameters
+    ----------
+    lower, upper : (T,) float arrays
+        Proven bounds.
+    parts : (4, T) float array
+        Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
+    rounding : (T,) float array
+        As of `Bounds`.
+    """
+
+    lower: Floats
+    upper: Floats
+    parts: Floats
+    rounding: Floats
+
+    def met(self, gap: float) -> NDArray[np.bool_]:
+        """As of `Bounds`, (T,)."""
+        narrow = self.upper - self.lower <= gap * self.upper
+        met: NDArray[np.bool_] = narrow | (self.upper <= self.rounding)
+        return met

@@ -1,0 +1,193 @@
+"""The reduced problem: what can be assigned, from when to when, and what competes for it.
+
+A *state* is a pair of trajectories over a stretch of steps on which its assignment can be taken
+constant: one step with a gain, or a maximal run of steps without (docs/theory, "Run merging").
+Their number grows with the gains, not with pairs x steps. Blocks (connected components of the pair
+graph, each in its own window of time) share nothing and are contiguous in every array.
+
+What competes for a node (a trajectory) is told by its slots (`tgospa_eval.problem.slots`).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.slots import Slots, make_slots
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class States:
+    """All states of a problem, with the graph that joins them.
+
+    Nodes are trajectories that have a pair, numbered block by block. One side of a block is its
+    rows (one path each), the other its columns (priced); rows are the truths unless the block has
+    a single estimate and several truths.
+
+    Parameters
+    ----------
+    problem : Problem
+        What was reduced.
+    pair_row, pair_column, pair_block : (P,) int arrays
+        Row node, column node and block of each pair.
+    pair_first : (P + 1,) int array
+        First state of each pair; its states follow in time.
+    pair_truth, pair_estimate : (P,) int arrays
+        Tracks.
+    begin : (S,) int array
+        First step of each state.
+    entry : (S,) int array
+        Entry of the problem that a gain comes from, -1 for a run without gain.
+    columns : Slots
+        Constraints of the columns; `rows` are made when they are asked for.
+    node_block : (nodes,) int array
+        Block of each node.
+    block_begin, block_end : (B,) int arrays
+        Window of each block, inclusive.
+    transposed : (B,) bool array
+        True where the rows are estimates.
+    """
+
+    problem: Problem
+    pair_row: Ints
+    pair_column: Ints
+    pair_block: Ints
+    pair_first: Ints
+    pair_truth: Ints
+    pair_estimate: Ints
+    begin: Ints
+    entry: Ints
+    columns: Slots
+    node_block: Ints
+    block_begin: Ints
+    block_end: Ints
+    transposed: NDArray[np.bool_]
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return len(self.node_block)
+
+    @property
+    def pair(self) -> Ints:
+        """Pair of each state, (S,)."""
+        return np.repeat(np.arange(len(self.pair_row), dtype=np.int32), np.diff(self.pair_first))
+
+    @property
+    def end(self) -> Ints:
+        """Last step of each state, inclusive, (S,)."""
+        end = np.empty_like(self.begin)
+        end[:-1] = self.begin[1:] - 1
+        end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
+        return end
+
+    def forget(self) -> None:
+        """Give up what is kept only because it is used again and again while solving."""
+        vars(self).pop("rows", None)
+
+    @cached_property
+    def rows(self) -> Slots:
+        """Constraints of the rows."""
+        return make_slots(
+            self.begin,
+            self.pair_first,
+            self.pair_row,
+            self.nodes,
+            self.problem.steps,
+            group=self.pair_row,
+        )
+
+    @property
+    def gain(self) -> Floats:
+        """Gain of each state, 0 for a run, (S,)."""
+        return self.gains(slice(None))
+
+    def gains(self, chosen: Ints | slice) -> Floats:
+        """The gain of some states."""
+        entry = self.entry[chosen]
+        gain = np.zeros(len(entry))
+        gains = np.flatnonzero(entry >= 0)
+        gain[gains] = self.problem.gains(entry[gains])
+        return gain
+
+    def cuts(self, size: int) -> list[tuple[int, int]]:
+        """Ranges of blocks, for `between`, each but the last with at least `size` states."""
+        blocks = len(self.block_begin)
+        first = self.pair_first[np.searchsorted(self.pair_block, np.arange(blocks + 1))]
+        cuts, low = [], 0
+        while low < blocks:
+            high = min(int(np.searchsorted(first, first[low] + size)), blocks)
+            cuts.append((low, high))
+            low = high
+        return cuts
+
+    def between(self, low: int, high: int) -> tuple["States", slice, slice]:
+        """The blocks from `low` to before `high` as a problem of their own; copies little.
+
+        Returns
+        -------
+        states : States
+            On the same `problem`.
+        state, slot : slice
+            Where its states and its column slots are here.
+        """
+        if (low, high) == (0, len(self.block_begin)):
+            return self, slice(0, len(self.begin)), slice(0, len(self.columns.step))
+        pairs = slice(*np.searchsorted(self.pair_block, (low, high)))
+        nodes = slice(*np.searchsorted(self.node_block, (low, high)))
+        state = slice(*self.pair_first[[pairs.start, pairs.stop]])
+        pair_first = self.pair_first[pairs.start : pairs.stop + 1] - np.int32(state.start)
+        slot = slice(*self.columns.first[[nodes.start, nodes.stop]])
+        pair_column = self.pair_column[pairs] - np.int32(nodes.start)
+        states = States(
+            problem=self.problem,
+            pair_row=self.pair_row[pairs] - np.int32(nodes.start),
+            pair_column=pair_column,
+            pair_block=self.pair_block[pairs] - np.int32(low),
+            pair_first=pair_first,
+            pair_truth=self.pair_truth[pairs],
+            pair_estimate=self.pair_estimate[pairs],
+            begin=self.begin[state],
+            entry=self.entry[state],
+            columns=Slots(
+                first=self.columns.first[nodes.start : nodes.stop + 1] - np.int32(slot.start),
+                step=self.columns.step[slot],
+                begin=self.columns.begin[state] - np.int32(slot.start),
+                pair_first=pair_first,
+                pair_node=pair_column,
+            ),
+            node_block=self.node_block[nodes] - np.int32(low),
+            block_begin=self.block_begin[low:high],
+            block_end=self.block_end[low:high],
+            transposed=self.transposed[low:high],
+        )
+        return states, state, slot
+
+
+def connected_components(a: Ints, b: Ints, nodes: int) -> Ints:
+    """Smallest node of the component of each node, of a graph with the edges (a, b).
+
+    Without kernels: hooking and pointer jumping. SciPy has the same, but importing it costs more
+    than most evaluations take.
+    """
+    if kernels:
+        found: Ints = kernels.components(
+            a.astype(np.int32, copy=False), b.astype(np.int32, copy=False), nodes
+        )
+        return found
+    root: Ints = np.arange(nodes)
+    while True:
+        low = np.minimum(root[a], root[b])
+        high = np.maximum(root[a], root[b])
+        apart = low < high
+        if not apart.any():
+            return root
+        np.minimum.at(root, high[apart], low[apart])
+        while True:
+            jumped = root[root]
+            if np.array_equal(jumped, root):
+                break
+            root = jumped

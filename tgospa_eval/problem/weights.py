@@ -1,0 +1,116 @@
+"""Weights of states as integers: what makes them feasible, and where they change."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.slots import PART, Slots, changed, divided, parts
+from tgospa_eval.problem.states import States
+
+ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
+"""The integer that stands for the weight 1: fractional optima have small denominators, and those up
+to 18 are exact. Near 2^50, so that sums of some thousand weights fit, and doubles hold each."""
+
+TURN = 32
+"""States of a part for each step that it lasts: fewer cost no more than the call of a function."""
+
+SNAP = ONE * 1e-9
+"""Weights this near to 0 or 1 are meant to be 0 or 1."""
+
+
+def repair(states: States, weights: Floats) -> Ints:
+    """A feasible assignment nearby: clipped, snapped to 0 and 1, scaled where too full."""
+    whole = np.empty(len(weights), np.int64)
+    whole_weights(weights, whole)
+    make_feasible(states, whole)
+    return whole
+
+
+def whole_weights(weights: Floats, whole: Ints) -> None:
+    """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
+    for part in parts(len(weights)):
+        used = np.flatnonzero(weights[part] != 0)
+        fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0
+        fixed *= ONE
+        fixed[fixed < SNAP] = 0
+        fixed[fixed > ONE - SNAP] = ONE
+        whole[part] = 0
+        whole[part][used] = np.rint(fixed)
+
+
+def make_feasible(states: States, weights: Ints) -> Ints:
+    """Scale the weights where a slot is too full, in place; their sums over the column slots."""
+    for part, own in row_parts(states):
+        _fit(part.rows, weights[own])
+    return _fit(states.columns, weights)
+
+
+def _fit(slots: Slots, weights: Ints) -> Ints:
+    """Scale the states of every slot whose sum exceeds ONE by that sum, in place; the new sums."""
+    sums = slots.sums(weights)
+    while sums.max(initial=0) > ONE:
+        _scale(slots, weights, sums)
+        sums = slots.sums(weights)
+    return sums
+
+
+def _scale(slots: Slots, weights: Ints, sums: Ints) -> None:
+    full = np.zeros(len(sums) + 1, np.int32)  # how many slots before each are too full
+    np.cumsum(sums > ONE, out=full[1:])
+    sums = np.append(sums, 0)
+    ends = slots.end
+    for part in parts(len(weights)):
+        own, begin, end = weights[part], slots.begin[part], ends[part]
+        over = np.flatnonzero((full[end] > full[begin]) & (own > 0))
+        over = over[np.argsort(begin[over], kind="stable")]
+        bounds = np.stack((begin[over], end[over]), axis=1).ravel()
+        fullest = np.maximum.reduceat(sums, bounds)[::2]
+        # Rounded down by more than the product can be rounded up.
+        factor = ONE / fullest * (1 - 2.0**-48)
+        own[over] = np.floor(own[over] * factor)
+
+
+def row_parts(states: States) -> Iterator[tuple[States, slice]]:
+    """The states in parts of whole rows, about PART states each, and where they are.
+
+    Rows do not depend on each other once prices are given. Nodes and column slots keep their
+    numbers. A pass over a part takes a turn for each step: parts of long recordings are larger.
+    """
+    size = max(PART, TURN * int((states.block_end - states.block_begin).max(initial=0)))
+    if 0 < len(states.begin) <= size:
+        yield states, slice(None)
+        return
+    bounds = divided(states.pair_row, states.pair_first, size)
+    for pairs in itertools.starmap(slice, itertools.pairwise(bounds)):
+        first = states.pair_first[pairs.start : pairs.stop + 1]
+        own = slice(int(first[0]), int(first[-1]))
+        row, column = states.pair_row[pairs], states.pair_column[pairs]
+        yield (
+            replace(
+                states,
+                pair_row=row,
+                pair_column=column,
+                pair_block=states.pair_block[pairs],
+                pair_first=first - first[0],
+                pair_truth=states.pair_truth[pairs],
+                pair_estimate=states.pair_estimate[pairs],
+                begin=states.begin[own],
+                entry=states.entry[own],
+                columns=replace(
+                    states.columns,
+                    begin=states.columns.begin[own],
+                    pair_first=first - first[0],
+                    pair_node=column,
+                ),
+            ),
+            own,
+        )
+
+
+def changes(states: States, weights: Ints) -> tuple[Ints, Floats]:
+    """States whose weight differs from that of the state before, and by how much, as a fraction."""
+    moved = np.flatnonzero(changed(states.pair_first, weights))
+    return moved, np.abs(weights[moved] - weights[moved - 1]) / ONE

@@ -1,0 +1,194 @@
+"""The sum of evaluations of classes that never meet, on the same steps. Knows no file."""
+
+import hashlib
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.results.result import Result
+from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
+from tgospa_eval.results.summary import Costs, Labels, Summary, Table
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ByClass(Summary):
+    """One result for each class, and their sum: totals, bounds, counts and parts add up.
+
+    Parameters
+    ----------
+    results : dict of str to Result
+        By class, in order; at least one.
+    """
+
+    results: dict[str, Result]
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sums of those of the classes; the steps are the same in all."""
+        parts = [part.sizes for part in self.results.values()]
+        return {name: sum(part[name] for part in parts) for name in parts[0]} | {
+            "steps": parts[0]["steps"]
+        }
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """Steps at which something exists (T,)."""
+        parts = [part.occupied for part in self.results.values()]
+        return np.asarray(np.any(parts, axis=0), bool)
+
+    @property
+    def objects(self) -> tuple[int, int]:
+        """States of the truth and of the estimate."""
+        truths, estimates = zip(*(part.objects for part in self.results.values()), strict=True)
+        return sum(truths), sum(estimates)
+
+    def assignments_table(self) -> Table:
+        """Assigned pairs, class by class."""
+        return self._joined({name: part.assignments_table() for name, part in self._items()})
+
+    def switches_table(self) -> Table:
+        """Switches, class by class."""
+        return self._joined({name: part.switches_table() for name, part in self._items()})
+
+    def per_truth_table(self) -> Table:
+        """Truths, class by class."""
+        return self._joined({name: part.per_truth_table() for name, part in self._items()})
+
+    def per_estimate_table(self) -> Table:
+        """Estimates, class by class."""
+        return self._joined({name: part.per_estimate_table() for name, part in self._items()})
+
+    def per_class_table(self) -> Table:
+        """Value and costs of each class; the costs add up, the values do not."""
+        names = ("tgospa", "total", "localisation", "missed", "false", "switch")
+        parts = self.results.values()
+        return {"class": list(self.results)} | {
+            name: [getattr(part, name) for part in parts] for name in names
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document of the sum, with those of the classes."""
+        return super().to_dict() | {
+            "by_class": {name: part.to_dict() for name, part in self._items()}
+        }
+
+    def _items(self) -> list[tuple[str, Result]]:
+        return list(self.results.items())
+
+    @staticmethod
+    def _joined(tables: dict[str, Table]) -> Table:
+        """One table below the other, with the class in front."""
+        columns = next(iter(tables.values()))
+        joined: Table = {
+            "class": [name for name, table in tables.items() for _ in next(iter(table.values()))]
+        }
+        return joined | {
+            column: [value for table in tables.values() for value in table[column]]
+            for column in columns
+        }
+
+
+def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: float) -> ByClass:
+    """The sum of the results of all classes.
+
+    Parameters
+    ----------
+    results : dict
+        By class, at least one, all on the same steps and with the same settings.
+    about : dict
+        What the result says of the two files beside their digests.
+    read : float
+        Seconds that reading took.
+    """
+    parts = list(results.values())
+    first = parts[0]
+    bounds = [part.proof.bounds for part in parts]
+    splits = [part.proof.breakdown for part in parts]
+    unfinished = [part.solver for part in parts if not part.solver["finished"]]
+    return ByClass(
+        results=results,
+        proof=Costs(
+            parameters=first.proof.parameters,
+            bounds=Bounds(
+                lower=math.fsum(part.lower for part in bounds) * (1 - 2.0**-52),
+                upper=math.fsum(part.upper for part in bounds) * (1 + 2.0**-52),
+                rounding=sum(part.rounding for part in bounds),
+            ),
+            breakdown=Breakdown(
+                **{
+                    field.name: np.sum([getattr(split, field.name) for split in splits], axis=0)
+                    for field in fields(Breakdown)
+                    if field.name != "total"
+                },
+                total=math.fsum(split.total for split in splits),
+            ),
+        ),
+        traced=_sum_of_curves([part.traced for part in parts]),
+        labels=Labels(
+            times=first.labels.times,
+            truths=[name for part in parts for name in part.labels.truths],
+            estimates=[name for part in parts for name in part.labels.estimates],
+            unit=first.labels.unit,
+        ),
+        gap=first.gap,
+        settings=first.settings,
+        solver={
+            **(unfinished or [first.solver])[0],
+            "iterations": sum(part.solver["iterations"] for part in parts),
+            "history": [],
+        },
+        timings=_sum_of_times([{"read": read, "total": read}, *(part.timings for part in parts)]),
+        input={
+            side: _joined_input(told, {k: v.input[side] for k, v in results.items()})
+            for side, told in about.items()
+        },
+        version=first.version,
+        split=_sum_of_splits([part.split for part in parts]),
+        warnings=tuple(dict.fromkeys(notice for part in parts for notice in part.warnings)),
+    )
+
+
+def _sum_of_curves(curves: list[Curve | None]) -> Curve | None:
+    asked = [curve for curve in curves if curve is not None]
+    if not asked:
+        return None
+    sums = {
+        field.name: np.sum([getattr(curve, field.name) for curve in asked], axis=0)
+        for field in fields(Curve)
+    }
+    rounding = (len(asked) + 1) * 2.0**-53
+    sums["lower"] *= 1 - rounding
+    sums["upper"] *= 1 + rounding
+    return Curve(**sums)
+
+
+def _joined_input(told: dict[str, Any], inputs: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """What is told of a file, with the rows that the grid left out and a digest of its classes."""
+    # Those of the other file alone are left out: the digest of the truth tells of the truth.
+    digests = [(name, part["sha256"]) for name, part in inputs.items() if part["rows"]]
+    off_grid = sum(part["left_out"].get("grid", 0) for part in inputs.values())
+    return {
+        **told,
+        "left_out": told.get("left_out", {}) | ({"grid": off_grid} if off_grid else {}),
+        "sha256": hashlib.sha256(repr(digests).encode()).hexdigest(),
+    }
+
+
+def _sum_of_splits(splits: list[tuple[float, float] | None]) -> tuple[float, float] | None:
+    means, spreads = zip(*(split or (0.0, 0.0) for split in splits), strict=True)
+    return None if None in splits else (sum(means), sum(spreads))
+
+
+def _sum_of_times(timings: list[dict[str, Any]]) -> dict[str, Any]:
+    """Sums of seconds by name; the time per state is no sum and left out."""
+    total: dict[str, Any] = {}
+    for part in timings:
+        for name, value in part.items():
+            if isinstance(value, dict):
+                total[name] = _sum_of_times([total.get(name, {}), value])
+            elif name != "nanoseconds_per_state":
+                total[name] = total.get(name, 0.0) + value
+    return total

@@ -1,0 +1,192 @@
+"""The result that a user holds. Knows no solver and no file."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.states import States
+from tgospa_eval.results.summary import Costs, Summary, Table
+from tgospa_eval.problem.weights import ONE, changes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proof(Costs):
+    """What `certify` returned, with what it was proven for.
+
+    Parameters
+    ----------
+    states : States
+        The reduced problem.
+    weights : (S,) int array
+        The feasible assignment.
+    """
+
+    states: States
+    weights: Ints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """Where the objects were, for pictures alone: no number depends on it.
+
+    Parameters
+    ----------
+    columns : tuple of str
+        Names of the d state columns.
+    truth, estimate : (R, d) float arrays
+        States in the order of the rows of the problem, by step and track.
+    truth_covariance, estimate_covariance : (R, d (d + 1) / 2) float arrays, optional
+        Lower triangles of the covariances of these states, of clouds the second moments.
+    """
+
+    columns: tuple[str, ...]
+    truth: Floats
+    estimate: Floats
+    truth_covariance: Floats | None = None
+    estimate_covariance: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Result(Summary):
+    """One evaluation. Attributes bear the names of the JSON; tables are built when read.
+
+    Parameters
+    ----------
+    proof : Proof
+        Bounds and assignment.
+    labels, gap, settings, solver, timings, input, version
+        Times and ids, the gap that counts as exact, options, and how it was made.
+    scene : Scene, optional
+        The states, for pictures; not part of the JSON.
+    """
+
+    proof: Proof
+    scene: Scene | None = None
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        return sizes_of(self.proof.states)
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """Steps at which something exists (T,)."""
+        problem = self.proof.states.problem
+        answer = np.zeros(problem.steps, bool)
+        answer[problem.truth_step] = True
+        answer[problem.estimate_step] = True
+        return answer
+
+    @property
+    def objects(self) -> tuple[int, int]:
+        """States of the truth and of the estimate."""
+        problem = self.proof.states.problem
+        return len(problem.truth_step), len(problem.estimate_step)
+
+    def assignments_table(self) -> Table:
+        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
+        states, problem = self.proof.states, self.proof.states.problem
+        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
+        used = used[np.lexsort((states.pair[used], states.begin[used]))]
+        entry, pair = states.entry[used], states.pair[used]
+        order = np.lexsort(
+            (states.pair_estimate[pair], states.pair_truth[pair], states.begin[used])
+        )
+        used, entry, pair = used[order], entry[order], pair[order]
+        weight = self.proof.weights[used] / ONE
+        cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
+        return {
+            "t": [self.labels.times[k] for k in states.begin[used]],
+            "truth": [self.labels.truths[i] for i in states.pair_truth[pair]],
+            "estimate": [self.labels.estimates[j] for j in states.pair_estimate[pair]],
+            "weight": weight.tolist(),
+            "distance": (cutoff * problem.cost[entry] ** (1 / p)).tolist(),
+            "cost": (self.scale * problem.cost[entry] * weight).tolist(),
+        }
+
+    def switches_table(self) -> Table:
+        """Changes of each truth's assignment, from its largest loss to its largest gain."""
+        states = self.proof.states
+        state, amount = changes(states, self.proof.weights)
+        rises = self.proof.weights[state] > self.proof.weights[state - 1]
+        pair = states.pair[state]
+        step, truth = states.begin[state], states.pair_truth[pair]
+        order = np.lexsort((-amount, truth, step))
+        opens = np.ones(len(order), bool)
+        opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
+        price = states.problem.crossing_price
+        first = np.flatnonzero(opens)
+        if not len(first):
+            return {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
+        variation = np.add.reduceat(amount[order], first)
+        named = [*self.labels.estimates, None]
+
+        def largest(chosen: NDArray[np.bool_]) -> list[str | None]:
+            """Of each group the estimate of its first change that is chosen."""
+            place = np.where(chosen[order], np.arange(len(order)), len(order))
+            track = np.append(states.pair_estimate[pair[order]], len(named) - 1)
+            return [named[j] for j in track[np.minimum.reduceat(place, first)].tolist()]
+
+        moments, tracks = step[order[first]], truth[order[first]]
+        return {
+            "t": [self.labels.times[k] for k in moments.tolist()],
+            "truth": [self.labels.truths[i] for i in tracks.tolist()],
+            "from": largest(~rises),
+            "to": largest(rises),
+            "mass": (0.5 * variation).tolist(),
+            "cost": (self.scale * price[moments] * variation).tolist(),
+        }
+
+    def per_truth_table(self) -> Table:
+        """Steps, costs and counts of each truth."""
+        return self._per_track("truth")
+
+    def per_estimate_table(self) -> Table:
+        """Steps, costs and counts of each estimate."""
+        return self._per_track("estimate")
+
+    def _per_track(self, side: str) -> Table:
+        states, problem = self.proof.states, self.proof.states.problem
+        ids = self.labels.truths if side == "truth" else self.labels.estimates
+        track: Ints = getattr(problem, f"{side}_track")
+        price: Floats = getattr(problem, f"{side}_price")
+        pair_track: Ints = getattr(states, f"pair_{side}")
+        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
+        entry, weight = states.entry[used], self.proof.weights[used]
+        free = np.full(len(track), ONE)
+        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], weight)
+        changed, amount = changes(states, self.proof.weights)
+
+        def total(index: Ints, value: Floats) -> Floats:
+            return sum_by(index, value, len(ids))
+
+        unassigned = total(track, free / ONE)
+        paid = amount * problem.crossing_price[states.begin[changed]]
+        at = pair_track[states.pair[changed]]
+        kind = "missed" if side == "truth" else "false"
+        columns = {
+            "localisation": self.scale
+            * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
+            kind: self.scale * total(track, free / ONE * price),
+            "switch": self.scale * total(at, paid),
+            f"{kind}_count": unassigned,
+            "switch_count": 0.5 * total(at, amount),
+        }
+        steps = np.bincount(track, minlength=len(ids)).tolist()
+        return {"id": list(ids), "steps": steps} | {
+            name: column.tolist() for name, column in columns.items()
+        }
+
+
+def sizes_of(states: States) -> dict[str, int]:
+    """Numbers of trajectories, steps, near pairs, their steps, and components."""
+    return {
+        "truth": states.problem.truths,
+        "estimates": states.problem.estimates,
+        "steps": states.problem.steps,
+        "candidate_pairs": len(states.pair_row),
+        "pair_steps": len(states.problem.cost),
+        "components": len(states.block_begin),
+    }

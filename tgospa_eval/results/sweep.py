@@ -1,0 +1,173 @@
+"""What a sweep of a parameter holds: a row of plain numbers for each of its values."""
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.results.summary import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA = "tgospa-eval/sweep/1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """One evaluation of a sweep; the fields are those of a `Result`.
+
+    Parameters
+    ----------
+    value : float
+        Of the parameter that is swept.
+    tgospa, lower_bound, total : float
+        The metric, which is a proven upper bound; a proven lower bound; ``tgospa ** order``.
+    relative_gap : float
+        (upper - lower) / upper of the totals.
+    certified : bool
+        Whether the value is exact.
+    normalised : float
+        ``(total / T) ** (1 / order)`` over the T steps at which something exists.
+    localisation, missed, false, switch : float
+        Costs; they sum to the total.
+    missed_count, false_count, switch_count : float
+        Missed and false object-steps, and switches.
+    status : str
+        How the solver ended.
+    finished : bool
+        Whether it did what was asked.
+    """
+
+    value: float
+    tgospa: float
+    lower_bound: float
+    total: float
+    relative_gap: float
+    certified: bool
+    normalised: float
+    localisation: float
+    missed: float
+    false: float
+    switch: float
+    missed_count: float
+    false_count: float
+    switch_count: float
+    status: str
+    finished: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sweep:
+    """Evaluations that differ in one parameter.
+
+    Parameters
+    ----------
+    parameter : str
+        ``"cutoff"``, ``"order"`` or ``"switch_penalty"``.
+    points : tuple of Point
+        In the order of its values.
+    settings, sizes, input, timings : dict
+        As of a `Result`: options that change the numbers, without the parameter that is swept;
+        trajectories and steps; rows and digests; seconds by stage.
+    version : str
+        Version of the package that made it.
+    warnings : tuple of Notice
+        What looks wrong with the data.
+    """
+
+    parameter: str
+    points: tuple[Point, ...]
+    settings: dict[str, Any]
+    sizes: dict[str, int]
+    input: dict[str, Any]
+    timings: dict[str, float]
+    version: str
+    warnings: tuple[Notice, ...] = ()
+
+    def __repr__(self) -> str:
+        first, last = self.points[0].value, self.points[-1].value
+        return (
+            f"Sweep({self.parameter}={first:g}...{last:g}, points={len(self.points)}, "
+            f"certified={self.certified})"
+        )
+
+    @property
+    def certified(self) -> bool:
+        """Whether all values are exact."""
+        return all(point.certified for point in self.points)
+
+    @cached_property
+    def table(self) -> "pd.DataFrame":
+        """A row for each point; the first column bears the name of the parameter."""
+        import pandas as pd  # here: not needed to compute, and slow to import
+
+        return pd.DataFrame(self.columns())
+
+    def columns(self) -> Table:
+        """The points as columns, the parameter first."""
+        rows = [asdict(point) for point in self.points]
+        table = {name: [row[name] for row in rows] for name in rows[0]}
+        return {self.parameter: table.pop("value"), **table}
+
+    def unchanged(self, *counts: str) -> tuple[int, int] | None:
+        """First and last point of the longest range in which these counts are the same.
+
+        None if they differ between all neighbours. Between the points nothing is proven.
+        """
+        same = [
+            all(abs(getattr(a, name) - getattr(b, name)) < 1e-6 for name in counts)
+            for a, b in pairwise(self.points)
+        ]
+        best, begin = (0, 0), 0
+        for k, holds in enumerate([*same, False]):
+            if not holds:
+                best = max(best, (begin, k), key=lambda span: span[1] - span[0])
+                begin = k + 1
+        return best if best[1] > best[0] else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON document as plain Python values."""
+        return {
+            "schema": SCHEMA,
+            "version": self.version,
+            "parameter": self.parameter,
+            "parameters": self.settings,
+            "certified": self.certified,
+            "points": [_nested(point) for point in self.points],
+            "unchanged": {
+                "missed_false": self._range("missed_count", "false_count"),
+                "switch": self._range("switch_count"),
+            },
+            "sizes": self.sizes,
+            "input": self.input,
+            "timings": self.timings,
+            "warnings": [notice.record() for notice in self.warnings],
+        }
+
+    def to_json(self) -> str:
+        """The JSON document: sorted keys, no NaN, full doubles."""
+        import json  # here: the table does without
+
+        return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
+
+    def _range(self, *counts: str) -> dict[str, Any] | None:
+        found = self.unchanged(*counts)
+        if found is None:
+            return None
+        first, last = found
+        return {
+            "from": self.points[first].value,
+            "to": self.points[last].value,
+            "points": last - first + 1,
+        }
+
+
+def _nested(point: Point) -> dict[str, Any]:
+    """A point with the names of the JSON of a result."""
+    names = asdict(point)
+    counts = {name: names.pop(f"{name}_count") for name in ("missed", "false", "switch")}
+    solver = {name: names.pop(name) for name in ("status", "finished")}
+    normalised = {"tgospa": names.pop("normalised")}
+    return {**names, "counts": counts, "normalised": normalised, "solver": solver}

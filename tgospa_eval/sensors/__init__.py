@@ -1,0 +1,1 @@
+"""States of two sensors: which belong together, and clouds of fewer particles."""

@@ -1,0 +1,249 @@
+"""Association of the states of two sensors, step by step. Knows no file.
+
+At every step the pairs are chosen whose distances, with half a cutoff for everything that stays
+alone, have the smallest sum: a pair is worth ``c - d``, and none at the cutoff or beyond is taken.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
+from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.clouds.transport import cross_covariance
+from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Trajectories
+
+Table = dict[str, list[Any]]
+Floats = NDArray[np.float64]
+
+LARGEST = 3000
+"""Rows of either side of a step: the matrix of their gains takes 72 MB."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Association:
+    """Pairs of rows of two sides.
+
+    Parameters
+    ----------
+    first, second : Trajectories
+        The sides, on the same times.
+    pairs : Pairs
+        Pairs of one step: those that are nearer than the cutoff, or all if that was asked for.
+    apart : (N,) float array
+        Distances of their means.
+    chosen : (N,) bool array
+        Which of them were associated.
+    cutoff : float
+        The cutoff c.
+    """
+
+    first: Trajectories
+    second: Trajectories
+    pairs: Pairs
+    apart: Floats
+    chosen: NDArray[np.bool_]
+    cutoff: float
+
+    @property
+    def total(self) -> float:
+        """The sum that was minimised."""
+        alone = len(self.first.step) + len(self.second.step) - 2 * int(self.chosen.sum())
+        return float(self.pairs.distance[self.chosen].sum() + 0.5 * self.cutoff * alone)
+
+    def associations_table(self) -> Table:
+        """Each state once: pairs by step, with None for the partner of one that stays alone."""
+        pairs = np.flatnonzero(self.chosen)
+        i, j = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
+        values = zip(self.pairs.distance[pairs].tolist(), self.apart[pairs].tolist(), strict=True)
+        steps = self.first.step, self.second.step
+        alone = [
+            np.setdiff1d(np.arange(len(step)), taken).tolist()
+            for step, taken in zip(steps, (i, j), strict=True)
+        ]
+        rows = [
+            *(
+                (int(steps[0][a]), 0, a, self._names(a, b, *value))
+                for a, b, value in zip(i.tolist(), j.tolist(), values, strict=True)
+            ),
+            *((int(steps[0][a]), 1, a, self._names(a, None, None, None)) for a in alone[0]),
+            *((int(steps[1][b]), 2, b, self._names(None, b, None, None)) for b in alone[1]),
+        ]
+        rows.sort(key=lambda row: row[:3])
+        names = ("t", "id_a", "id_b", "distance", "mean_distance")
+        return {name: [row[3][k] for row in rows] for k, name in enumerate(names)}
+
+    def costs_table(self) -> Table:
+        """All `pairs`, and whether they were associated."""
+        table = self._pairs_table(np.arange(len(self.chosen)))
+        return {**table, "associated": self.chosen.astype(int).tolist()}
+
+    def cross_covariances_table(self) -> Table:
+        """Of each associated pair the cross-covariance of the particles.
+
+        Raises
+        ------
+        InputError
+            No side has clouds, or one has normal laws.
+        """
+        kinds = {self.first.kind, self.second.kind}
+        if "cloud" not in kinds or "gaussian" in kinds:
+            lacks = "one file has covariances" if "cloud" in kinds else "neither file has any"
+            raise InputError(
+                f"cross-covariances are those of particles, and {lacks}; add a column weight"
+            )
+        pairs = np.flatnonzero(self.chosen)
+        names = self.first.columns
+        matrices = np.zeros((len(pairs), len(names), len(names)))
+        if self.first.clouds is not None and self.second.clouds is not None:
+            for k, pair in enumerate(pairs.tolist()):
+                a = self.first.clouds[int(self.pairs.truth_row[pair])]
+                b = self.second.clouds[int(self.pairs.estimate_row[pair])]
+                matrices[k] = cross_covariance(*a, *b)
+        entries = {
+            f"cov_{one}_{other}": matrices[:, r, s].tolist()
+            for r, one in enumerate(names)
+            for s, other in enumerate(names)
+        }
+        return {**self._pairs_table(pairs), **entries}
+
+    def _pairs_table(self, pairs: NDArray[np.intp]) -> Table:
+        rows = [
+            self._names(int(a), int(b), float(value), float(far))
+            for a, b, value, far in zip(
+                self.pairs.truth_row[pairs],
+                self.pairs.estimate_row[pairs],
+                self.pairs.distance[pairs],
+                self.apart[pairs],
+                strict=True,
+            )
+        ]
+        names = ("t", "id_a", "id_b", "distance", "mean_distance")
+        return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+    def _names(
+        self, a: int | None, b: int | None, value: float | None, apart: float | None
+    ) -> tuple[Any, ...]:
+        side, row = (self.first, a) if a is not None else (self.second, b)
+        time = side.shown[side.step[row]]
+        return (
+            time.item() if hasattr(time, "item") else time,
+            None if a is None else self.first.ids[self.first.track[a]],
+            None if b is None else self.second.ids[self.second.track[b]],
+            value,
+            apart,
+        )
+
+
+def associate(
+    first: Trajectories,
+    second: Trajectories,
+    *,
+    cutoff: float,
+    distance: str | Distance = "euclidean",
+    all_pairs: bool = False,
+    effort: Effort | None = None,
+) -> Association:
+    """Associate the states of two sides on the same times.
+
+    Parameters
+    ----------
+    first, second : Trajectories
+        On the same times, with the same state columns.
+    cutoff : float
+        c > 0, in the unit of the distance.
+    distance : str or Distance
+        Distance of states: a key of `tgospa_eval.distances.DISTANCES`, or a record.
+    all_pairs : bool
+        Measure all pairs of each step, not only those that may be nearer than the cutoff; the
+        association is the same.
+    effort : Effort, optional
+        Threads, and progress.
+
+    Raises
+    ------
+    ConfigError
+        The cutoff is not finite and > 0, or there is no such distance.
+    InputError
+        The sides do not fit each other or the distance, or a step has too many states.
+    """
+    cutoff = real_number("cutoff", cutoff)
+    if not 0 < cutoff < np.inf:
+        raise ConfigError(f"cutoff is {cutoff:g}: must be finite and > 0")
+    measure = _fitting(first, second, distance)
+    pairs = near_pairs(first, second, np.inf if all_pairs else cutoff, measure, effort)
+    near = np.flatnonzero(pairs.distance < cutoff)
+    rows = pairs.truth_row[near], pairs.estimate_row[near]
+    gain = cutoff - pairs.distance[near]
+    chosen = np.zeros(len(pairs.distance), bool)
+    step = first.step[rows[0]]
+    for begin, end in _runs(step):
+        axes = [np.unique(side[begin:end], return_inverse=True)[1] for side in rows]
+        shape = [int(axis.max()) + 1 for axis in axes]
+        if max(shape) > LARGEST:
+            raise InputError(
+                f"t {first.shown[step[begin]]}: {max(shape)} states with a partner within the "
+                f"cutoff, at most {LARGEST} are possible; take a smaller cutoff"
+            )
+        chosen[near[begin:end]] = _best(gain[begin:end], axes, shape)
+    return Association(
+        first=first,
+        second=second,
+        pairs=pairs,
+        apart=_means_apart(first, second, pairs, measure),
+        chosen=chosen,
+        cutoff=cutoff,
+    )
+
+
+def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance) -> Distance:
+    """The distance of the states of both sides, which must fit each other."""
+    if isinstance(distance, str):
+        if distance not in DISTANCES:
+            raise ConfigError(
+                f"distance is {quoted(distance)}: must be one of {', '.join(DISTANCES)}"
+            )
+        distance = DISTANCES[distance]
+    names = ("first", "second")
+    check_columns(first, second, names)
+    check_states(first, second, distance, names)
+    if not np.array_equal(first.times, second.times) or first.clock != second.clock:
+        raise InputError("the sides are on different times; tgospa_eval.tracks.alignment.align joins them")
+    return distance.fitted(first, second)
+
+
+def _means_apart(
+    first: Trajectories, second: Trajectories, pairs: Pairs, distance: Distance
+) -> Floats:
+    """Distances of the means, with the scales and periods of the distance."""
+    means: Distance = Norm(
+        name="euclidean",
+        power=2.0,
+        scale=getattr(distance, "scale", None),
+        period=getattr(distance, "period", None),
+    )
+    if distance.columns is not None:  # degrees, and edges of boxes: no norm
+        means = distance
+    return means(first.state[pairs.truth_row], second.state[pairs.estimate_row])
+
+
+def _runs(step: NDArray[np.integer]) -> list[tuple[int, int]]:
+    """Where each step begins and ends among the pairs."""
+    begin = np.flatnonzero(np.diff(step, prepend=-1))
+    return list(pairwise([*begin.tolist(), len(step)]))
+
+
+def _best(gain: Floats, axes: list[NDArray[np.intp]], shape: list[int]) -> NDArray[np.bool_]:
+    """Which pairs have the largest sum of gains, each row and column once."""
+    from scipy.optimize import linear_sum_assignment
+
+    table = np.zeros(shape)
+    table[axes[0], axes[1]] = gain
+    taken = np.zeros(shape, bool)
+    taken[linear_sum_assignment(table, maximize=True)] = True
+    return np.asarray(taken[axes[0], axes[1]] & (gain > 0))

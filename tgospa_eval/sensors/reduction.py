@@ -1,0 +1,114 @@
+"""Clouds of a whole recording reduced, and what that changed. Knows no file."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from tgospa_eval.tracks.clouds import Cloud, Clouds
+from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
+from tgospa_eval.distances.clouds.pairs import announce, counted
+from tgospa_eval.distances.clouds.distance import reduced
+from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
+from tgospa_eval.distances.clouds.transport import LARGEST, NEEDED, can_transport
+from tgospa_eval.tracks.trajectories import Trajectories
+
+Table = dict[str, list[Any]]
+
+
+def reduce_trajectories(
+    side: Trajectories, reduction: Reduction, effort: Effort | None = None
+) -> tuple[Trajectories, Table]:
+    """Every cloud with fewer particles, and a row of what changed for each.
+
+    Parameters
+    ----------
+    side : Trajectories
+        With clouds; without, every state is one particle, and nothing changes.
+    reduction : Reduction
+        How.
+    effort : Effort, optional
+        Threads, and progress.
+
+    Returns
+    -------
+    Trajectories
+        With the reduced clouds and their means.
+    dict of lists
+        By cloud: id, t, particles, kept, wasserstein and sliced_wasserstein distance of both
+        clouds (order 2), trace_kept as share of the trace of the covariance, mean_shift. None
+        where a cloud is too large for the exact distance, POT is missing, or there is no spread.
+    """
+    effort = effort or Effort()
+    if side.clouds is None:
+        return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
+    after = reduced(side.clouds, reduction, effort)
+    return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
+
+
+def _table(side: Trajectories, changes: list[tuple[Any, ...]]) -> Table:
+    ids = side.ids[side.track].tolist()
+    moments = side.shown[side.step].tolist()
+    rows = [(*row[:2], *row[2]) for row in zip(ids, moments, changes, strict=True)]
+    return {name: [row[k] for row in rows] for k, name in enumerate(NAMES)}
+
+
+def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, ...]]:
+    """What is said of each cloud: in threads, and announced, as it takes longer than to reduce."""
+    directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
+    is_exact = can_transport()
+
+    def change(row: int) -> tuple[Any, ...]:
+        return _compared(before[row], after[row], directions, is_exact=is_exact)
+
+    count = int(np.count_nonzero(before.counts > after.counts))
+    if count:
+        largest = int(np.argmax(before.counts * (before.counts > after.counts)))
+        what = f"{counted(count, 'cloud')} to compare with those before"
+        announce(effort, count, what, lambda: change(largest))
+        if not is_exact:
+            effort.stopwatch.tell(f"no exact distances from the clouds before: {NEEDED}")
+    outer, effort.stopwatch.stage = effort.stopwatch.stage, "comparing clouds with those before"
+    try:
+        with ThreadPoolExecutor(effort.jobs) as pool:
+            return list(pool.map(change, range(len(before))))
+    finally:
+        effort.stopwatch.stage = outer
+
+
+NAMES = (
+    "id",
+    "t",
+    "particles",
+    "kept",
+    "wasserstein",
+    "sliced_wasserstein",
+    "trace_kept",
+    "mean_shift",
+)
+
+
+def _compared(
+    before: Cloud, after: Cloud, directions: np.ndarray[Any, Any], *, is_exact: bool
+) -> tuple[Any, ...]:
+    sizes = len(before[1]), len(after[1])
+    if sizes[0] == sizes[1]:
+        return (*sizes, 0.0, 0.0, 1.0, 0.0)
+    means = [weights @ points for points, weights in (before, after)]
+    traces = [
+        float(weights @ ((points - mean) ** 2).sum(axis=1))
+        for (points, weights), mean in zip((before, after), means, strict=True)
+    ]
+    # Without a warning for weights of single precision: they were normalised when read.
+    exact = (
+        cloud_wasserstein(*before, *after)
+        if is_exact and sizes[0] * sizes[1] <= LARGEST**2
+        else None
+    )
+    return (
+        *sizes,
+        exact,
+        sliced_wasserstein(before, after, directions),
+        traces[1] / traces[0] if traces[0] else None,
+        float(np.linalg.norm(means[1] - means[0])),
+    )

@@ -1,0 +1,134 @@
+"""Where the simplex method starts: a basis that fits the prices.
+
+A starting basis says of each column and of each constraint whether it is basic. It may be too
+large, too small or singular: whoever factors it leaves columns out and puts slacks in. It only
+decides how many iterations follow.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.solvers.programme import Programme
+
+Marks = NDArray[np.bool_]
+
+WORTH = 3000
+"""Free states of a programme that is worth a starting basis: others take 50 ms at most without."""
+
+TURNS = 8
+"""The potentials are found turn by turn, which pays with so many states a turn."""
+
+BASIC = 0.03
+"""Reduced costs and duals that are smaller count as zero: what prices are wrong by."""
+
+
+def suggest(p: Programme) -> tuple[Marks, Marks] | None:
+    """Basic columns and constraints by complementary slackness at the prices; None: too small.
+
+    Prices alone leave the duals of rows and transitions open. Those of the shortest path problem
+    of each row are potentials, best values of paths that end in each state: see `_potentials`.
+    What has a reduced cost or a dual of about zero then is basic.
+    """
+    size = len(p.free)
+    if size < WORTH or not p.columns.price.any():
+        return None
+    dual = _potentials(p)
+    if dual is None:
+        return None
+    _, rises, *_ = p.parts
+    reduced = np.abs(p.reduced(-dual))
+    reduced[rises.stop :] = np.inf  # no price is at the border of its box
+    rows = len(p.full)
+    near = np.concatenate((reduced[: rises.stop], dual))
+    limit = max(BASIC, float(np.partition(near, rows - 1)[rows - 1]))
+    return reduced <= limit, dual <= limit
+
+
+def _potentials(p: Programme) -> Floats | None:
+    """Duals >= 0 of all constraints that fit the prices, or None if finding them takes long.
+
+    Along each row in time: hub h, the best value of a path that is in no state; F_s, that of a path
+    through state s to its end, F_s = (F or h before) + gain - prices; h rises to F_s - lambda. The
+    dual of a limit is the rise of h over it, and that of a transition with the price lambda is
+    lambda - f, with f = F_s - h cut to [-lambda, lambda], what being in s is worth at that time.
+    """
+    size, moves = len(p.free), p.moves
+    source, to, paid = moves.source[moves.two], moves.to[moves.two], moves.paid[moves.two]
+    value = p.reward[:size].copy()
+    value[to] -= paid
+    value[source] += paid
+    np.subtract.at(value, p.columns.state, p.columns.price[p.columns.limit])
+    leave = np.zeros(size)
+    leave[source] = paid
+    follows = np.zeros(size, bool)
+    follows[to] = True
+
+    low, high, row, base, total = _spans(p)
+    state = np.arange(size)
+    empty = low == high
+    chain = np.maximum.accumulate(np.where(empty & follows, 0, state))
+    # States without a limit of their own take their turns one after the other.
+    depth = np.where(empty, state - chain + empty[chain], 0)
+    turn = (high - base[row]) * (int(depth.max(initial=0)) + 1) + depth
+    order = np.argsort(turn, kind="stable")
+    cuts = np.flatnonzero(np.diff(turn[order], prepend=-1))
+    if len(cuts) * TURNS > size:
+        return None
+    worth = np.zeros(size + 1)  # f of the state before
+    hub, at = np.zeros(len(base)), np.zeros(total)
+    for s in np.split(order, cuts[1:]):
+        best = np.where(follows[s], worth[s], 0.0) + value[s]
+        if not empty[s[0]]:
+            best += at[low[s]]
+            np.maximum.at(hub, row[s], best - leave[s])
+            now = hub[row[s]]
+            at[high[s]] = now
+            best -= now
+        worth[s + 1] = np.clip(best, -leave[s], leave[s])
+    # The hub never falls; where no state ends it is what it was.
+    lift = base[-1] + at.max(initial=0.0) + 1.0
+    step = np.zeros(total)
+    step[base] = 1.0
+    number = np.cumsum(step) * lift
+    at = np.maximum.accumulate(at + number) - number
+    limit = np.ones(total, bool)
+    limit[np.append(base[1:], total) - 1] = False
+    dual = np.empty(len(p.full))
+    rows, columns, transitions = p.constraints
+    dual[rows] = np.diff(at, append=0.0)[limit]
+    dual[columns] = p.columns.price
+    dual[transitions] = moves.paid
+    dual[transitions][moves.two] -= worth[source + 1]
+    return np.maximum(dual, 0.0)
+
+
+def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints, int]:
+    """Borders of limits that each free state lies between, its row, first border of each, number.
+
+    Each row has a border before its first limit and one after each; borders are numbered row by
+    row. A state without a limit lies at the border where the one before it of its pair ends.
+    """
+    states, size = p.states, len(p.free)
+    pair = np.searchsorted(states.pair_first, p.free, side="right") - 1
+    used, row = np.unique(states.pair_row[pair], return_inverse=True)
+    of_limit = np.zeros(len(p.rows.room), np.intp)
+    of_limit[p.rows.limit] = row[p.rows.state]
+    base = np.searchsorted(of_limit, np.arange(len(used))) + np.arange(len(used))
+    first = np.flatnonzero(np.diff(p.rows.state, prepend=-1))
+    last = np.append(first[1:], len(p.rows.state)) - 1
+    low, high = np.full(size, -1), np.full(size, -1)
+    has = p.rows.state[first]
+    low[has] = p.rows.limit[first] + row[has]
+    high[has] = p.rows.limit[last] + 1 + row[has]
+    known = low >= 0
+    opens = known | (np.diff(pair, prepend=-1) != 0)
+    before = np.maximum.accumulate(np.where(opens, np.arange(size), 0))
+    border = np.where(known[before], high[before], base[row])
+    return (
+        np.where(known, low, border),
+        np.where(known, high, border),
+        row,
+        base,
+        len(of_limit) + len(used),
+    )

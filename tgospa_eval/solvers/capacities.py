@@ -1,0 +1,106 @@
+"""Capacities as constraints of a linear programme, on the states that it decides."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.slots import Slots, parts
+
+SAME = 1e-12
+"""Rooms that differ by less are one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Limits:
+    """Capacity constraints on some states: sum of the states of each limit <= room.
+
+    Parameters
+    ----------
+    limit, state : (nnz,) int arrays
+        Limit, and position among the chosen states, of every entry.
+    room : (L,) float array
+        What the held states leave.
+    price : (L,) float array
+        Sum of the prices of its slots.
+    slot, of_slot : (k,), (k,) int arrays
+        The slots that have a limit, and which.
+    """
+
+    limit: Ints
+    state: Ints
+    room: Floats
+    price: Floats
+    slot: Ints
+    of_slot: Ints
+
+    def spread(self, new: Floats, prices: Floats) -> Floats:
+        """Prices of the slots (k,) for new ones of the limits: a rise on the first, or all scaled.
+
+        `prices` (k,) are those that the slots had.
+        """
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factor = np.where(new < self.price, new / self.price, 1.0)
+        spread = prices * factor[self.of_slot]
+        first = np.flatnonzero(np.diff(self.of_slot, prepend=-1))
+        spread[first] += np.maximum(new - self.price, 0.0)
+        return spread
+
+
+def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats | None = None) -> Limits:
+    """The constraints of the chosen states where `held` (S,) of the others use the slots up.
+
+    Neighbouring slots with the same states and the same room are one. Slots without a price (K,)
+    that have room for their only state are left out.
+    """
+    begin, end = slots.begin[chosen], slots.end[chosen]
+    state = np.flatnonzero(end > begin)
+    begin, end = begin[state], end[state]
+    marked = np.zeros(len(held), bool)
+    marked[chosen[state]] = True
+    covers = load(slots, marked)
+    slot = np.flatnonzero(covers)
+    covers = covers[slot]
+    room = np.clip(1.0 - load(slots, held)[slot], 0.0, 1.0)
+    edge = np.zeros(len(slots.step) + 1, bool)
+    edge[begin] = edge[end] = edge[slots.first] = True
+    fresh = edge[slot]
+    fresh[:1] = True
+    fresh[1:] |= (np.diff(slot) > 1) | (np.abs(np.diff(room)) > SAME)
+    group = np.cumsum(fresh) - 1
+    first = np.flatnonzero(fresh)
+    covers, room = covers[first], room[first]
+    price = np.zeros(len(first)) if prices is None else sum_by(group, prices[slot], len(first))
+    needed = (covers > 1) | (room < 1) | (price > 0)
+    number = np.where(needed, np.cumsum(needed) - 1, -1)
+
+    low = group[np.searchsorted(slot, begin)]
+    length = group[np.searchsorted(slot, end) - 1] + 1 - low
+    entry = np.repeat(state, length)
+    offset = np.arange(len(entry)) - np.repeat(np.cumsum(length) - length, length)
+    limit = number[np.repeat(low, length) + offset]
+    of_slot = number[group]
+    return Limits(
+        limit=limit[limit >= 0],
+        state=entry[limit >= 0],
+        room=room[needed],
+        price=price[needed],
+        slot=slot[of_slot >= 0],
+        of_slot=of_slot[of_slot >= 0],
+    )
+
+
+def load(slots: Slots, weights: NDArray[Any]) -> NDArray[Any]:
+    """Sum of the weights (S,) on each slot, (K,); of booleans, how many are true."""
+    marks = weights.dtype == bool
+    total = np.zeros(len(slots.step) + 1, np.int32 if marks else np.float64)
+    ends = slots.end
+    for part in parts(len(weights)):
+        used = np.flatnonzero(weights[part])
+        amount = 1 if marks else weights[part][used]
+        np.add.at(total, slots.begin[part][used], amount)
+        np.subtract.at(total, ends[part][used], amount)
+    np.cumsum(total, out=total)
+    return total[:-1]

@@ -1,0 +1,426 @@
+"""Dual ascent on the compiled kernels: entropic sweeps on working sets, both bounds after each.
+
+After Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the TGOSPA metric for multiple
+target tracking via unbalanced optimal transport", with one path per row (docs/theory, "Sinkhorn").
+Bounds here steer the solvers; those that are reported are made anew by `tgospa_eval.problem.solution`.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats, Ints, sum_by, sum_parts
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
+from tgospa_eval.solvers.capacities import load
+from tgospa_eval.problem.states import States, connected_components
+
+NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
+"""Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
+slack that is more than rounding; on the best path that was found; slack below 1e-6."""
+
+LINKS, FEW, TINY = 8, 100_000, 1e-3
+"""A chain has at most so many links for each state, or so many; else its threshold is halved,
+unless it is tiny."""
+
+ROUNDING = 8 * 2.0**-53
+"""How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
+two parts and relative to the hub, so that the length of a recording does not count."""
+
+REGRET = 1e-11
+"""What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
+
+
+class Ascent:
+    """Prices, assignments and both bounds of some blocks on the way to the optimum.
+
+    Gains are relative to the cheapest pair of each row and step, so that small costs keep their
+    digits; so are all values. Nothing but width and cost of a bracket has a meaning outside.
+
+    Parameters
+    ----------
+    states : States
+        The blocks.
+    wanted : (B,) bool array
+        Those that take part until `keep` leaves more out.
+    gap : float
+        Relative gap at which no further candidates are tried.
+    weights, prices : (S,), (K,) float arrays
+        Where the best assignment and the best prices are kept; come as zeros in the wanted blocks,
+        and nothing else is written to.
+
+    Attributes
+    ----------
+    soft : (K,) float array
+        Prices of the sweeps.
+    bound, worth : (B,), (B,) float arrays
+        What the prices prove that a block can gain at most, and what the assignment gains.
+    alone : (B,) float array
+        Cost of leaving all unassigned.
+    flags : (S,) uint8 array
+        What the last survey says of each state: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+    work, sweeping : int, float
+        States, those of being in none included, times half sweeps; the seconds that they took.
+    seconds : dict
+        Time by kind of work.
+    """
+
+    def __init__(
+        self,
+        states: States,
+        wanted: NDArray[np.bool_],
+        gap: float,
+        weights: Floats,
+        prices: Floats,
+    ) -> None:
+        self.states, self.wanted_gap = states, gap
+        self.weights, self.prices = weights, prices
+        size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
+        blocks = len(states.block_begin)
+        self.slot_end = states.columns.end
+        self.window_end = states.block_end[states.node_block]
+        self.order, self.row_first = kernels.by_row(
+            kernels.in_time(states.begin, states.problem.steps), states.pair_first,
+            states.pair_row, nodes,
+        )  # fmt: skip
+        self.gain, self.group_first, self.offset = _relative(states, self.order, self.row_first)
+        # LP tolerances are absolute, so huge prices harm: see `price_cap`.
+        self.crossing = np.minimum(states.problem.crossing_price, price_cap(states)[wanted].max())
+        self.flags = np.zeros(size, np.uint8)
+        self.best, self.own = np.zeros(nodes), np.zeros(nodes)
+        self.work, self.sweeping = 0, 0.0
+        self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
+
+        self.keep(wanted)
+        self.alone = alone_costs(states)
+        taken_off = sum_parts(self.offset, self.group_first)
+        self.taken_off = sum_by(states.node_block, taken_off, blocks)
+        self.soft = np.zeros(slots)
+        self.bound = self.survey(self.prices, 0.0)
+        rounded = np.zeros(size, np.uint8)
+        self._majority(rounded)
+        self.worth = np.where(wanted, -np.inf, 0.0)
+        self._offer(self._values(rounded), rounded)
+
+    def keep(self, blocks: NDArray[np.bool_]) -> None:
+        """Go on with these blocks only."""
+        self.open = blocks
+        nodes = np.flatnonzero(blocks[self.states.node_block])
+        is_row = self.row_first[nodes + 1] > self.row_first[nodes]
+        self.rows = nodes[is_row].astype(np.int32)
+        self.columns = nodes[~is_row].astype(np.int32)
+
+    @property
+    def gap(self) -> Floats:
+        """Width of the bracket of each block, (B,)."""
+        gap: Floats = self.bound - self.worth
+        return gap
+
+    @property
+    def cost(self) -> Floats:
+        """Cost of the best assignment of each block, (B,)."""
+        cost: Floats = np.maximum(self.alone - self.taken_off - self.worth, 0.0)
+        return cost
+
+    def wide(self, gap: float) -> NDArray[np.bool_]:
+        """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
+        return self.open & is_wide(self.gap, self.cost, gap)
+
+    def look(self, prices: Floats) -> Floats:
+        """Bound of each block at the prices, (B,)."""
+        s = self.states
+        kernels.survey(
+            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            self.offset, prices, self.best,
+        )  # fmt: skip
+        return self._bounds(prices)
+
+    def survey(self, prices: Floats, reach: float) -> Floats:
+        """`look`, with `flags` of every state and the value of the best assignment of each row."""
+        s = self.states
+        kernels.survey(
+            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            self.offset, prices, self.best, self.weights, reach, self.own, self.flags,
+        )  # fmt: skip
+        return self._bounds(prices)
+
+    def _bounds(self, prices: Floats) -> Floats:
+        blocks = len(self.states.block_begin)
+        total = np.zeros(self.states.nodes)
+        total[self.rows] = self.best[self.rows]
+        total = sum_by(self.states.node_block, total, blocks)
+        # What the values of paths may have lost by rounding counts as well.
+        return total + (1 + ROUNDING) * self._paid(prices)
+
+    def _paid(self, prices: Floats) -> Floats:
+        """Sum of the prices of each open block, (B,)."""
+        s = self.states
+        of_node = sum_parts(prices, s.columns.first)
+        return sum_by(s.node_block, of_node, len(s.block_begin)) * self.open
+
+    def has(self, flag: int) -> NDArray[np.bool_]:
+        """Which states bear a flag since the last survey, (S,)."""
+        return (self.flags & flag) > 0
+
+    def _values(self, weights: NDArray[Any]) -> Floats:
+        """Gain of a feasible assignment in each block, (B,)."""
+        kernels.own_values(
+            self.rows, self.row_first, self.order, self.states.begin, self.crossing, self.gain,
+            self.group_first, self.offset, weights, self.own,
+        )  # fmt: skip
+        return self._sum_own()
+
+    def _sum_own(self) -> Floats:
+        s = self.states
+        return sum_by(s.node_block[self.rows], self.own[self.rows], len(s.block_begin))
+
+    def offer_prices(self, prices: Floats) -> None:
+        """Take the prices in the open blocks where they prove more."""
+        bound = self.look(prices)
+        wins = self.open & (bound < self.bound)
+        self.bound = np.where(wins, bound, self.bound)
+        np.copyto(self.prices, prices, where=self._slots_of(wins))
+
+    def offer_weights(self, weights: Floats) -> None:
+        """Take the feasible assignment in the open blocks where it gains more."""
+        self._offer(self._values(weights), weights)
+
+    def _offer(self, worth: Floats, weights: NDArray[Any]) -> None:
+        wins = self.open & (worth > self.worth)
+        self.worth = np.where(wins, worth, self.worth)
+        np.copyto(self.weights, weights, where=self._states_of(wins))
+
+    def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the block of each column slot is one of these, (K,)."""
+        columns = self.states.columns
+        return np.repeat(blocks[self.states.node_block], np.diff(columns.first))
+
+    def _states_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the block of each state is one of these, (S,)."""
+        return np.repeat(blocks[self.states.pair_block], np.diff(self.states.pair_first))
+
+    def stage(
+        self,
+        epsilon: float,
+        sweeps: int,
+        threshold: float,
+        late: Callable[[], bool],
+        calm: float = 0.0,
+    ) -> tuple[int, float]:
+        """Sweep at a temperature and judge; number of sweeps, and the largest violation at the end.
+
+        The working set are the states with slack up to `threshold`, and those in use. It ends
+        early when no column is violated by more than `calm`.
+        """
+        begin = time.perf_counter()
+        chain = self._chain(threshold)
+        chain.heat(epsilon)
+        hot = time.perf_counter()
+        done, violation = 0, np.inf
+        while done < sweeps:
+            violation = chain.sweep(1)
+            done += 1
+            if violation < calm or late():
+                break
+        self.work += 2 * done * (chain.links + chain.nodes)
+        self.sweeping += time.perf_counter() - hot
+        chain.write_majorities(self.flags)
+        chain.cool(epsilon)
+        chain.write_prices(self.soft)
+        del chain  # the largest array of all
+        rounded = time.perf_counter()
+        self._round()
+        judged = time.perf_counter()
+        for cut in THRESHOLDS:
+            self.offer_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
+            if not self.wide(self.wanted_gap).any():
+                break
+        else:
+            self._thin_out()
+        end = time.perf_counter()
+        self.seconds["sweeps"] += rounded - begin
+        self.seconds["rounding"] += judged - rounded
+        self.seconds["bounds"] += end - judged
+        return done, float(violation)
+
+    def _thin_out(self) -> None:
+        """Where mostly rounding keeps a bracket wide: offer prices only where two states compete.
+
+        A price that nobody contests is as good as none, but sums of prices lose digits.
+        """
+        lost = ROUNDING * self._paid(self.prices)
+        if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * lost)):
+            self.survey(self.prices, float(self.prices.max()))
+            rivals = load(self.states.columns, self.has(NEAR))
+            self.offer_prices(np.where(rivals > 1, self.prices, 0.0))
+
+    def _chain(self, threshold: float) -> Any:
+        """The chain of the working set; of a smaller one where it would be too long."""
+        s = self.states
+        chosen = np.zeros(len(s.begin), np.uint8)
+        most = max(LINKS * len(s.begin), FEW)
+        while True:
+            self.survey(self.soft, threshold)
+            kernels.working_set(
+                self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
+                self.weights, self.soft, self.flags, chosen,
+            )  # fmt: skip
+            chain = kernels.Chain(
+                self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
+                s.columns.first, s.columns.step, s.columns.begin, self.slot_end, chosen, s.entry,
+                self.gain, self.group_first, self.offset, self.soft, self.crossing, most,
+            )  # fmt: skip
+            if chain.links <= most:
+                return chain
+            if threshold < TINY:  # so many tie that no smaller set is in sight
+                most = chain.links
+            threshold *= 0.5
+
+    def _round(self) -> None:
+        """Offer the majorities as paths, each then re-optimised given the others."""
+        s = self.states
+        rounded = np.zeros(len(s.begin), np.uint8)
+        taken = self._majority(rounded)
+        for _ in range(2):
+            changed = kernels.improve(
+                self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
+                self.crossing, self.gain, self.group_first, self.offset, taken, rounded, self.own,
+            )  # fmt: skip
+            if not changed:
+                break
+        self._offer(self._sum_own(), rounded)
+
+    def full(self) -> NDArray[np.bool_]:
+        """Whether the best assignment uses each column slot up, (K,)."""
+        return load(self.states.columns, self.weights) > 1 - 1e-9
+
+    def near(self, also: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """States that a programme may have to decide, after a survey, (S,).
+
+        Near are the states within its reach, those in use and those in `also`. Where a row
+        has one of them only, and cannot well do without, it is decided.
+        """
+        rows = self.states.rows
+        near = self.has(NEAR)
+        near |= self.weights > 0
+        near |= also
+        near &= self._states_of(self.open)
+        crowd = _running(load(rows, near) > 1)
+        decided = crowd[rows.end] == crowd[rows.begin]
+        decided &= self.weights > 1 - 1e-9
+        decided &= self.has(NEEDED)
+        near &= ~decided
+        return near
+
+    def within(self, near: NDArray[np.bool_], steps: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Those of the states that last through one of the steps (T,)."""
+        count = _running(steps)
+        found = near.copy()
+        found &= count[self.states.end + 1] > count[self.states.begin]
+        return found
+
+    def losses(self, prices: Floats) -> Floats:
+        """What the best weights lose at the prices, in the open blocks and at each step, (T,).
+
+        By the identity of the gap, the regret of the rows, at the step from which on it cannot be
+        avoided, and prices of columns that are not full. Sums to the widths.
+        """
+        s = self.states
+        lost = np.zeros(s.problem.steps + 1)
+        kernels.survey(
+            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
+            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            self.offset, prices, self.best, self.weights, regret=lost,
+        )  # fmt: skip
+        idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
+        idle *= self._slots_of(self.open)
+        lost += sum_by(s.columns.step, idle, len(lost))
+        return lost[:-1]
+
+    def undecided(self, near: NDArray[np.bool_]) -> tuple[Ints, Ints]:
+        """Those of the states near that have to be decided, and the component of each.
+
+        They fall apart into components through shared slots and transitions; wanted are those with
+        a seed: by the identity of the gap a row with regret, or a price on a column that is not
+        full.
+        """
+        free = np.flatnonzero(near)
+        component = self._components(free)
+        wanted = np.zeros(int(component.max(initial=0)) + 1, bool)
+        wanted[component[self._seeds(free)]] = True
+        wanted = wanted[component]
+        return free[wanted], component[wanted]
+
+    def _seeds(self, free: Ints) -> NDArray[np.bool_]:
+        """Which of the free states show that the gap is open."""
+        s = self.states
+        regret = np.zeros(s.nodes, bool)
+        regret[self.rows] = (self.best - self.own)[self.rows] > REGRET
+        weights, flags = self.weights[free], self.flags[free]
+        pair = np.searchsorted(s.pair_first, free, side="right") - 1
+        seed = (weights > 0) & (flags & LOSES > 0)
+        for near, inside in (
+            (free - 1, free > s.pair_first[pair]),
+            (free + 1, free + 1 < s.pair_first[pair + 1]),
+        ):
+            seed |= inside & (weights != self.weights[np.where(inside, near, 0)])
+        seed |= (flags & BEST > 0) & (weights < 1)
+        seed &= regret[s.pair_row[pair]]
+        lost = _running((self.prices > REGRET) & ~self.full())
+        begin, end = s.columns.begin[free], s.columns.end[free]
+        seed |= lost[end] > lost[begin]
+        return seed
+
+    def _components(self, free: Ints) -> Ints:
+        """A number for each of the free states, the same where they hang together."""
+        s = self.states
+        pair = np.searchsorted(s.pair_first, free, side="right") - 1
+        size = len(free)
+        joined = np.flatnonzero((np.diff(free) == 1) & (np.diff(pair) == 0))
+        one, other, nodes = [joined], [joined + 1], size
+        for slots in (s.rows, s.columns):
+            begin = slots.begin[free]
+            length = slots.end[free] - begin
+            offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+            one.append(np.repeat(np.arange(size), length))
+            other.append(nodes + np.repeat(begin, length) + offset)
+            nodes += len(slots.step)
+        found = connected_components(np.concatenate(one), np.concatenate(other), nodes)
+        return found[:size]
+
+    def _majority(self, weights: NDArray[np.uint8]) -> Ints:
+        """Write feasible weights 0 and 1; what uses each column slot."""
+        s = self.states
+        taken = np.zeros(len(s.columns.step), np.int32)
+        kernels.majority(
+            self.rows, self.row_first, self.order, s.begin, self.window_end, s.columns.begin,
+            self.slot_end, self.flags, weights, taken,
+        )  # fmt: skip
+        return taken
+
+
+def _relative(states: States, order: Ints, row_first: Ints) -> tuple[Floats, Ints, Floats]:
+    """Relative gains, first group of each node, and offset of each group."""
+    problem = states.problem
+    price, prices = 0.0, None
+    truth, estimate = problem.truth_price, problem.estimate_price
+    if all((side == side[0]).all() for side in (truth, estimate) if len(side)):
+        price = float(truth[0] + estimate[0])
+    else:
+        prices = truth[problem.truth_row] + estimate[problem.estimate_row]
+    found: tuple[Floats, Ints, Floats] = kernels.relative_gains(
+        row_first, order, states.begin, states.entry, problem.cost, price, prices
+    )
+    return found
+
+
+def _running(marked: NDArray[np.bool_]) -> Ints:
+    """Number of marked slots before each, (K + 1,)."""
+    number = np.zeros(len(marked) + 1, np.int32)
+    np.cumsum(marked, out=number[1:])
+    return number

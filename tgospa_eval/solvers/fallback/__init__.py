@@ -1,0 +1,1 @@
+"""What runs where the kernels were not built."""

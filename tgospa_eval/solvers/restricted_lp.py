@@ -1,0 +1,351 @@
+"""The residual linear programme: what prices could not settle, by HiGHS, the rest held.
+
+HiGHS only proposes; bounds are evaluated on all states afterwards.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import highspy
+import numpy as np
+
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.solvers.programme import Long, Programme, make_programme
+from tgospa_eval.solvers.basis import Marks, suggest
+from tgospa_eval.problem.states import States
+
+LARGE, PATIENCE, WORK, SAMPLE = 2000, 2.0, 150, 6
+"""A programme with so many constraints that takes the simplex method more than so many iterations,
+or so much work, for each of them is dense with ties: the interior point method is up to ten times
+quicker there, and two to four times slower elsewhere. Work is the sum over the iterations of what a
+row of the inverse of the basis has other than 0, by a sample: 5 to 20 as a rule, 2,000 with ties.
+"""
+
+SCALE, SHIFT = 2.0**70, 2.0**20
+"""The correction of duals is scaled up by at most SCALE; costs in it are cut at SHIFT."""
+
+ROOMIER = 1e-6
+"""Columns have so much more room while duals are refined, so that of all best prices the least are
+taken: a basis that is best then is best without it, and prices near 1 drop small digits."""
+
+VIOLATION, REFINEMENTS = 1e-25, 4
+"""Duals are refined until none is wrong by more, or so many times."""
+
+DENOMINATORS, SNAP = 64, 1e-9
+"""Weights this near to a fraction of a small denominator are meant to be it."""
+
+SUM = 1e-13
+"""Snapped weights may exceed a limit by no more than this."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal:
+    """What a programme says of its states and of the slots that they compete for.
+
+    Parameters
+    ----------
+    weights : (F,) float array
+        Of the free states.
+    slot, prices : (k,), (k,) arrays
+        Column slots, and their new prices.
+    iterations : int
+        Of the simplex, or of the interior point method and what follows it.
+    finished : bool
+        Whether HiGHS says that it is optimal.
+    interior : bool
+        Whether the simplex method would have taken too long.
+    vertex : Vertex, optional
+        What `refined` starts from, if it is finished.
+    """
+
+    weights: Floats
+    slot: Ints
+    prices: Floats
+    iterations: int
+    finished: bool
+    interior: bool = False
+    vertex: "Vertex | None" = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Vertex:
+    """A basic solution of a programme.
+
+    Parameters
+    ----------
+    programme : Programme
+    prices : (k,) float array
+        Of the slots of its columns, as they were.
+    dual : long float array
+        Of the constraints, at most 0: HiGHS minimises.
+    basis : HighsBasis
+        What is basic; taken apart when it is needed, which is slow.
+    """
+
+    programme: Programme
+    prices: Floats
+    dual: Long
+    basis: highspy.HighsBasis
+
+
+def residual(
+    states: States,
+    free: Ints,
+    weights: Floats,
+    prices: Floats,
+    crossing: Floats,
+    box: float,
+    seconds: float | None,
+    *,
+    interior: bool = False,
+) -> Proposal:
+    """Weights and prices that are best for the free states, the others held at their weights.
+
+    `free` comes in order. Prices stay within `box` of where they are. With `interior` the simplex
+    method is not tried first where a programme is large: one like it took too long.
+    """
+    p = make_programme(states, free, weights, prices, crossing, box)
+    before = prices[p.columns.slot]
+    highs, finished, iterations, dense = _solve(p, interior, seconds)
+    answer = highs.getSolution()
+    if not (answer.value_valid and answer.dual_valid):
+        return Proposal(
+            weights=weights[free],
+            slot=p.columns.slot,
+            prices=before,
+            iterations=0,
+            finished=False,
+        )
+    vertex = None
+    dual = np.asarray(answer.row_dual)
+    if finished:
+        long = np.minimum(dual, 0.0).astype(np.longdouble)
+        vertex = Vertex(programme=p, prices=before, dual=long, basis=highs.getBasis())
+    return Proposal(
+        weights=_snapped(p, np.asarray(answer.col_value)),
+        slot=p.columns.slot,
+        prices=_spread(p, dual, before),
+        iterations=iterations,
+        finished=finished,
+        interior=dense,
+        vertex=vertex,
+    )
+
+
+def refined(found: Proposal, seconds: float | None) -> Proposal:
+    """The same proposal with prices that are right to the last place, not to 1e-9.
+
+    Iterative refinement after Gleixner, Steffy and Wolter ("Iterative refinement for linear
+    programming", INFORMS Journal on Computing 2016). The reduced costs are formed in long doubles
+    from the costs of the data, scaled up, and minimised over the same polytope from the same basis;
+    what that says of the duals is their correction. Slacks are columns, for they have a cost then.
+    """
+    vertex = found.vertex
+    if vertex is None:
+        return found
+    p = vertex.programme
+    dual = vertex.dual + p.offset
+    free = np.append(np.isinf(p.upper), np.ones(len(p.full), bool))
+    basic = np.concatenate(_basic(vertex.basis))
+    deadline = None if seconds is None else time.monotonic() + seconds
+    highs = _highs(_model(p, slacks=True))
+    highs.setBasis(_basis(basic, np.zeros(len(p.full), bool)))
+    _set_room(highs, p, ROOMIER)
+    iterations, solved = found.iterations, False
+    for _ in range(REFINEMENTS):
+        cost = np.append(p.reduced_long(dual), p.offset - dual)
+        wrong = float(np.where(basic, np.abs(cost), np.where(free, -cost, 0.0)).max(initial=0.0))
+        if solved and wrong <= VIOLATION:
+            break
+        scale = min(SCALE, 2.0 ** -np.ceil(np.log2(max(wrong, 1e-40))))
+        scaled = np.clip((cost * scale).astype(np.float64), -SHIFT, SHIFT)
+        highs.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), scaled)
+        solved, done = _run(highs, deadline)
+        iterations += done
+        if not solved:
+            break
+        answer = highs.getSolution()
+        dual += np.asarray(answer.row_dual).astype(np.longdouble) / scale
+        np.minimum(dual, p.offset, out=dual)
+        basic, _ = _basic(highs.getBasis())
+    weights = found.weights
+    if solved:
+        _set_room(highs, p, 0.0)
+        solved, done = _run(highs, deadline)
+        iterations += done
+        if solved:
+            weights = _snapped(p, np.asarray(highs.getSolution().col_value))
+    return replace(
+        found,
+        weights=weights,
+        prices=_spread(p, dual.astype(np.float64), vertex.prices),
+        iterations=iterations,
+        vertex=None,
+    )
+
+
+def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
+    """Give the columns more room; slacks are columns of the model."""
+    limits = p.constraints[1]
+    for row, room in enumerate((p.full[limits] + more).tolist(), limits.start):
+        highs.changeRowBounds(row, room, room)
+
+
+def _spread(p: Programme, dual: Floats, before: Floats) -> Floats:
+    """New prices of the slots from the duals of all constraints."""
+    return p.columns.spread(np.maximum(-dual[p.constraints[1]], 0.0), before)
+
+
+def _snapped(p: Programme, values: Floats) -> Floats:
+    """The weights, those near a fraction of a small denominator set to it where all fit then.
+
+    At a vertex weights are fractions, mostly 0, 1, 1/2 or 1/3, and HiGHS has them up to 1e-9.
+    """
+    weights = np.clip(values[p.parts[0]], 0.0, 1.0)
+    left = np.flatnonzero((weights != 0) & (weights != 1))
+    snapped = weights.copy()
+    for denominator in range(1, DENOMINATORS + 1):
+        if not len(left):
+            break
+        whole = np.rint(weights[left] * denominator) / denominator
+        near = np.abs(whole - weights[left]) <= SNAP
+        snapped[left[near]] = whole[near]
+        left = left[~near]
+    for limits in (p.rows, p.columns):
+        room = limits.room + SUM
+        over = np.bincount(limits.limit, snapped[limits.state], len(room)) - room
+        was = np.bincount(limits.limit, weights[limits.state], len(room)) - room
+        if np.any(over > np.maximum(was, 0.0)):
+            return weights
+    return snapped
+
+
+def _model(p: Programme, *, slacks: bool = False) -> highspy.HighsLp:
+    """The programme as HiGHS takes it: minimise -reward x; with columns for the slacks if asked."""
+    row, column, entry, cost, upper = p.row, p.column, p.entry, -p.reward, p.upper
+    if slacks:
+        rows = np.arange(len(p.full))
+        row = np.append(row, rows)
+        column = np.append(column, len(upper) + rows)
+        entry = np.append(entry, np.ones(len(rows)))
+        cost = np.append(cost, np.zeros(len(rows)))
+        upper = np.append(upper, np.full(len(rows), np.inf))
+    order = np.lexsort((row, column))
+    lp = highspy.HighsLp()
+    lp.num_col_, lp.num_row_ = len(cost), len(p.full)
+    lp.col_cost_ = cost.astype(np.float64)
+    lp.col_lower_ = np.zeros(len(cost))
+    lp.col_upper_ = upper
+    lp.row_lower_ = p.full if slacks else np.full(len(p.full), -np.inf)
+    lp.row_upper_ = p.full
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    lp.a_matrix_.start_ = np.searchsorted(column[order], np.arange(len(cost) + 1))
+    lp.a_matrix_.index_ = row[order].astype(np.int32)
+    lp.a_matrix_.value_ = entry[order]
+    return lp
+
+
+def _highs(model: highspy.HighsLp) -> highspy.Highs:
+    """HiGHS with the model and our options."""
+    highs = highspy.Highs()  # type: ignore[no-untyped-call]
+    for option, value in (
+        ("output_flag", False),
+        ("presolve", "off"),
+        ("solver", "simplex"),
+        ("parallel", "off"),  # the number of threads is shared with other users of HiGHS
+        ("primal_feasibility_tolerance", 1e-9),
+        ("dual_feasibility_tolerance", 1e-9),
+    ):
+        highs.setOptionValue(option, value)
+    highs.passModel(model)
+    return highs
+
+
+def _solve(
+    p: Programme, interior: bool, seconds: float | None
+) -> tuple[highspy.Highs, bool, int, bool]:
+    """HiGHS when it has ended; whether with an optimum; iterations; whether they were too many.
+
+    The simplex method; the interior point method with crossover if that takes long or fails; and
+    the simplex method, however long it takes, if that fails in turn.
+    """
+    deadline = None if seconds is None else time.monotonic() + seconds
+    model, large = _model(p), len(p.full) >= LARGE
+    interior &= large
+    simplex, iterations = _highs(model), 0
+    if not interior:
+        start = suggest(p)
+        if start is not None:
+            simplex.setBasis(_basis(*start))
+        finished, iterations = _simplex(simplex, deadline) if large else _run(simplex, deadline)
+        if finished or _over(deadline):
+            return simplex, finished, iterations, False
+    highs = _highs(model)
+    highs.setOptionValue("solver", "ipm")
+    finished, done = _run(highs, deadline)
+    iterations += done
+    if finished or _over(deadline):
+        return highs if finished or interior else simplex, finished, iterations, large
+    simplex.setOptionValue("simplex_iteration_limit", np.iinfo(np.int32).max)
+    finished, done = _run(simplex, deadline)
+    return simplex, finished, iterations + done, False
+
+
+def _simplex(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
+    """Run the simplex method as long as it pays; whether it found an optimum, and iterations."""
+    rows = highs.getNumRow()
+    done, work, portion = 0, 0.0, 3 * rows // 8
+    while True:
+        highs.setOptionValue("simplex_iteration_limit", portion)
+        finished, iterations = _run(highs, deadline)
+        done += iterations
+        stopped = highs.getModelStatus() == highspy.HighsModelStatus.kIterationLimit
+        if not stopped or done > PATIENCE * rows:
+            return finished, done
+        work += iterations * _density(highs, rows)
+        if work > WORK * rows:
+            return finished, done
+        portion = rows // 8
+
+
+def _density(highs: highspy.Highs, rows: int) -> float:
+    """Mean number of entries other than 0 of a row of the inverse of the basis, by a sample."""
+    sample = np.linspace(0, rows - 1, SAMPLE).astype(int).tolist()
+    found = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
+    return float(np.mean([count for _, _, count, *_ in found]))
+
+
+def _over(deadline: float | None) -> bool:
+    return deadline is not None and time.monotonic() >= deadline
+
+
+def _run(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
+    """Run until the deadline; whether that found an optimum, and the iterations it took."""
+    if deadline is not None:
+        # HiGHS counts the time of all runs of a model.
+        left = max(deadline - time.monotonic(), 0.0)
+        highs.setOptionValue("time_limit", highs.getRunTime() + left)
+    highs.run()
+    info = highs.getInfo()
+    counts = info.simplex_iteration_count, info.ipm_iteration_count, info.crossover_iteration_count
+    finished = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal
+    return finished, sum(max(int(count), 0) for count in counts)
+
+
+def _basic(basis: highspy.HighsBasis) -> tuple[Marks, Marks]:
+    """Which columns and which constraints are basic."""
+    basic = highspy.HighsBasisStatus.kBasic
+    return (
+        np.array([status == basic for status in basis.col_status], bool),
+        np.array([status == basic for status in basis.row_status], bool),
+    )
+
+
+def _basis(columns: Marks, rows: Marks) -> highspy.HighsBasis:
+    """A starting basis, which need not be one."""
+    status = highspy.HighsBasisStatus
+    basis = highspy.HighsBasis()
+    basis.col_status = [status.kBasic if basic else status.kLower for basic in columns.tolist()]
+    basis.row_status = [status.kBasic if basic else status.kUpper for basic in rows.tolist()]
+    basis.valid = basis.alien = True
+    return basis

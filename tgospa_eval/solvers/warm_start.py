@@ -1,0 +1,191 @@
+"""What solutions of neighbouring problems say of a problem: components that need no solver.
+
+Neighbours have the same objects and another cutoff or switch penalty. Cost as a function of
+c^p, or of gamma^p, is a straight line for each assignment, so the least cost is concave, and prices
+between those of two neighbours prove at least the chord between their bounds (docs/theory, "Sweeps
+of parameters"). Where both have the same best assignment the chord is met, and nothing is left to
+solve.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE
+
+OVERFULL = 1e-12
+"""Sums of weights that exceed 1 by more than rounding; the proof scales what is left."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kept:
+    """What is kept of a solution, whatever the states of its problem were.
+
+    Parameters
+    ----------
+    begin, end : (A,) int arrays
+        What is assigned, by first and last step: (truth, estimate, step) as one number, in order.
+    weight : (A,) float array
+        How much of it.
+    slot : (B,) int array
+        What is priced: (estimate, step) as one number, in order.
+    price : (B,) float array
+        More than 0.
+    """
+
+    begin: Ints
+    end: Ints
+    weight: Floats
+    slot: Ints
+    price: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Offer:
+    """Proposals for a problem that are looked at before it is solved.
+
+    Parameters
+    ----------
+    weights : tuple of (S,) float arrays
+        Feasible assignments.
+    prices : (K,) float array
+        Of the column slots, 0 or more.
+    near : bool
+        Whether the best prices are near, so that a solver need not begin from afar.
+    """
+
+    weights: tuple[Floats, ...]
+    prices: Floats
+    near: bool = False
+
+    def between(self, state: slice, slot: slice) -> "Offer":
+        """The part of some blocks."""
+        return Offer(
+            weights=tuple(weights[state] for weights in self.weights),
+            prices=self.prices[slot],
+            near=self.near,
+        )
+
+
+def keep(states: States, weights: Ints, prices: Floats) -> Kept:
+    """What is kept of feasible weights (S,), in units of 1/ONE, and prices (K,).
+
+    What is held at the end of the window of its block goes on being held.
+    """
+    steps = states.problem.steps
+    used = np.flatnonzero(weights)
+    block = states.pair_block[states.pair[used]]
+    begin, end = states.begin[used], states.end[used]
+    begin = np.where(begin == states.block_begin[block], 0, begin)
+    end = np.where(end == states.block_end[block], steps - 1, end)
+    origin = Origin.same(states.problem)
+    pair = origin.pairs(states)[states.pair[used]]
+    order = np.argsort(pair + begin)
+    paid = np.flatnonzero(prices > 0)
+    slot = origin.nodes(states)[states.columns.node[paid]] + states.columns.step[paid]
+    by_slot = np.argsort(slot)
+    return Kept(
+        begin=(pair + begin)[order],
+        end=(pair + end)[order],
+        weight=weights[used][order] / ONE,
+        slot=slot[by_slot],
+        price=prices[paid][by_slot],
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Origin:
+    """Where the truths, estimates and steps of a problem are in that of the solutions kept.
+
+    Parameters
+    ----------
+    truth, estimate, step : int arrays
+        The number there of each one here.
+    estimates, steps : int
+        Sizes there.
+    """
+
+    truth: Ints
+    estimate: Ints
+    step: Ints
+    estimates: int
+    steps: int
+
+    @classmethod
+    def same(cls, problem: Problem) -> "Origin":
+        """Of a problem with the same objects."""
+        return cls(
+            truth=np.arange(problem.truths),
+            estimate=np.arange(problem.estimates),
+            step=np.arange(problem.steps),
+            estimates=problem.estimates,
+            steps=problem.steps,
+        )
+
+    def pairs(self, states: States) -> Ints:
+        """A number for each pair, (P,), with room for the steps."""
+        truth = self.truth[states.pair_truth].astype(np.int64)
+        return (truth * self.estimates + self.estimate[states.pair_estimate]) * self.steps
+
+    def nodes(self, states: States) -> Ints:
+        """A number for each node that has column slots, with room for the steps.
+
+        Columns of transposed blocks are truths; they have one pair each, and no slots.
+        """
+        number = np.zeros(states.nodes, np.int64)
+        number[states.pair_column] = self.estimate[states.pair_estimate]
+        return number * self.steps
+
+
+def offer(
+    states: States, kept: tuple[Kept, ...], shares: tuple[float, ...], origin: Origin | None = None
+) -> Offer:
+    """The assignments of neighbours, and their prices in so many shares.
+
+    A state has the weight that its pair had where it begins; a slot has the prices that its
+    estimate was paid while it lasts. How they are spread over a slot means nothing.
+    """
+    origin = origin or Origin.same(states.problem)
+    sought = origin.pairs(states)[states.pair] + origin.step[states.begin]
+    slots, node = states.columns, states.columns.node
+    number = origin.nodes(states)[node]
+    begin = number + origin.step[slots.step]
+    end = number + origin.step[states.block_end[states.node_block[node]]] + 1
+    goes_on = np.flatnonzero(node[1:] == node[:-1])
+    end[goes_on] = begin[goes_on + 1]
+    prices = np.zeros(len(begin))
+    for part, share in zip(kept, shares, strict=True):
+        running = np.concatenate(([0.0], np.cumsum(part.price)))
+        low, high = np.searchsorted(part.slot, (begin, end))
+        prices += share * (running[high] - running[low])
+    weights = tuple(_feasible(states, _held(part, sought)) for part in kept)
+    return Offer(weights=weights, prices=prices)
+
+
+def _feasible(states: States, weights: Floats) -> Floats:
+    """The weights, 0 in blocks where they overfill a row or a column at some step."""
+    used = np.flatnonzero(weights)
+    begin, end = states.begin[used], states.end[used]
+    pair = states.pair[used]
+    full = np.zeros(len(states.block_begin), bool)
+    for node in (states.pair_row[pair], states.pair_column[pair]):
+        # What ends comes before what begins at the next step.
+        moment = np.concatenate((begin * np.int64(2) + 1, end * np.int64(2) + 2))
+        change = np.concatenate((weights[used], -weights[used]))
+        whose = np.concatenate((node, node))
+        order = np.lexsort((moment, whose))
+        over = np.cumsum(change[order]) > 1 + OVERFULL
+        full[states.node_block[whose[order[over]]]] = True
+    if not full.any():
+        return weights
+    return np.where(full[states.pair_block[states.pair]], 0.0, weights)
+
+
+def _held(kept: Kept, sought: Ints) -> Floats:
+    if not len(kept.begin):
+        return np.zeros(len(sought))
+    at = np.searchsorted(kept.begin, sought, side="right") - 1
+    found = (at >= 0) & (sought <= kept.end[at])
+    return np.where(found, kept.weight[at], 0.0)

@@ -1,0 +1,1 @@
+"""What is compared: trajectories, their states, and the steps that both sides share."""

@@ -1,0 +1,257 @@
+"""Two sides on one time grid: which stamps are one step, and which steps count.
+
+Nothing is interpolated. Knows no file and no metric.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import CLOCKS, Ints, Trajectories
+
+GRIDS = ("union", "truth", "estimate", "common")
+SECOND = 1_000_000_000
+"""Nanoseconds, in which ISO times are counted."""
+
+Times = NDArray[Any]
+"""Strictly increasing, int64 or float64."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stamps:
+    """What makes two stamps one step, and which steps count.
+
+    Parameters
+    ----------
+    tolerance : float
+        >= 0, finite, in the unit of the stamps, seconds for ISO times. Stamps of the two sides that
+        are at most so far apart are one step, where each is the other's nearest.
+    grid : {"union", "truth", "estimate", "common"}
+        Steps that count: those of either side, of one side, of both.
+
+    Raises
+    ------
+    ConfigError
+        A value is none of these.
+    """
+
+    tolerance: float = 0.0
+    grid: str = "union"
+
+    def __post_init__(self) -> None:
+        tolerance = real_number("time tolerance", self.tolerance)
+        if not 0 <= tolerance < math.inf:
+            raise ConfigError(f"time tolerance is {tolerance:g}: must be finite and >= 0")
+        object.__setattr__(self, "tolerance", tolerance)
+        if self.grid not in GRIDS:
+            allowed = ", ".join(f'"{name}"' for name in GRIDS)
+            raise ConfigError(f"grid is {quoted(self.grid)}: must be one of {allowed}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Alignment:
+    """Both sides on the steps that count, and what that took.
+
+    Parameters
+    ----------
+    truth, estimate : Trajectories
+        On the same times; a joined step bears the stamp of the truth.
+    union, common : int
+        Steps of either side and of both, whether they count or not.
+    joined : int
+        Pairs of different stamps that were made one step.
+    left_out : pair of int
+        Rows of the two sides at steps that do not count.
+    """
+
+    truth: Trajectories
+    estimate: Trajectories
+    union: int
+    common: int
+    joined: int
+    left_out: tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nearest:
+    """Pairs of stamps of which each is the nearest of the other side, ties to the earlier.
+
+    The nearest stamp does not decrease from one stamp to the next, so pairs do not cross, and no
+    stamp is in two. Between two paired stamps lies no other of either side: it would be nearer.
+
+    Parameters
+    ----------
+    first, second : (N,) int arrays
+        Positions in the two sides, increasing.
+    apart : (N,) uint64 or float array
+        Distance in the unit in which the times are held.
+    """
+
+    first: Ints
+    second: Ints
+    apart: Times
+
+
+def align(
+    truth: Trajectories,
+    estimate: Trajectories,
+    stamps: Stamps | None = None,
+    names: tuple[str, str] = ("truth", "estimate"),
+) -> Alignment:
+    """Put both on one grid; `names` are for messages.
+
+    Raises
+    ------
+    InputError
+        The kinds of time differ, or integer stamps cannot be compared with decimal ones exactly.
+    """
+    stamps = stamps or Stamps()
+    first, second = _comparable(truth, estimate, names)
+    clock = truth.clock if len(truth.times) else estimate.clock
+    if first.dtype == second.dtype and np.array_equal(first, second) and len(first):
+        steps = len(first)
+        return Alignment(
+            truth=truth, estimate=estimate, union=steps, common=steps, joined=0, left_out=(0, 0)
+        )
+    joined = 0
+    if stamps.tolerance and len(first) and len(second):
+        pairs = nearest(first, second)
+        close = (pairs.apart > 0) & within(pairs.apart, stamps.tolerance, (first, second), clock)
+        joined = int(np.count_nonzero(close))
+        second = second.astype(np.result_type(first, second))
+        second[pairs.second[close]] = first[pairs.first[close]]
+    times = _union(first, second)
+    on = np.searchsorted(times, first), np.searchsorted(times, second)
+    labels = None
+    if clock != "number":
+        labels = np.empty(len(times), dtype=object)
+        for side, at in ((estimate, on[1]), (truth, on[0])):
+            if side.labels is not None:
+                labels[at] = side.labels
+    has = np.zeros((2, len(times)), bool)
+    for mine, at in zip(has, on, strict=True):
+        mine[at] = True
+    counted = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1]}.get(
+        stamps.grid, has.all(axis=0)
+    )
+    sides = [
+        _on(side, at, counted, times, clock, labels)
+        for side, at in zip((truth, estimate), on, strict=True)
+    ]
+    return Alignment(
+        truth=sides[0],
+        estimate=sides[1],
+        union=len(times),
+        common=int(np.count_nonzero(has.all(axis=0))),
+        joined=joined,
+        left_out=(
+            len(truth.step) - len(sides[0].step),
+            len(estimate.step) - len(sides[1].step),
+        ),
+    )
+
+
+def nearest(first: Times, second: Times) -> Nearest:
+    """Pairs of stamps that are each other's nearest; both sides must have some."""
+    there, back = _nearest(first, second), _nearest(second, first)
+    mine = np.flatnonzero(back[there] == np.arange(len(first)))
+    other = there[mine]
+    return Nearest(first=mine, second=other, apart=_apart(first[mine], second[other]))
+
+
+def within(
+    apart: Times, tolerance: float, sides: tuple[Times, Times], clock: str
+) -> NDArray[np.bool_]:
+    """Whether distances of stamps are within the tolerance.
+
+    Decimal stamps are rounded when they are read, by half a spacing of doubles each; a distance
+    that exceeds the tolerance by no more is that of the decimals that were written.
+    """
+    if apart.dtype.kind == "u":
+        most = min(tolerance * (SECOND if clock != "number" else 1), 2.0**64)
+        # Rounded to a tenth first: 0.29 s are 290,000,000 ns, though the product is below that.
+        return np.asarray(apart <= min(math.floor(round(most, 1)), 2**64 - 1))
+    return np.asarray(apart <= tolerance + _spacing(*sides))
+
+
+def _comparable(
+    truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
+) -> tuple[Times, Times]:
+    """The stamps of both, where they can be compared exactly."""
+    if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
+        remedy = "write both as ISO times or both as numbers, such as Unix seconds"
+        if "number" not in (truth.clock, estimate.clock):
+            remedy = "write both with a zone (Z for UTC) or both without"
+        raise InputError(
+            f"{names[0]} has {CLOCKS[truth.clock]}, {names[1]} has {CLOCKS[estimate.clock]}; "
+            f"times of one run must be of one kind: {remedy}"
+        )
+    first, second = truth.times, estimate.times
+    if not len(first):
+        first = second[:0]
+    if not len(second):
+        second = first[:0]
+    if first.dtype != second.dtype:
+        for times, name, other in ((first, *names), (second, *names[::-1])):
+            if times.dtype.kind == "i" and not np.all(np.abs(times.astype(float)) < 2.0**53):
+                raise InputError(
+                    f"{name} has integer times above 2^53 and {other} decimal ones, "
+                    "which cannot be compared exactly; write both as integers of one unit, "
+                    "such as nanoseconds (seconds * 10^9), or both in seconds"
+                )
+    return first, second
+
+
+def _nearest(own: Times, other: Times) -> Ints:
+    """Position of the nearest of the others for each, ties to the earlier."""
+    after = np.searchsorted(other, own).clip(max=len(other) - 1)
+    before = (after - 1).clip(min=0)
+    left, right = _apart(own, other[before]), _apart(own, other[after])
+    if left.dtype.kind == "f":  # decimals that tie do so but for the rounding of the stamps
+        left = left - 2 * _spacing(own, other)
+    return np.where(left <= right, before, after)
+
+
+def _apart(a: Times, b: Times) -> Times:
+    """Distances; of integers as uint64, which holds any, by arithmetic modulo 2^64."""
+    if a.dtype.kind == b.dtype.kind == "i":
+        return np.asarray(np.maximum(a, b).view(np.uint64) - np.minimum(a, b).view(np.uint64))
+    with np.errstate(over="ignore"):  # farther than any number is far
+        return np.abs(np.subtract(a, b, dtype=np.float64))
+
+
+def _spacing(*sides: Times) -> float:
+    """From the largest stamp to the next double; np.spacing overflows at the last one."""
+    largest = max(float(np.abs(side).max()) for side in sides)
+    return float(np.spacing(min(largest, 2.0**1023)))
+
+
+def _union(first: Times, second: Times) -> Times:
+    """Each of the values once, in order. np.union1d imports numpy.ma, slower than most runs."""
+    both = np.sort(np.concatenate((first, second)), kind="stable")  # stable merges sorted runs
+    fresh = np.ones(len(both), bool)
+    np.not_equal(both[1:], both[:-1], out=fresh[1:])
+    return both[fresh]
+
+
+def _on(
+    side: Trajectories,
+    at: Ints,
+    counted: NDArray[np.bool_],
+    times: Times,
+    clock: str,
+    labels: NDArray[np.object_] | None,
+) -> Trajectories:
+    """The side on those of the times that count; `at` are the positions of its own among them."""
+    step = at[side.step] if len(at) else side.step
+    if counted.all():
+        return replace(side, step=step, times=times, clock=clock, labels=labels)
+    rows = np.flatnonzero(counted[step])
+    step = (np.cumsum(counted) - 1)[step[rows]]
+    kept = side.chosen(rows, step, times[counted])
+    return replace(kept, clock=clock, labels=None if labels is None else labels[counted])

@@ -1,0 +1,314 @@
+"""Covariances as packed lower triangles: factors, which ones are none, the nearest that is one.
+
+A covariance (d, d) is held as its lower triangle row by row, d (d + 1) / 2 numbers: xx, xy, yy.
+Here they come component by component, (d (d + 1) / 2, R). Knows no file and no metric.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
+
+Floats = NDArray[np.float64]
+
+EPS = 2.0**-52
+
+QUIET = 1e-13
+"""Least eigenvalue over the largest, negated, up to which it is rounding."""
+
+CLAMPED = 1e-3 * (1 + 1e-9)  # of decimals that make just a thousandth, too
+"""The same, up to which a matrix is taken for a covariance that was written with few digits."""
+
+LARGEST = 1e150
+"""Of variances: products of two are still doubles."""
+
+ASYMMETRY = 1e-6 * (1 + 1e-9)
+"""Relative difference of two entries that should be one, up to which their mean is taken."""
+
+ILL = 1e-4
+"""Share of a variance that is left by the others, below which d >= 3 is factored with pivots."""
+
+BLOCK = 1 << 13
+"""Matrices that are factored with pivots at a time."""
+
+
+def size_of(count: int) -> int:
+    """The d of d (d + 1) / 2 numbers."""
+    return (math.isqrt(8 * count + 1) - 1) // 2
+
+
+def pack(matrices: Floats) -> Floats:
+    """Lower triangles (d (d + 1) / 2, R) of matrices (R, d, d)."""
+    row, column = np.tril_indices(matrices.shape[-1])
+    return np.ascontiguousarray(matrices[:, row, column].T)
+
+
+def unpack(packed: Floats, *, lower: bool = False) -> Floats:
+    """Matrices (R, d, d) of lower triangles (d (d + 1) / 2, R): symmetric, or lower ones."""
+    d = size_of(len(packed))
+    row, column = np.tril_indices(d)
+    matrices = np.zeros((packed.shape[1], d, d))
+    if not lower:
+        matrices[:, column, row] = packed.T
+    matrices[:, row, column] = packed.T
+    return matrices
+
+
+def factor(packed: Floats) -> Floats:
+    """Lower factors L of covariances C = L L', packed alike; of singular ones, too.
+
+    Cholesky, with two guards: what a row leaves of its variance is 0 where it is no more than
+    rounding of the entries, and no entry exceeds the root of what is left of its variance. Where
+    variances are nearly explained by others, their rounding weighs much: the difference is then
+    taken exactly (two components), or with pivots and more digits (more).
+    """
+    d = size_of(len(packed))
+    if d == 1:
+        return np.sqrt(np.maximum(packed, 0.0))
+    if d == 2:
+        return _factor_two(*packed)
+    found, share = _factor_many(packed)
+    ill = np.flatnonzero(share < ILL)
+    for begin in range(0, len(ill), BLOCK):
+        part = ill[begin : begin + BLOCK]
+        found[:, part] = _factor_pivoted(packed[:, part])
+    return found
+
+
+def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
+    found = np.zeros((3, len(a)))
+    a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
+    np.sqrt(a, out=found[0])
+    most = np.sqrt(c)
+    left = c.copy()
+    # What overflows, where it is a covariance but for rounding, is cut, or below 0.
+    with np.errstate(over="ignore"):
+        np.divide(b, found[0], out=found[1], where=a > 0)
+        np.clip(found[1], -most, most, out=found[1])
+        np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
+    np.sqrt(left, out=found[2], where=left > 4 * EPS * c)
+    return found
+
+
+def _determinant(a: Floats, b: Floats, c: Floats) -> Floats:
+    """``a c - b b``, the products exact: Dekker's two parts of each."""
+    first, second = a * c, b * b
+    return (first - second) + (_rest(a, c, first) - _rest(b, b, second))
+
+
+def _rest(a: Floats, b: Floats, product: Floats) -> Floats:
+    """``a b - product`` for the rounded product."""
+    a_high, b_high = (
+        (134217729.0 * x) - (134217729.0 * x - x)
+        for x in (a, b)  # 2^27 + 1
+    )
+    a_low, b_low = a - a_high, b - b_high
+    exact: Floats = a_low * b_low - (product - a_high * b_high - a_low * b_high - a_high * b_low)
+    return exact
+
+
+def _factor_many(packed: Floats) -> tuple[Floats, Floats]:
+    """Factors, and the least share of a variance that is left by the components before."""
+    d = size_of(len(packed))
+    at = {(i, j): i * (i + 1) // 2 + j for i in range(d) for j in range(i + 1)}
+    found = np.zeros_like(packed)
+    variance = [np.maximum(packed[at[i, i]], 0.0) for i in range(d)]
+    left = [v.copy() for v in variance]
+    share = np.ones(packed.shape[1])
+    for j in range(d):
+        own = np.divide(left[j], variance[j], out=np.ones_like(share), where=variance[j] > 0)
+        np.minimum(share, own, out=share)
+        positive = left[j] > 0
+        pivot = found[at[j, j]]
+        np.sqrt(left[j], out=pivot, where=positive)
+        for i in range(j + 1, d):
+            entry = found[at[i, j]]
+            rest = packed[at[i, j]] - sum(found[at[i, k]] * found[at[j, k]] for k in range(j))
+            with np.errstate(over="ignore"):  # is cut
+                np.divide(rest, pivot, out=entry, where=positive)
+            most = np.sqrt(np.maximum(left[i], 0.0))
+            np.clip(entry, -most, most, out=entry)
+            left[i] -= entry * entry
+    return found, share
+
+
+def _factor_pivoted(packed: Floats) -> Floats:
+    """Factors of matrices that are singular, or nearly so.
+
+    Of correlations, in extended precision as far as the machine has it, the largest of what is left
+    first: so no rounding of an entry is enlarged, and what it leaves of a rank is told from what is
+    there. The factor is made a lower one by a rotation, which keeps the rounding of its rows.
+    """
+    d = size_of(len(packed))
+    matrices = unpack(packed).astype(np.longdouble)
+    row = np.arange(len(matrices))
+    deviation = np.sqrt(np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 0))
+    unit = np.where(deviation > 0, deviation, 1)
+    matrices /= unit[:, :, None]
+    matrices /= unit[:, None, :]
+    found = np.zeros_like(matrices)
+    left = np.where(deviation > 0, np.longdouble(1), np.longdouble(0))
+    for k in range(d):
+        pivot = np.argmax(left, axis=1)
+        size = left[row, pivot]
+        positive = size > 4 * d * EPS
+        root = np.sqrt(np.where(positive, size, 1))
+        known = (found[:, :, :k] * found[row, pivot, None, :k]).sum(axis=2)
+        entry = (matrices[row, :, pivot] - known) / root[:, None]
+        most = np.sqrt(np.maximum(left, 0))  # 0 for those that were pivots
+        entry = np.where(positive[:, None], np.clip(entry, -most, most), 0)
+        found[:, :, k] = entry
+        left -= entry * entry
+        left[row, pivot] = -1  # never again
+    columns = (found * unit[:, :, None]).astype(np.float64).transpose(0, 2, 1)
+    upper = np.asarray(np.linalg.qr(columns, mode="r"))
+    upper *= np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, :, None]
+    return pack(upper.transpose(0, 2, 1))
+
+
+def project(packed: Floats) -> tuple[Floats, Floats]:
+    """Nearest positive semi-definite matrices, and how far they were from that.
+
+    Returns
+    -------
+    packed : (d (d + 1) / 2, R) float array
+        The same where they are covariances but for rounding; else with negative eigenvalues
+        replaced by 0.
+    ratio : (R,) float array
+        Least eigenvalue over the largest where it is negative beyond rounding, else 0; -inf where
+        no eigenvalue is positive.
+    """
+    d = size_of(len(packed))
+    ratio = np.zeros(packed.shape[1])
+    diagonal = [packed[i * (i + 3) // 2] for i in range(d)]
+    largest = np.max(np.abs(packed), axis=0, initial=0.0)
+    lower = factor(packed)
+    off = np.zeros(packed.shape[1])
+    for i in range(d):
+        for j in range(i + 1):
+            row, column = i * (i + 1) // 2, j * (j + 1) // 2
+            product = sum(lower[row + k] * lower[column + k] for k in range(j + 1))
+            np.maximum(off, np.abs(product - packed[row + j]), out=off)
+    doubtful = np.flatnonzero((off > 16 * d * EPS * largest) | (np.min(diagonal, axis=0) < 0))
+    if not len(doubtful):
+        return packed, ratio
+    values, vectors = np.linalg.eigh(unpack(packed[:, doubtful]))
+    low, high = values[:, 0], values[:, -1]
+    own = np.divide(low, high, out=np.full(len(low), -np.inf), where=high > 0)
+    wrong = np.flatnonzero(own < -QUIET)
+    ratio[doubtful[wrong]] = own[wrong]
+    answer = packed.copy()
+    roots = vectors[wrong] * np.sqrt(np.maximum(values[wrong], 0.0))[:, None, :]
+    answer[:, doubtful[wrong]] = pack(roots @ roots.transpose(0, 2, 1))
+    return answer, ratio
+
+
+def accept(
+    packed: Floats, where: Callable[[int], str], *, fix: bool = False
+) -> tuple[Floats, list[Notice]]:
+    """Covariances as they enter the distance, and what to say of those that were changed.
+
+    Parameters
+    ----------
+    packed : (d (d + 1) / 2, R) float array
+        Finite.
+    where : callable
+        Says where a matrix is, for messages.
+    fix : bool
+        Replace what is refused otherwise by the nearest positive semi-definite matrix.
+
+    Raises
+    ------
+    InputError
+        A variance is negative or too large, or a matrix has a negative eigenvalue that is more
+        than a thousandth of the largest.
+    """
+    d = size_of(len(packed))
+    diagonal = packed[[i * (i + 3) // 2 for i in range(d)]]
+    wrong = np.flatnonzero(np.max(np.abs(packed), axis=0, initial=0.0) > LARGEST)
+    if len(wrong):
+        raise InputError(
+            f"{where(int(wrong[0]))}: covariance above {LARGEST:g}{_more(wrong)}; use another unit"
+        )
+    negative = np.min(diagonal, axis=0, initial=0.0) < 0
+    if negative.any() and not fix:
+        wrong = np.flatnonzero(negative)
+        value = diagonal[:, wrong[0]].min()
+        raise InputError(
+            f"{where(int(wrong[0]))}: negative variance {value:g}{_more(wrong)}; "
+            "correct it or use --fix-cov"
+        )
+    answer, ratio = project(packed)
+    refused = ratio < -CLAMPED
+    wrong = np.flatnonzero(refused)
+    if len(wrong) and not fix:
+        values = np.linalg.eigvalsh(unpack(packed[:, wrong[:1]]))[0]
+        raise InputError(
+            f"{where(int(wrong[0]))}: covariance not positive semi-definite (eigenvalues "
+            f"{', '.join(f'{value:.6g}' for value in values)}){_more(wrong)}; "
+            "correct it or use --fix-cov"
+        )
+    notices = []
+    mended = np.flatnonzero(refused | negative)
+    if len(mended):
+        what = counted(len(mended), "covariance was", "covariances were")
+        notices.append(
+            Notice(
+                text=f"{what} replaced by the nearest positive semi-definite one "
+                f"(--fix-cov), the first at {where(int(mended[0]))}"
+            )
+        )
+    clamped = np.flatnonzero((ratio < 0) & ~refused & ~negative)
+    if len(clamped):
+        worst = int(clamped[np.argmin(ratio[clamped])])
+        what = counted(len(clamped), "covariance is", "covariances are")
+        notices.append(
+            Notice(
+                code="covariance-repaired",
+                text=f"{what} not quite positive semi-definite, by up to "
+                f"{-ratio[worst]:.2g} of the largest eigenvalue ({where(worst)}): the nearest that "
+                "is was taken",
+                remedy="more digits in the file avoid that",
+            )
+        )
+    return answer, notices
+
+
+def symmetric(entry: Floats, mirrored: Floats, scale: Floats) -> tuple[Floats, NDArray[np.integer]]:
+    """The mean of two entries that should be one, and where they are too different for that.
+
+    They may differ by a millionth, or by rounding of the `scale`, the root of the product of the
+    two variances.
+    """
+    apart = np.abs(entry - mirrored)
+    largest = np.maximum(np.abs(entry), np.abs(mirrored))
+    wrong = apart > np.maximum(ASYMMETRY * largest, 1e-12 * scale)
+    return entry + 0.5 * (mirrored - entry), np.flatnonzero(wrong)
+
+
+def from_matrices(
+    matrices: Floats, where: Callable[[int], str], *, fix: bool = False
+) -> tuple[Floats, list[Notice]]:
+    """As `accept`, of matrices (R, d, d); those that are not symmetric are refused, too."""
+    packed = pack(matrices)
+    deviation = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
+    for k, (i, j) in enumerate(zip(*np.tril_indices(matrices.shape[1]), strict=True)):
+        packed[k], wrong = symmetric(
+            packed[k], matrices[:, j, i], deviation[:, i] * deviation[:, j]
+        )
+        if len(wrong):
+            at = int(wrong[0])
+            raise InputError(
+                f"{where(at)}: not symmetric: {matrices[at, i, j]:g} in row {i + 1}, column "
+                f"{j + 1}, but {matrices[at, j, i]:g} in row {j + 1}, column {i + 1}{_more(wrong)}"
+            )
+    return accept(packed, where, fix=fix)
+
+
+def _more(wrong: NDArray[np.integer]) -> str:
+    return f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""

@@ -1,0 +1,277 @@
+"""Trajectories: one flat table, a row per object and step. Knows no file and no metric."""
+
+import warnings
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError, TgospaWarning
+from tgospa_eval.text import quoted
+from tgospa_eval.common.words import counted
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.clouds import Clouds
+
+Ints = NDArray[np.integer]
+Floats = NDArray[np.float64]
+
+CLOCKS = {
+    "number": "numbers",
+    "local": "ISO times without zone",
+    "zoned": "ISO times with zone",
+}
+"""Kinds of time, and what they are called in messages."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trajectories:
+    """A set of trajectories.
+
+    A row means that the object exists at that step; there is no other encoding of absence, and
+    nothing has the size of all steps times all objects.
+
+    Parameters
+    ----------
+    step, track : (R,) int32 arrays
+        Position in `times` and in `ids`; rows are sorted by (step, track), which are unique. Held
+        as int64 where there are too many times or ids.
+    state : (R, d) float array
+        Finite states, in the user's unit.
+    ids : (k,) array of str
+        Opaque names of the tracks.
+    times : (T,) int64 or float64 array
+        Strictly increasing; nanoseconds since 1970 unless `clock` is ``"number"``.
+    columns : tuple of str
+        Names of the d state columns.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    labels : (T,) array of str, optional
+        Times as they were read, where they are no numbers.
+    covariance : (R, d, d) or (R, d (d + 1) / 2) float array, optional
+        Covariance of each state, in the unit of the states squared; without, states are points. It
+        is held as lower triangles, row by row: xx, xy, yy. Matrices are checked, and a least
+        eigenvalue that is negative by up to a thousandth of the largest becomes 0, with a warning;
+        lower triangles are taken to be covariances.
+    clouds : Clouds, optional
+        The particles of each row; the states are their weighted means. Not beside covariances.
+
+    Raises
+    ------
+    InputError
+        Shapes, order, uniqueness or finiteness are violated, or a matrix is no covariance.
+    """
+
+    step: Ints
+    track: Ints
+    state: Floats
+    ids: NDArray[np.object_]
+    times: NDArray[np.int64] | Floats
+    columns: tuple[str, ...]
+    clock: str = "number"
+    labels: NDArray[np.object_] | None = None
+    covariance: Floats | None = None
+    clouds: "Clouds | None" = None
+
+    def __post_init__(self) -> None:
+        for name in ("step", "track"):
+            array = np.asarray(getattr(self, name))
+            if array.dtype.kind not in "iu" and len(array):
+                raise InputError(f"{name} must be integers, not {array.dtype}")
+            object.__setattr__(self, name, array if len(array) else array.astype(np.int32))
+        object.__setattr__(self, "state", np.asarray(self.state, np.float64))
+        object.__setattr__(self, "times", np.asarray(self.times))
+        object.__setattr__(self, "ids", np.asarray(self.ids, dtype=object))
+        if self.clock not in CLOCKS:
+            raise InputError(f"clock is {quoted(self.clock)}: must be one of {', '.join(CLOCKS)}")
+        if len(set(self.ids.tolist())) != len(self.ids):
+            raise InputError("ids must be distinct")
+        rows = len(self.step)
+        if self.track.shape != (rows,) or self.state.shape != (rows, len(self.columns)):
+            raise InputError(
+                f"step {self.step.shape}, track {self.track.shape} and state {self.state.shape} "
+                f"do not fit {len(self.columns)} columns; (R,), (R,) and (R, d) would"
+            )
+        if not np.isfinite(self.state).all():
+            raise InputError("states must be finite; leave the row out where an object is absent")
+        if self.covariance is not None and self.clouds is not None:
+            raise InputError("states have a covariance each, or a cloud, not both")
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
+        if self.clouds is not None:
+            self._check_clouds(self.clouds)
+        if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
+            raise InputError("times must increase strictly")
+        if rows:
+            if self.step.min() < 0 or self.step.max() >= len(self.times):
+                raise InputError("a step lies outside the times")
+            if self.track.min() < 0 or self.track.max() >= len(self.ids):
+                raise InputError("a track lies outside the ids")
+            earlier = self.step[1:] > self.step[:-1]
+            beside = (self.step[1:] == self.step[:-1]) & (self.track[1:] > self.track[:-1])
+            if not np.all(earlier | beside):
+                raise InputError("rows must be sorted by (step, track), each at most once")
+        for name, size in (("step", len(self.times)), ("track", len(self.ids))):
+            kind = np.int32 if size <= np.iinfo(np.int32).max else np.int64
+            object.__setattr__(self, name, getattr(self, name).astype(kind, copy=False))
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                frozen = value.view()
+                frozen.setflags(write=False)
+                object.__setattr__(self, name, frozen)
+
+    def _packed(self, covariance: Floats) -> Floats:
+        rows, d = self.state.shape
+        if covariance.shape not in ((rows, d, d), (rows, d * (d + 1) // 2)):
+            raise InputError(
+                f"covariance {covariance.shape} does not fit state {self.state.shape}; "
+                "(R, d, d) would, and (R, d (d + 1) / 2)"
+            )
+        if not np.isfinite(covariance).all():
+            raise InputError("covariances must be finite; 0 makes a state a point")
+        if covariance.ndim == 2:
+            return covariance
+        from tgospa_eval.tracks.covariances import from_matrices  # here: most states are points
+
+        packed, notices = from_matrices(covariance, "covariance of row {}".format)
+        for notice in notices:
+            warnings.warn(notice.sentence, TgospaWarning, stacklevel=4)
+        return np.ascontiguousarray(packed.T)
+
+    def _check_clouds(self, clouds: "Clouds") -> None:
+        if len(clouds) != len(self.state) or clouds.points.shape[1] != len(self.columns):
+            raise InputError(
+                f"{len(clouds)} clouds of {clouds.points.shape[1]} components do not fit state "
+                f"{self.state.shape}"
+            )
+        scale = np.abs(clouds.points).max(initial=0)
+        if not np.all(np.abs(self.state - clouds.means) <= 1e-9 * scale):
+            raise InputError("states of clouds must be the means of their particles, clouds.means")
+
+    def __repr__(self) -> str:
+        particles = "" if self.clouds is None else f", {len(self.clouds.points)} particles"
+        laws = "" if self.covariance is None else ", with covariances"
+        return (
+            f"Trajectories({counted(len(self.ids), 'track')}, {counted(len(self.times), 'step')}, "
+            f"{counted(len(self.step), 'row')}"
+            f"{particles}, columns {','.join(self.columns)}{laws})"
+        )
+
+    def dense(self) -> Floats:
+        """States as (T, k, d), NaN where an object is absent."""
+        table = np.full((len(self.times), len(self.ids), len(self.columns)), np.nan)
+        table[self.step, self.track] = self.state
+        return table
+
+    @property
+    def shown(self) -> NDArray[Any]:
+        """The times as they were read (T,)."""
+        return self.times if self.labels is None else self.labels
+
+    def chosen(self, rows: Ints, step: Ints, times: NDArray[Any]) -> "Trajectories":
+        """Some of the rows, in order, at new steps, with the tracks that still have any."""
+        track = self.track[rows]
+        has_rows = np.zeros(len(self.ids), bool)
+        has_rows[track] = True
+        if not has_rows.all():
+            track = (np.cumsum(has_rows) - 1)[track]
+        return replace(
+            self,
+            step=step,
+            track=track,
+            state=self.state[rows],
+            ids=self.ids[has_rows],
+            times=times,
+            labels=None,
+            covariance=None if self.covariance is None else self.covariance[rows],
+            clouds=None if self.clouds is None else self.clouds.chosen(rows),
+        )
+
+    @property
+    def kind(self) -> str:
+        """What its states are: ``"point"``, ``"gaussian"`` or ``"cloud"``."""
+        if self.clouds is not None:
+            return "cloud"
+        return "point" if self.covariance is None else "gaussian"
+
+    @property
+    def beside(self) -> tuple[NDArray[Any], ...]:
+        """Arrays of what states are beside their place: covariances, or particles."""
+        if self.clouds is not None:
+            return self.clouds.first, self.clouds.points, self.clouds.weights
+        return () if self.covariance is None else (self.covariance,)
+
+    def seen_as(self, kinds: tuple[str, ...]) -> "Trajectories":
+        """As points, unless its states are of one of these kinds."""
+        if self.kind in ("point", *kinds):
+            return self
+        return replace(self, covariance=None, clouds=None)
+
+    def with_clouds(self, clouds: "Clouds") -> "Trajectories":
+        """The same rows with other particles, and their means as states."""
+        return replace(self, state=clouds.means, covariance=None, clouds=clouds)
+
+    @classmethod
+    def from_array(
+        cls,
+        states: Floats,
+        columns: tuple[str, ...] | None = None,
+        covariance: Floats | None = None,
+    ) -> "Trajectories":
+        """From an array (T, k, d) with NaN for absent; ids and times count from 0.
+
+        Parameters
+        ----------
+        states : (T, k, d) array
+            States, NaN or masked where absent; of normal laws the means.
+        columns : tuple of str, optional
+            Names of the d columns; x, y, z by default.
+        covariance : (T, k, d, d) array, optional
+            Covariances; those of absent states do not matter. One matrix (d, d) is that of all.
+
+        Raises
+        ------
+        InputError
+            Not three axes, or a value is infinite; covariances that do not fit or are none.
+        """
+        try:
+            if isinstance(states, np.ma.MaskedArray):
+                states = np.ma.filled(states.astype(np.float64), np.nan)
+            states = np.asarray(states)
+            if states.dtype.kind not in "biufO":
+                raise TypeError(f"not of type {states.dtype}")
+            states = states.astype(np.float64, copy=False)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"an array of states holds numbers: {error}") from None
+        if states.ndim != 3 or not states.shape[2]:
+            raise InputError(f"an array of states has the axes (T, k, d), not shape {states.shape}")
+        if np.isinf(states).any():
+            step, track, _ = (int(axis[0]) for axis in np.nonzero(np.isinf(states)))
+            raise InputError(f"infinite state at step {step}, track {track}; NaN means absent")
+        steps, tracks, size = states.shape
+        present = ~np.isnan(states[:, :, 0])
+        for axis in range(1, size):
+            present &= ~np.isnan(states[:, :, axis])
+        rows = np.flatnonzero(present)
+        at = np.repeat(np.arange(steps, dtype=np.int64), np.count_nonzero(present, axis=1))
+        if covariance is not None:
+            covariance = np.asarray(covariance, np.float64)
+            if covariance.shape not in ((*states.shape, size), (size, size)):
+                raise InputError(
+                    f"covariance {covariance.shape} does not fit states {states.shape}; "
+                    f"{(*states.shape, size)} would, and one matrix {(size, size)}"
+                )
+            whole = np.broadcast_to(covariance, (*states.shape, size))
+            covariance = whole[at, rows - at * tracks]
+        if columns is None:
+            columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
+        return cls(
+            step=at,
+            track=rows - at * tracks,
+            state=states.reshape(-1, size).take(rows, axis=0),
+            ids=np.array([str(k) for k in range(tracks)], dtype=object),
+            times=np.arange(steps),
+            columns=columns,
+            covariance=covariance,
+        )
