@@ -32,13 +32,13 @@ docs: .venv/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 clean:
-	rm -rf .venv build dist docs/_build *.egg-info tgospa_eval/_kernels.c tgospa_eval/_kernels.*.so
+	rm -rf .venv build dist docs/_build *.egg-info tgospa_eval/problem/_kernels.c tgospa_eval/problem/_kernels.*.so
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
 # The one step that builds the package and its extension; the others only add to it.
-.venv/installed: .venv/bin/python pyproject.toml tgospa_eval/_kernels.pyx
+.venv/installed: .venv/bin/python pyproject.toml tgospa_eval/problem/_kernels.pyx
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from strategies import scene
 
 from tgospa_eval import evaluate
-from tgospa_eval.tracks.alignment import GRIDS, Stamps, align, nearest
+from tgospa_eval.distances import DISTANCES
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_shift
 from tgospa_eval.evaluation.diagnosis.costs import StepCosts
-from tgospa_eval.distances import DISTANCES
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.tracks.alignment import GRIDS, Stamps, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]

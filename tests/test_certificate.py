@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from strategies import scene
 
-import tgospa_eval.problem.certificate
-import tgospa_eval.problem.slots
-import tgospa_eval.problem.weights
 from tgospa_eval import evaluate
+from tgospa_eval.problem import certificate
+from tgospa_eval.problem import slots as slots_module
+from tgospa_eval.problem import weights as weights_module
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values
-from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.slots import Slots
-from tgospa_eval.solvers.kernels import best_paths, paths
+from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
+from tgospa_eval.solvers.kernels import best_paths, paths
 
 
 def instance(seed: int) -> States:
@@ -156,7 +156,7 @@ def test_parts_change_nothing(seed: int, monkeypatch: pytest.MonkeyPatch) -> Non
     for solution in solutions(states, seed):
         whole, weights, split = certify(states, solution)
         with monkeypatch.context() as patch:
-            for module in (tgospa_eval.problem.slots, tgospa_eval.problem.weights, tgospa_eval.problem.certificate):
+            for module in (slots_module, weights_module, certificate):
                 patch.setattr(module, "PART", 16)
             bounds, again, steps = certify(states, solution)
         assert np.array_equal(weights, again)

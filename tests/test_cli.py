@@ -13,8 +13,8 @@ import pytest
 from browser import PATIENCE
 
 from tgospa_eval import __version__
-from tgospa_eval.cli import VERBS
 from tgospa_eval.cli.shared import options
+from tgospa_eval.cli.verbs import VERBS
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

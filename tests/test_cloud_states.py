@@ -16,10 +16,7 @@ from oracles import programme
 from test_clouds import by_linear_programme
 
 from tgospa_eval import InputError, Trajectories, evaluate, read_trajectories
-from tgospa_eval.tracks.alignment import Stamps, align
-from tgospa_eval.sensors.association import associate
-from tgospa_eval.tracks.clouds import Clouds
-from tgospa_eval.tracks.covariances import unpack
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import (
     CloudWasserstein,
     Effort,
@@ -35,7 +32,10 @@ from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.sensors.association import associate
+from tgospa_eval.tracks.alignment import Stamps, align
+from tgospa_eval.tracks.clouds import Clouds
+from tgospa_eval.tracks.covariances import unpack
 
 Write = Callable[[str, str | bytes], str]
 Run = Callable[..., Answer]

@@ -19,7 +19,12 @@ from tgospa_eval.distances import (
     restrict_cloud,
     transport_plan,
 )
-from tgospa_eval.distances.clouds.reduction import METHODS, Reduction, sliced_wasserstein, slot_means
+from tgospa_eval.distances.clouds.reduction import (
+    METHODS,
+    Reduction,
+    sliced_wasserstein,
+    slot_means,
+)
 from tgospa_eval.distances.clouds.transport import north_west
 from tgospa_eval.errors import ConfigError
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.distances import cloud_wasserstein
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.tracks.clouds import Clouds
 
 LAST = "1.7976931348623157e308"
 CLOUD = "id,t,weight,x,y\na,0,1,{0},0\na,0,1,0,1\na,0,1,1,0\na,0,1,1,1\n"

@@ -16,8 +16,6 @@ from oracles import tgospa_lp
 from test_distances import WAYS
 
 from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, read_trajectories
-from tgospa_eval.tracks.alignment import Stamps, align
-from tgospa_eval.tracks.covariances import factor, pack, project, unpack
 from tgospa_eval.distances import (
     DISTANCES,
     GaussianWasserstein,
@@ -26,12 +24,14 @@ from tgospa_eval.distances import (
     near_pairs,
     search,
 )
+from tgospa_eval.evaluation.prepare import digest
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.write import csv_text
 from tgospa_eval.inspection import describe
-from tgospa_eval.evaluation.prepare import digest
 from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
+from tgospa_eval.tracks.alignment import Stamps, align
+from tgospa_eval.tracks.covariances import factor, pack, project, unpack
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

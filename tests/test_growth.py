@@ -5,22 +5,22 @@ import pytest
 from strategies import scene
 from test_kernels import without_kernels
 
-import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.active_set as contest_module
+import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.exact as exact_module
 import tgospa_eval.solvers.restricted_lp as residual_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
+from tgospa_eval.common.progress import LATE
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.common.progress import LATE
-from tgospa_eval.solvers.dual_ascent import Ascent
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import _groups, _windows
-from tgospa_eval.solvers.kernels import price_cap
+from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.fallback.dual_ascent import NumpyAscent
+from tgospa_eval.solvers.kernels import price_cap
 from tgospa_eval.solvers.pieces import cut_out
 from tgospa_eval.solvers.restricted_lp import residual
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 

@@ -10,20 +10,18 @@ from strategies import scene
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.sinkhorn as sinkhorn_module
 from tgospa_eval import Certified, Result, Sinkhorn, evaluate
-from tgospa_eval.problem import merging
-from tgospa_eval.problem import slots
-from tgospa_eval.problem import states
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.errors import InputError, check_size
+from tgospa_eval.problem import merging, slots, states
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
 from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.slots import Slots
-from tgospa_eval.solvers import dual_ascent as ascent
 from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.weights import ONE
+from tgospa_eval.solvers import dual_ascent as ascent
 
 MOST = 32
 """Flag of the kernels: more than half of the row."""

@@ -8,11 +8,11 @@ import pytest
 from pages import embedded, note, pick, picture
 
 from tgospa_eval import Trajectories, evaluate
-from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.distances import CloudWasserstein
-from tgospa_eval.results.result import Result
 from tgospa_eval.reports import spreads
 from tgospa_eval.reports.drawing import document
+from tgospa_eval.results.result import Result
+from tgospa_eval.tracks.clouds import Clouds
 
 
 def laws(covariance: np.ndarray, steps: int = 4) -> Result:

@@ -13,8 +13,8 @@ from strategies import ORDERS, pairs_of_sets, scene
 from test_golden import N, tracks
 
 from tgospa_eval import evaluate
-from tgospa_eval.problem import gospa as per_step
 from tgospa_eval.comparison.against import against, against_document, differences
+from tgospa_eval.problem import gospa as per_step
 
 SWAP = ([[0] * 3, [10] * 3], [[0, 0, 10], [10, 10, 0]])
 FRAGMENT = ([[0, 0, 0]], [[0, 0, N], [N, N, 0]])

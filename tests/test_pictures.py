@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 
 from tgospa_eval import evaluate, plots
 from tgospa_eval.common import palette
+from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.result import Result
 from tgospa_eval.plots import (
     plane,
     plot_costs,
@@ -34,7 +34,7 @@ from tgospa_eval.plots.report import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.plots.views import binned, view
 from tgospa_eval.reports import drawing
-from tgospa_eval.common.words import install
+from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]
 ALL = (plot_costs, plot_lanes, plot_plane, plot_cumulative, plot_worst)

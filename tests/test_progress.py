@@ -15,17 +15,17 @@ import pytest
 
 from tgospa_eval.cli.shared import progress as shown
 from tgospa_eval.cli.shared.progress import Display, bracket, line
-from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.common.progress import Progress, StoppedError
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import as_distance, prepare
+from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Parameters
-from tgospa_eval.common.progress import Progress, StoppedError
 from tgospa_eval.solvers import Solver, batches, certified, exact
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.exact import Exact
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.solvers.telling import near_the_end
-from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -254,8 +254,8 @@ def interrupted(tmp_path: Path, environment: dict[str, str]) -> Run:
 SWEEPS = "from tgospa_eval.solvers.dual_ascent import Ascent; Ascent.stage = once(Ascent.stage)"
 CLARABEL = "from tgospa_eval.solvers import exact; exact._build = and_never_end"
 PROGRAMMES = "from tgospa_eval.solvers import residual; residual.residual = and_never_end"
-PROOF = f"{SWEEPS}; from tgospa_eval import pipeline; pipeline.certify = and_never_end"
-READING = "from tgospa_eval.cli import settings; settings.Settings.read = and_never_end"
+PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
+READING = "from tgospa_eval.cli.shared import settings; settings.Settings.read = and_never_end"
 DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"
 HARD = ("-c", "25", "-g", "2", "--time", "0:15")
 """Of a crowd: what no solver settles without work."""

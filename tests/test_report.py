@@ -10,10 +10,10 @@ import pytest
 from pages import NASTY, embedded, unpacked
 
 from tgospa_eval import evaluate
-from tgospa_eval.results.result import Result
 from tgospa_eval.reports import drawing
 from tgospa_eval.reports.drawing import NONE, curves, document, packed
 from tgospa_eval.reports.html import page
+from tgospa_eval.results.result import Result
 
 
 def swap() -> Result:

@@ -8,14 +8,14 @@ from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Parameters, Problem, tgospa_problem
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.solvers import SOLVERS, solver_class
 from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.weights import ONE
+from tgospa_eval.solvers import SOLVERS, solver_class
 
 # relative error of the total that each solver promises, None for a bracket only
 PROMISE = {"certified": 1e-9, "exact": 1e-6, "sinkhorn": None}

@@ -13,17 +13,17 @@ from hypothesis import strategies as st
 from strategies import ORDERS, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
-from tgospa_eval.evaluation import sweep as sensitivity
-from tgospa_eval.problem.certificate import certify
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
-from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.results.sweep import Sweep
-from tgospa_eval.evaluation.prepare import Measured, as_distance, as_trajectories, measure
-from tgospa_eval.problem.problem import Parameters
-from tgospa_eval.solvers.warm_start import Kept, keep, offer
-from tgospa_eval.problem.states import States
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.evaluation import sweep as sensitivity
+from tgospa_eval.evaluation.prepare import Measured, as_distance, as_trajectories, measure
+from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
+from tgospa_eval.results.sweep import Sweep
+from tgospa_eval.solvers.warm_start import Kept, keep, offer
 
 Invoke = Callable[..., Answer]
 Pair = tuple[str, str]

@@ -8,11 +8,11 @@ from strategies import coincident, dice, lattice_walks, overlapping
 from tgospa_eval import evaluate
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers import restricted_lp as programmes
+from tgospa_eval.solvers.basis import suggest
 from tgospa_eval.solvers.programme import make_programme
 from tgospa_eval.solvers.restricted_lp import Proposal, refined, residual
-from tgospa_eval.solvers.basis import suggest
-from tgospa_eval.problem.states import States
 
 
 def states_of(sides: tuple[np.ndarray, np.ndarray], c: float, p: float, gamma: float) -> States:

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from tgospa_eval import evaluate, read_trajectories
-from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.common.notices import in_python
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.tracks.trajectories import Trajectories
 
 

@@ -5,7 +5,7 @@ The public names are imported when they are used, so that ``tgospa-eval --help``
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from tgospa_eval._version import __version__
 
 if TYPE_CHECKING:
     from tgospa_eval.errors import (
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
         TgospaError,
         TgospaWarning,
     )
-    from tgospa_eval.results.result import Result
-    from tgospa_eval.formats import read_trajectories
     from tgospa_eval.evaluation.evaluate import evaluate
-    from tgospa_eval.results.sweep import Sweep
     from tgospa_eval.evaluation.sweep import sweep
+    from tgospa_eval.formats import read_trajectories
+    from tgospa_eval.results.result import Result
+    from tgospa_eval.results.sweep import Sweep
     from tgospa_eval.solvers.certified import Certified
     from tgospa_eval.solvers.exact import Exact
     from tgospa_eval.solvers.sinkhorn import Sinkhorn
@@ -30,16 +30,16 @@ _HOME = {
     "ConfigError": "errors",
     "Exact": "solvers.exact",
     "InputError": "errors",
-    "Result": "evaluation",
+    "Result": "results.result",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
-    "Sweep": "points",
+    "Sweep": "results.sweep",
     "TgospaError": "errors",
     "TgospaWarning": "errors",
-    "Trajectories": "trajectories",
-    "evaluate": "pipeline",
+    "Trajectories": "tracks.trajectories",
+    "evaluate": "evaluation.evaluate",
     "read_trajectories": "formats",
-    "sweep": "sensitivity",
+    "sweep": "evaluation.sweep",
 }
 
 __all__ = [

@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval import __version__
-from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps
+from tgospa_eval._version import __version__
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
+from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import median
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
-from tgospa_eval.distances import Distance
 from tgospa_eval.formats import Reading
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
-from tgospa_eval.common.words import counted
 
 SCHEMA = "tgospa-eval/inspect/1"
 

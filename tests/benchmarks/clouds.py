@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.distances import CloudWasserstein, cloud_wasserstein, near_pairs, reduce_cloud
+from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
 TRACKS, PARTICLES, CUTOFF = 20, 200, 10.0

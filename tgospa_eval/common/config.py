@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.common.files import read_bytes
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
 FILE = "tgospa-eval.toml"

@@ -1,6 +1,6 @@
 """TGOSPA beside per-step GOSPA, alone and with switches charged afterwards.
 
-Two tools charge switches so; their rules are those of `tgospa_eval.problem.gospa`, their sums are
+Two tools charge switches so; their rules are those of `problem.gospa`, their sums are
 Stone Soup     (GOSPA_k^2 + gamma^2 n_k^(2/p))^(1/2), the exponent 2 whatever p is
 MathWorks      (GOSPA_k^p + gamma^p n_k)^(1/p)
 with n_k changes into step k.
@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.results.result import Result
 from tgospa_eval.problem.gospa import (
     Changes,
     changes_since_last_step,
@@ -21,6 +20,7 @@ from tgospa_eval.problem.gospa import (
     per_step_gospa,
 )
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.result import Result
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 

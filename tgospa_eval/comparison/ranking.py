@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval import __version__
+from tgospa_eval._version import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import Against, against, against_document, differences
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
-from tgospa_eval.results.result import Result
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Table
 
 RANKED = "normalised.tgospa"

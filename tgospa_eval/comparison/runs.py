@@ -10,15 +10,15 @@ from typing import IO, Any, cast
 
 import numpy as np
 
+from tgospa_eval.common.progress import Progress
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.problem.problem import Parameters
-from tgospa_eval.common.progress import Progress
-from tgospa_eval.solvers import Solver
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
 
 PARTS = ("localisation", "missed", "false", "switch")

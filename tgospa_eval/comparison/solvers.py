@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-from tgospa_eval import __version__
+from tgospa_eval._version import __version__
+from tgospa_eval.common.progress import Progress
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
 from tgospa_eval.comparison.runs import Run, called, failed, run_apart
 from tgospa_eval.evaluation.prepare import Prepared
-from tgospa_eval.common.progress import Progress
 from tgospa_eval.solvers import Solver
 
 

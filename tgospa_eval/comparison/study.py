@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval import __version__
+from tgospa_eval._version import __version__
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.words import counted
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.comparison.runs import PARTS, Run, failed, run_here, warm_up
@@ -26,8 +28,6 @@ from tgospa_eval.evaluation.prepare import prepare
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.common.words import counted
 
 Document = dict[str, Any]
 Size = tuple[int, int]

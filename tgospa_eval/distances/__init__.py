@@ -13,31 +13,35 @@ from tgospa_eval.distances.gating import near_pairs
 if TYPE_CHECKING:
     from tgospa_eval.distances.boxes import IoU
     from tgospa_eval.distances.clouds.distance import CloudWasserstein, PairCloudWasserstein
-    from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
-    from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
     from tgospa_eval.distances.clouds.reduction import Reduction, reduce_cloud
     from tgospa_eval.distances.clouds.sampling import resample_cloud, restrict_cloud
+    from tgospa_eval.distances.clouds.transport import (
+        cloud_wasserstein,
+        cross_covariance,
+        transport_plan,
+    )
+    from tgospa_eval.distances.gaussian import GaussianWasserstein, gaussian_wasserstein
+    from tgospa_eval.distances.mahalanobis import Mahalanobis, PairMahalanobis
     from tgospa_eval.distances.sphere import Haversine
-    from tgospa_eval.distances.clouds.transport import cloud_wasserstein, cross_covariance, transport_plan
     from tgospa_eval.distances.vector import Norm
 
 _HOME = {
-    "CloudWasserstein": "clouds",
+    "CloudWasserstein": "clouds.distance",
     "GaussianWasserstein": "gaussian",
     "Haversine": "sphere",
     "IoU": "boxes",
     "Mahalanobis": "mahalanobis",
     "Norm": "vector",
-    "PairCloudWasserstein": "clouds",
+    "PairCloudWasserstein": "clouds.distance",
     "PairMahalanobis": "mahalanobis",
-    "Reduction": "reduction",
-    "cloud_wasserstein": "transport",
-    "cross_covariance": "transport",
+    "Reduction": "clouds.reduction",
+    "cloud_wasserstein": "clouds.transport",
+    "cross_covariance": "clouds.transport",
     "gaussian_wasserstein": "gaussian",
-    "reduce_cloud": "reduction",
-    "resample_cloud": "sampling",
-    "restrict_cloud": "sampling",
-    "transport_plan": "transport",
+    "reduce_cloud": "clouds.reduction",
+    "resample_cloud": "clouds.sampling",
+    "restrict_cloud": "clouds.sampling",
+    "transport_plan": "clouds.transport",
 }
 
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tgospa_eval.errors import InputError
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.errors import InputError
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]

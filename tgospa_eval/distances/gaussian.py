@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.tracks import covariances
 from tgospa_eval.distances.base import Distance, Floats, Pairs
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 BLOCK = 1 << 13

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.tracks import covariances
 from tgospa_eval.distances.base import ROUNDING, Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.vector import check_length, positive_numbers
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 SINGULAR = 1e-6

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.progress import Progress
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import EPS, block_of_tracks, fair_prices, lower_bounds, prove
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.prefixes import propose, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
-from tgospa_eval.common.progress import Progress
 from tgospa_eval.problem.solution import Curve, Reduced
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import Kept, Origin, keep, offer
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 
 SIZE = 1 << 18
 """Near pairs of the beginnings that are solved together."""

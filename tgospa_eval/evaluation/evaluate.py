@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from tgospa_eval import __version__
-from tgospa_eval.tracks.alignment import Stamps
-from tgospa_eval.problem.certificate import certify
-from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.evaluation.diagnosis import diagnose
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval._version import __version__
+from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
-from tgospa_eval.results.result import Proof, Result
-from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
+from tgospa_eval.evaluation.diagnosis import diagnose
+from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.prepare import (
     Prepared,
     TrajectoriesLike,
@@ -26,12 +23,15 @@ from tgospa_eval.evaluation.prepare import (
     fit,
     prepare,
 )
+from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Parameters, check_underflow
 from tgospa_eval.problem.solution import Bounds, Solution
-from tgospa_eval.solvers import Solver
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.tracks.trajectories import Trajectories
 from tgospa_eval.problem.weights import ONE
+from tgospa_eval.results.result import Proof, Result
+from tgospa_eval.solvers import Solver
+from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.certified import Certified

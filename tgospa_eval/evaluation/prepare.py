@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.tracks.alignment import Alignment, Stamps, align
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.results.result import Scene, sizes_of
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.asked import BOX
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Parameters, Problem, tgospa_problem
-from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.problem.states import States
+from tgospa_eval.results.result import Scene, sizes_of
 from tgospa_eval.results.summary import Labels
+from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.alignment import Alignment, Stamps, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:

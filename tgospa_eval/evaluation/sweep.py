@@ -2,7 +2,7 @@
 
 Near pairs are searched once, for the largest cutoff. The ends of the range are solved first, then
 what is in the middle between two solved values, and so on: each starts from what its neighbours on
-either side say of it (`tgospa_eval.solvers.warm_start`), and is proven by itself.
+either side say of it (`solvers.warm_start`), and is proven by itself.
 """
 
 import warnings
@@ -13,16 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval import __version__
-from tgospa_eval.tracks.alignment import Stamps
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval._version import __version__
+from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
-from tgospa_eval.results.result import Result
-from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
-from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.evaluation.prepare import (
     Measured,
     TrajectoriesLike,
@@ -31,12 +27,16 @@ from tgospa_eval.evaluation.prepare import (
     as_solver,
     measure,
 )
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.problem.states import States
+from tgospa_eval.results.result import Result
+from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import Kept, keep, offer
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.tracks.alignment import Stamps
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def sweep_trajectories(
     parameter : str
         Name of the one in which they differ.
     distance, solver, stamps, unit, settings, inputs, stopwatch
-        As for `tgospa_eval.evaluation.evaluate.evaluate_trajectories`.
+        As for `evaluation.evaluate.evaluate_trajectories`.
 
     Raises
     ------

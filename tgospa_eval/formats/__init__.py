@@ -1,6 +1,6 @@
 """FILES -> Trajectories. A member is one file here, one line in `FORMATS` and one docs page.
 
-A reader yields `tgospa_eval.formats.assemble.Rows`, the rows before anything is left out;
+A reader yields `formats.assemble.Rows`, the rows before anything is left out;
 `assemble` makes a `Reading` of them.
 """
 
@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.notices import Notice, in_python, spoken_in_python
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
-from tgospa_eval.common.notices import Notice, in_python, spoken_in_python
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
 
@@ -137,7 +137,7 @@ class ReadOptions:
         Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
         header, it is read by the usual names, and without a filter by class.
     option : str
-        What messages call `columns`, see `tgospa_eval.formats.asked.ask`.
+        What messages call `columns`, see `formats.asked.ask`.
 
     Raises
     ------
@@ -297,7 +297,7 @@ def read_trajectories(
         Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
         std_y, rho_xy``; the distance says whether they are compared.
     columns, decimal, on_duplicate, boxes, time, classes, region
-        As in `tgospa_eval.formats.ReadOptions`.
+        As in `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input
         Likewise.
 

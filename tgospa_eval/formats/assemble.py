@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import Times, more
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

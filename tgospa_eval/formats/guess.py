@@ -13,7 +13,7 @@ HEAD = 1 << 12
 
 
 def guess(path: str, data: bytes) -> str:
-    """A key of `tgospa_eval.formats.FORMATS`; what looks like nothing else is a CSV table.
+    """A key of `formats.FORMATS`; what looks like nothing else is a CSV table.
 
     A MOTChallenge line has 6 to 10 numbers, and no header. A KITTI line has 17 fields, or 18 with a
     score, separated by blanks, of which the third is the type.

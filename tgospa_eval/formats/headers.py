@@ -117,7 +117,7 @@ class Headers:
     mapped : dict of str to str
         Headers of columns that the user has named.
     option : str
-        How the user names them, see `tgospa_eval.formats.asked.ask`.
+        How the user names them, see `formats.asked.ask`.
     where : str
         Begins every message.
     """

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Rows
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -35,7 +35,7 @@ def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     Raises
     ------
     InputError
-        See `tgospa_eval.formats.read`.
+        See `formats.read`.
     """
     rows, texts, _ = read_plain(
         path, data, options, _header, commas=False, given=given, empty=17, texts=("class",)

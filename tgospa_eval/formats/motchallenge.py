@@ -7,6 +7,7 @@ follows depends on the number of fields: class and visibility (8 or 9), or a pla
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.asked import BOX
 from tgospa_eval.formats.assemble import Rows
@@ -14,7 +15,6 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.plain import leave_out_unknown, read_plain
 from tgospa_eval.formats.text import Places, numbers
 from tgospa_eval.tracks.trajectories import Floats
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -33,7 +33,7 @@ def read_motchallenge(
     Raises
     ------
     InputError
-        See `tgospa_eval.formats.read`.
+        See `formats.read`.
     """
     flagged = ("conf",) if role == "truth" else ()
     rows, texts, places = read_plain(

@@ -26,7 +26,7 @@ def read_npz(path: str, data: bytes, options: "ReadOptions", role: str, *, given
     Raises
     ------
     InputError
-        The file is no npz, or see `tgospa_eval.formats.read`. Rows count from 0.
+        The file is no npz, or see `formats.read`. Rows count from 0.
     """
     import pandas as pd
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from datetime import date
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.asked import parse_columns
 from tgospa_eval.formats.assemble import Rows
@@ -11,7 +12,6 @@ from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.text import quoted
-from tgospa_eval.common.words import install
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -23,7 +23,7 @@ def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, g
     Raises
     ------
     InputError
-        The file is no Parquet, or see `tgospa_eval.formats.read`. Rows count from 0.
+        The file is no Parquet, or see `formats.read`. Rows count from 0.
     ConfigError
         pyarrow is not installed.
     """

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, Clouds, are_normalised
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import BLANK, more
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, Clouds, are_normalised
 from tgospa_eval.tracks.trajectories import Floats, Ints
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.assemble import Rows

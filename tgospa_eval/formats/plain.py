@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
@@ -16,7 +17,6 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.text import Block, Places, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions

@@ -2,7 +2,7 @@
 
 Two spellings: `cov_xx`, `cov_xy`, `cov_yy` (names of more than one letter apart, `cov_x_vx`), or
 `std_x`, `std_y`, `rho_xy`. What a matrix must be like is the business of
-`tgospa_eval.tracks.covariances`.
+`tracks.covariances`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.tracks.covariances import LARGEST, accept, size_of, symmetric
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.times import more
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.tracks.covariances import LARGEST, accept, size_of, symmetric
 from tgospa_eval.tracks.trajectories import Floats, Ints
-from tgospa_eval.common.words import counted
 
 BEYOND = 1e-3
 """By what the size of a correlation may exceed 1: rounding in a file."""

@@ -2,7 +2,7 @@
 
 Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
 start without importing pandas; only large regular files take the quick way of
-`tgospa_eval.formats.bulk`. Text without quotes, the common case, is split in one call a piece after
+`formats.bulk`. Text without quotes, the common case, is split in one call a piece after
 the delimiters of every line were counted; other text goes through the csv module.
 """
 
@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats import bulk
 from tgospa_eval.formats.assemble import Rows
@@ -22,7 +23,6 @@ from tgospa_eval.formats.columns import Roles, find_roles
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.formats import ReadOptions
@@ -49,7 +49,7 @@ def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, giv
     Raises
     ------
     InputError
-        See `tgospa_eval.formats.read`.
+        See `formats.read`.
     """
     check_text(data, path)
     # A large ASCII file needs no decoding unless it takes the careful way.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.errors import InputError
 from tgospa_eval.common.files import SETTINGS, is_missing, named, read_bytes
+from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import Numbered, Rows, number_ids
 from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.fields import Coded, floats
@@ -249,7 +249,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     Raises
     ------
     TimeError
-        As `tgospa_eval.formats.times.parse_times`, of the first row that is wrong.
+        As `formats.times.parse_times`, of the first row that is wrong.
     """
 
     def to_floats(texts: Sequence[str]) -> Floats:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.asked import BOX
 from tgospa_eval.formats.spread import spelt
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
-from tgospa_eval.common.words import install
 
 
 def csv_text(trajectories: Trajectories, role: str = "truth") -> str:  # noqa: ARG001

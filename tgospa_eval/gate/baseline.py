@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.common.files import is_missing, read_bytes
+from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted

@@ -6,11 +6,11 @@ Ten errors and ten warnings of a step are shown, and a summary of at most 1 MiB.
 import os
 from collections.abc import Iterator
 
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.common.files import is_missing, named, patience
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.outcome import Outcome, Report
-from tgospa_eval.reports.escape import workflow_data, workflow_property
 from tgospa_eval.gate.report import markdown_lines, title
+from tgospa_eval.reports.escape import workflow_data, workflow_property
 from tgospa_eval.text import clipped, visible
 
 MOST = 10

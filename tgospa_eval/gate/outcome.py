@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
     COSTS,
@@ -18,7 +19,6 @@ from tgospa_eval.gate.rules import (
     name_of,
     worst,
 )
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.results.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.common.palette import LIGHT
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import DOTS, MISSING, available
 from tgospa_eval.text import quoted
 

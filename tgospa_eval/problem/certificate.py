@@ -20,8 +20,8 @@ from tgospa_eval.problem.paths import (
 )
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by, sum_parts
 from tgospa_eval.problem.reduced import forced_cost
-from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.slots import PART, parts
+from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, whole_weights
 
@@ -127,7 +127,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
     """Lower bound of the cost of the objects of each block, (B,), from any prices >= 0.
 
-    Where blocks were solved at smaller cutoffs (`tgospa_eval.problem.reduced`), it is the best of those.
+    Where blocks were solved at smaller cutoffs (`problem.reduced`), it is the best of those.
     """
     blocks = len(states.block_begin)
     lower = np.zeros(blocks)

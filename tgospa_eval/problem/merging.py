@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.errors import check_size
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States, connected_components

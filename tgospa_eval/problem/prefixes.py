@@ -144,9 +144,9 @@ def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Fl
 
 
 def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
-    """The bound of `tgospa_eval.problem.certificate` for the steps of each block up to each step, (C,).
+    """The bound of `problem.certificate` for the steps of each block up to each step, (C,).
 
-    Values are relative to the cheapest pair of each row and step, as in `tgospa_eval.problem.paths`.
+    Values are relative to the cheapest pair of each row and step, as in `problem.paths`.
     """
     problem, slots, pair = states.problem, states.columns, states.pair
     # What happens: a state begins; a slot of it does, and costs its price.

@@ -60,7 +60,7 @@ class Reduced:
     Parameters
     ----------
     states : States
-        The problem of these blocks at the smaller cutoff, from `tgospa_eval.problem.reduced`.
+        The problem of these blocks at the smaller cutoff, from `problem.reduced`.
     blocks : (B,) bool array
         Which blocks of the whole they are.
     scale : float

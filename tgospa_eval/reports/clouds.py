@@ -4,8 +4,8 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from tgospa_eval.text import visible
 from tgospa_eval.common.words import counted
+from tgospa_eval.text import visible
 
 Table = dict[str, list[Any]]
 Document = dict[str, Any]

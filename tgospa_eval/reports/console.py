@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.words import counted
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, visible
-from tgospa_eval.common.words import counted
 
 WIDTH = 80
 SHOWN = 5

@@ -6,8 +6,8 @@ import io
 import os
 from pathlib import Path
 
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.common.files import named, patience
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.results.summary import Summary, Table
 

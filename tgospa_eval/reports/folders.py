@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.common.files import named
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import manifest
 
 PICTURES = ("png", "svg", "pdf")

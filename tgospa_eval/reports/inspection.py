@@ -8,9 +8,9 @@ from typing import Any
 
 from tgospa_eval.common.figures import number, shortest
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted, in_both
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.text import visible
-from tgospa_eval.common.words import counted, in_both
 
 Document = dict[str, Any]
 Row = tuple[str, list[str]]

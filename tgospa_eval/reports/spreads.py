@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.tracks.covariances import size_of
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.tracks.covariances import size_of
 
 NUMBERS = 150_000
 """Numbers of covariances that are told; beyond, those of every so many steps."""

@@ -6,10 +6,10 @@ from typing import Any
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
 from tgospa_eval.results.summary import Table
-from tgospa_eval.common.words import counted
 
 Document = dict[str, Any]
 

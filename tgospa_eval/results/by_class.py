@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.results.result import Result
 from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
+from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Costs, Labels, Summary, Table
 
 

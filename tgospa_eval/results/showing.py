@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:
     import os

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.results.notebook import card
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.problem.problem import POWER, Floats, Parameters
 from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
+from tgospa_eval.results.notebook import card
 from tgospa_eval.results.showing import Shown
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     import pandas as pd

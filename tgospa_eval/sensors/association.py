@@ -213,7 +213,7 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
     check_columns(first, second, names)
     check_states(first, second, distance, names)
     if not np.array_equal(first.times, second.times) or first.clock != second.clock:
-        raise InputError("the sides are on different times; tgospa_eval.tracks.alignment.align joins them")
+        raise InputError("the sides are on different times; tracks.alignment.align joins them")
     return distance.fitted(first, second)
 
 

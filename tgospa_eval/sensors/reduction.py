@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
-from tgospa_eval.distances.clouds.pairs import announce, counted
 from tgospa_eval.distances.clouds.distance import reduced
+from tgospa_eval.distances.clouds.pairs import announce, counted
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import LARGEST, NEEDED, can_transport
+from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Table = dict[str, list[Any]]

@@ -2,11 +2,11 @@
 
 from typing import Protocol
 
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.text import quoted
-from tgospa_eval.common.timing import Stopwatch
 
 
 class Solver(Protocol):

@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
+from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import Floats, sum_by
-from tgospa_eval.common.progress import StoppedError
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch
 from tgospa_eval.solvers.kernels import best_paths, better, price_cap
 from tgospa_eval.solvers.restricted_lp import residual
-from tgospa_eval.problem.states import States
 
 ROUNDS = 30
 MOST = 0.6

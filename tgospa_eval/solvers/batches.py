@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.progress import Limit
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.common.progress import Limit
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
 from tgospa_eval.solvers.telling import BatchTelling, Telling
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import Offer
@@ -113,7 +113,7 @@ def solve_in_batches(
     states : States
         The reduced problem.
     trivial : Trivial
-        One of `tgospa_eval.solvers.trivial`.
+        One of `solvers.trivial`.
     solve : callable
         Solves one batch; called from several threads.
     stopwatch : Stopwatch

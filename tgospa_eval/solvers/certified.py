@@ -1,6 +1,6 @@
 """The exact solver: prices by entropic ascent, a linear programme for what they leave open.
 
-Whatever happens here only proposes; the bracket is made by `tgospa_eval.problem.solution.certify`.
+Whatever happens here only proposes; the bracket is made by `problem.solution.certify`.
 """
 
 import time
@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.progress import StoppedError
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.solvers.dual_ascent import TEMPTED, Ascent
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
-from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.capacities import load
+from tgospa_eval.solvers.dual_ascent import TEMPTED, Ascent
+from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.pieces import cut_out
 from tgospa_eval.solvers.telling import near_the_end
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.problem.weights import ONE, repair
 
 if TYPE_CHECKING:
-    from tgospa_eval.solvers.warm_start import Offer
     from tgospa_eval.solvers.restricted_lp import Proposal
+    from tgospa_eval.solvers.warm_start import Offer
 
 T = TypeVar("T")
 
@@ -393,7 +393,9 @@ class _Programmes:
 
     def _solve_group(self, free: Ints, box: float, whole: bool) -> "_Solved":
         """Solve one programme."""
-        from tgospa_eval.solvers.restricted_lp import residual  # HiGHS: slow to import, not always used
+        from tgospa_eval.solvers.restricted_lp import (
+            residual,  # HiGHS: slow to import, not always used
+        )
 
         ascent, left = self.ascent, self.batch.limit.left()
         if left is not None:

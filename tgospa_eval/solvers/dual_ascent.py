@@ -2,7 +2,7 @@
 
 After Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the TGOSPA metric for multiple
 target tracking via unbalanced optimal transport", with one path per row (docs/theory, "Sinkhorn").
-Bounds here steer the solvers; those that are reported are made anew by `tgospa_eval.problem.solution`.
+Bounds here steer the solvers; those that are reported are made anew by `problem.solution`.
 """
 
 import time
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by, sum_parts
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
-from tgospa_eval.solvers.capacities import load
 from tgospa_eval.problem.states import States, connected_components
+from tgospa_eval.solvers.capacities import load
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 
 NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
 """Flags of a survey: slack within the reach; being in no state instead costs more than the reach;

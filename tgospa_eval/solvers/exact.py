@@ -13,11 +13,14 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy import sparse
 
+from tgospa_eval.common.progress import StoppedError
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.problem.solution import Solution
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
+from tgospa_eval.solvers.capacities import Limits, limits
 from tgospa_eval.solvers.kernels import (
     alone_costs,
     better,
@@ -27,11 +30,8 @@ from tgospa_eval.solvers.kernels import (
     price_cap,
     settle,
 )
-from tgospa_eval.solvers.capacities import Limits, limits
 from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.solvers.trivial import solve_rows
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 
 GAP = 1e-9
 

@@ -2,7 +2,7 @@
 
 Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
 a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
-of the whole is said in `tgospa_eval.problem.reduced`. Nothing here is trusted: the certificate evaluates
+of the whole is said in `problem.reduced`. Nothing here is trusted: the certificate evaluates
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
@@ -12,15 +12,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.progress import Limit
 from tgospa_eval.problem.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
-from tgospa_eval.common.progress import Limit
 from tgospa_eval.problem.reduced import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
-from tgospa_eval.solvers.kernels import block_costs
-from tgospa_eval.solvers.warm_start import keep, offer
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import repair
+from tgospa_eval.solvers.kernels import block_costs
+from tgospa_eval.solvers.warm_start import keep, offer
 
 FAR = 2.0**-8
 """At a fraction of c^p up to this, a smaller cutoff is chosen before anything else is tried."""

@@ -26,7 +26,7 @@ def best_paths(states: States, prices: Floats) -> Floats:
 def paths(states: States, value: Floats) -> Floats:
     """A path of largest value of each row, as weights 0 and 1, (S,).
 
-    The Viterbi recursion of `tgospa_eval.problem.paths.best_values` with back pointers: the state from
+    The Viterbi recursion of `problem.paths.best_values` with back pointers: the state from
     which each state is reached, and the state from which the hub of each row got its value.
     """
     turn, crossing = turns(states), states.problem.crossing_price

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.solvers.capacities import Limits, limits
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.capacities import Limits, limits
 
 Long = NDArray[np.longdouble]
 

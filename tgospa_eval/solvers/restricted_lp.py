@@ -10,9 +10,9 @@ import highspy
 import numpy as np
 
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.solvers.programme import Long, Programme, make_programme
-from tgospa_eval.solvers.basis import Marks, suggest
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.basis import Marks, suggest
+from tgospa_eval.solvers.programme import Long, Programme, make_programme
 
 LARGE, PATIENCE, WORK, SAMPLE = 2000, 2.0, 150, 6
 """A programme with so many constraints that takes the simplex method more than so many iterations,

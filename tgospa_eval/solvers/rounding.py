@@ -3,8 +3,8 @@
 import numpy as np
 
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.solvers.kernels import paths
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.kernels import paths
 
 ROUNDS = 12
 

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
-from tgospa_eval.solvers.dual_ascent import Ascent
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.kernels import check_gap, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
-from tgospa_eval.problem.states import States
-from tgospa_eval.common.timing import Stopwatch
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.fallback.sweeps import PlainAscent

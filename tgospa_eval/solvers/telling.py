@@ -1,6 +1,6 @@
 """The bracket on the way: what is proven of each batch, and cheap bounds of the rest.
 
-Nothing here is reported; the bracket of the result is made by `tgospa_eval.problem.certificate.certify`.
+Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
 """
 
 from typing import TYPE_CHECKING
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.solvers.kernels import alone_costs
+from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.kernels import alone_costs
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.batches import Batch

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import InputError
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
+from tgospa_eval.errors import InputError
 
 Floats = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
-from tgospa_eval.common.words import counted
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.clouds import Clouds

@@ -8,15 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval import plots
+from tgospa_eval.cli.evaluate.run import about, pair_notices, slow_notice, teller, told
 from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.simulate.run import settings as scene_settings
 from tgospa_eval.cli.shared.settings import Settings, make_settings
-from tgospa_eval.cli.simulate import command as simulate
 from tgospa_eval.cli.shared.streams import emit, say
-from tgospa_eval.cli.evaluate.run import about, pair_notices, slow_notice, teller, told
 from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.cli.simulate.command import command as simulate
+from tgospa_eval.cli.simulate.run import settings as scene_settings
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.words import counted
 from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
@@ -25,12 +28,11 @@ from tgospa_eval.comparison.solvers import compare_solvers, document
 from tgospa_eval.comparison.study import Study, carry_out
 from tgospa_eval.comparison.study import document as summary
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.formats.assemble import natural
-from tgospa_eval.common.notices import Notice
-from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
-from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.reports.comparison import json_text, render
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder
@@ -41,8 +43,6 @@ from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.text import quoted
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.common.words import counted
 
 GIVEN = ("cutoff", "switch_penalty")
 UNUSED = {"by": None, "seed": None}

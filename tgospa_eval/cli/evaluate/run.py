@@ -8,28 +8,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.tracks.alignment import Alignment
 from tgospa_eval.cli.shared.distance import notices, unit_notices
 from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings, make_solver
 from tgospa_eval.cli.shared.streams import emit, on_terminal, say
 from tgospa_eval.cli.shared.writing import Files, write_output
-from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.words import counted, install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats import Reading
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
+from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.evaluate import check_curve, evaluate_trajectories
+from tgospa_eval.formats import Reading
+from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder
-from tgospa_eval.solvers import Solver
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.common.words import counted, install
+from tgospa_eval.solvers import Solver
+from tgospa_eval.tracks.alignment import Alignment
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -188,8 +188,8 @@ def evaluate_sides(
         return evaluate_trajectories(
             truth.trajectories, estimate.trajectories, inputs=inputs, stopwatch=stopwatch, **common
         )
-    from tgospa_eval.results.by_class import add_up
     from tgospa_eval.formats.assemble import natural
+    from tgospa_eval.results.by_class import add_up
 
     read_s = stopwatch.elapsed()
     results = {}

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import plots
+from tgospa_eval.cli.evaluate.run import read_sides, teller, told, wanted_pictures
 from tgospa_eval.cli.shared.options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings, make_solver
 from tgospa_eval.cli.shared.streams import emit, say
-from tgospa_eval.cli.evaluate.run import read_sides, teller, told, wanted_pictures
 from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.sweep import in_order, sweep_trajectories
 from tgospa_eval.plots.sweep import sweep_pictures
-from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import SWEEP, probe_folder
 from tgospa_eval.reports.sweep import render
-from tgospa_eval.evaluation.sweep import in_order, sweep_trajectories
+from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted
-from tgospa_eval.common.timing import Stopwatch
 
 if TYPE_CHECKING:
     from tgospa_eval.plots.report import Pictures

@@ -6,10 +6,9 @@ import click
 
 from tgospa_eval.cli.shared.help import Option, Verb
 from tgospa_eval.cli.shared.options import gate_options
+from tgospa_eval.cli.verbs import TYPED
 
 FORMATS = ("table", "json", "markdown")
-TYPED = "tgospa_eval.typed"
-"""Under this name the context keeps the arguments as they were typed."""
 
 
 class Gate(Verb):

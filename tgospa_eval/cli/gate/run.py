@@ -9,21 +9,21 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval import __version__
-from tgospa_eval.cli.gate.command import TYPED
-from tgospa_eval.cli.shared.interrupts import heard
-from tgospa_eval.cli.gate.sources import KNOWN, Given
-from tgospa_eval.cli.shared.streams import emit, say, say_as_is
+from tgospa_eval._version import __version__
 from tgospa_eval.cli.evaluate.run import evaluate_files
+from tgospa_eval.cli.gate.sources import KNOWN, Given
+from tgospa_eval.cli.shared.interrupts import heard
+from tgospa_eval.cli.shared.streams import emit, say, say_as_is
+from tgospa_eval.cli.verbs import TYPED
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
 from tgospa_eval.gate.outcome import Change, Outcome, Report, change, compare
+from tgospa_eval.gate.report import GATE_REPORTS
 from tgospa_eval.gate.rules import STATUS, Finding, Rule, Verdict, worst
 from tgospa_eval.gate.suite import ALONE, Pair, Suite
 from tgospa_eval.gate.suite import load as load_suite
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.files import write_file
-from tgospa_eval.gate.report import GATE_REPORTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped
 

@@ -7,10 +7,10 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.common import config
 from tgospa_eval.cli.shared.help import Option
 from tgospa_eval.cli.shared.option import KEYS
 from tgospa_eval.cli.shared.options import EVALUATION
+from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.baseline import SOLVING, Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules

@@ -6,19 +6,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from tgospa_eval import __version__
-from tgospa_eval.sensors.association import associate
+from tgospa_eval._version import __version__
+from tgospa_eval.cli.evaluate.run import about, teller
 from tgospa_eval.cli.shared.particles import reduction
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, say
-from tgospa_eval.cli.evaluate.run import about, teller
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.inspection import spread
-from tgospa_eval.sensors.reduction import reduce_trajectories
 from tgospa_eval.reports.clouds import (
     association_text,
     json_text,
@@ -26,7 +25,8 @@ from tgospa_eval.reports.clouds import (
     reduction_text,
 )
 from tgospa_eval.reports.files import check_file, csv_text, write_file
-from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.sensors.association import associate
+from tgospa_eval.sensors.reduction import reduce_trajectories
 
 T = TypeVar("T")
 

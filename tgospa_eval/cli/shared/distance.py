@@ -6,13 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 from tgospa_eval.cli.shared.particles import cloud_distance, given_particles
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.asked import BOX, parse_columns
 from tgospa_eval.formats.headers import METRES
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.text import quoted
 
 

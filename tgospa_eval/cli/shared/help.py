@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tgospa_eval.cli import VERBS, load
+from tgospa_eval.cli.verbs import VERBS, load
 from tgospa_eval.text import clipped, listed, visible
 
 SECTIONS = (

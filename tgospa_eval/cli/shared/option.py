@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
-from tgospa_eval.common import config
-from tgospa_eval.cli import CONFIG
 from tgospa_eval.cli.shared.help import Option
+from tgospa_eval.cli.verbs import CONFIG
+from tgospa_eval.common import config
 
 KEYS: dict[Callable[[Any], Any], tuple[str, bool]] = {}
 """Of each option its key in a configuration file, and whether it is a flag."""

@@ -11,8 +11,8 @@ from typing import TypeVar
 from tgospa_eval.cli.shared.interrupts import answering
 from tgospa_eval.cli.shared.streams import say
 from tgospa_eval.common.progress import Progress, Task
-from tgospa_eval.text import visible
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.text import visible
 
 T = TypeVar("T")
 

@@ -3,19 +3,19 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from tgospa_eval.tracks.alignment import Alignment, Stamps
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
 from tgospa_eval.cli.shared.streams import say
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.prepare import fit
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.asked import columns_of_each
-from tgospa_eval.evaluation.prepare import fit
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.alignment import Alignment, Stamps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -6,8 +6,8 @@ from typing import Any
 from tgospa_eval.cli.shared.interrupts import heard, undisturbed
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import say
-from tgospa_eval.reports.folders import Kind, write_texts
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.reports.folders import Kind, write_texts
 
 Files = Mapping[str, str | bytes]
 

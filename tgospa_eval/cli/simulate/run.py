@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.cli.shared.streams import emit
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.write import WRITERS
 from tgospa_eval.reports.folders import Kind, probe_folder, write_texts
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.text import visible
 from tgospa_eval.tracks.trajectories import Trajectories
-from tgospa_eval.common.words import counted
 
 DISTANCES = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""

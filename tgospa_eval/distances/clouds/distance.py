@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.distances.base import Distance, Effort, Floats
 from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce, counted
-from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import check_order, whitened_points
+from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.clouds import Clouds, single
 from tgospa_eval.tracks.trajectories import Trajectories
 
 INNER = ("euclidean", "mahalanobis")

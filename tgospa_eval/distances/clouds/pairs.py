@@ -16,15 +16,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.tracks import covariances
-from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
+from tgospa_eval.distances.clouds.transport import (
+    LARGEST,
+    TOO_LARGE,
+    distance,
+    whitened,
+    whitened_points,
+)
 from tgospa_eval.distances.gaussian import bures
 from tgospa_eval.distances.mahalanobis import cholesky
-from tgospa_eval.distances.clouds.transport import LARGEST, TOO_LARGE, distance, whitened, whitened_points
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks import covariances
+from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 SLACK = 1e-12

@@ -9,9 +9,9 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, are_normalised
 from tgospa_eval.errors import ConfigError, TgospaWarning, real_number
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, are_normalised
 
 Floats = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tgospa_eval.distances.mahalanobis import cholesky
-from tgospa_eval.distances.clouds.sampling import as_cloud
-from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.common.words import install
+from tgospa_eval.distances.clouds.sampling import as_cloud
+from tgospa_eval.distances.mahalanobis import cholesky
+from tgospa_eval.errors import ConfigError, SolverError
 
 Floats = NDArray[np.float64]
 Cloud = tuple[Floats, Floats]

@@ -7,15 +7,15 @@ or where a side cannot mean what it seems to.
 
 import numpy as np
 
-from tgospa_eval.tracks.alignment import Alignment, Stamps
+from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.words import counted, in_both
+from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
-from tgospa_eval.distances import Distance
-from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.tracks.alignment import Alignment, Stamps
 from tgospa_eval.tracks.trajectories import Trajectories
-from tgospa_eval.common.words import counted, in_both
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has

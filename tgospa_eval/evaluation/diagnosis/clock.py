@@ -13,7 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps, nearest, within
+from tgospa_eval.common.figures import number, shortest
+from tgospa_eval.common.notices import Notice, Spelling
+from tgospa_eval.common.words import counted
+from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST,
     FIRST,
@@ -25,12 +28,9 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving,
     saving_of_tracks,
 )
-from tgospa_eval.distances import Distance
-from tgospa_eval.common.figures import number, shortest
-from tgospa_eval.common.notices import Notice, Spelling
 from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps, nearest, within
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
-from tgospa_eval.common.words import counted
 
 FEW = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""

@@ -6,13 +6,13 @@ from itertools import product
 
 import numpy as np
 
-from tgospa_eval.evaluation.diagnosis.costs import StepCosts
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.sphere import RADIUS
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.evaluation.diagnosis.costs import StepCosts
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
-from tgospa_eval.common.words import counted
 
 SOME = 0.35
 """Share of the pairs that there could be from which on chance is not asked."""

@@ -10,6 +10,9 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from tgospa_eval.common.notices import Notice, Spelling, as_option
+from tgospa_eval.common.words import counted
+from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
     FIRST,
     SAMPLE,
@@ -22,11 +25,8 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving,
 )
 from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
-from tgospa_eval.distances import Distance
-from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.problem.problem import Floats, Parameters
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
-from tgospa_eval.common.words import counted
 
 FACTORS = {
     1000.0: ("metres", "kilometres"),

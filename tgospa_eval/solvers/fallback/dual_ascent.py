@@ -1,6 +1,6 @@
 """The ascent of the certified solver where no kernel was built: the same prices, in NumPy.
 
-Sweeps are those of `tgospa_eval.solvers.fallback.sweeps`; what programmes ask of prices comes from Viterbi
+Sweeps are those of `solvers.fallback.sweeps`; what programmes ask of prices comes from Viterbi
 passes over all rows at once.
 """
 
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.paths import turns
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.slots import changed
-from tgospa_eval.solvers.dual_ascent import BEST, LOSES, NEAR, NEEDED, REGRET, TEMPTED, Ascent
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, best_paths, price_cap
-from tgospa_eval.solvers.fallback.sweeps import NEGLIGIBLE, Sweeps
-from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.dual_ascent import BEST, LOSES, NEAR, NEEDED, REGRET, TEMPTED, Ascent
+from tgospa_eval.solvers.fallback.sweeps import NEGLIGIBLE, Sweeps
+from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, best_paths, price_cap
+from tgospa_eval.solvers.rounding import round_paths
 
 HARDLY = 1e-6
 

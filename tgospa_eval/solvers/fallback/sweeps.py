@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, block_costs, dual_values, is_wide
 from tgospa_eval.solvers.rounding import round_paths
-from tgospa_eval.problem.states import States
 
 NEGLIGIBLE = 1e-12
 CHAIN = 2_000_000
@@ -17,7 +17,7 @@ CHAIN = 2_000_000
 
 
 class PlainAscent:
-    """Stands in for `tgospa_eval.solvers.dual_ascent.Ascent` in `Sinkhorn`; see there.
+    """Stands in for `solvers.dual_ascent.Ascent` in `Sinkhorn`; see there.
 
     The working set is what has some mass, whatever threshold is asked for.
     """

@@ -1,0 +1,28 @@
+"""The verbs by name; each is imported when it is asked for."""
+
+from importlib import import_module
+
+import click
+
+VERBS = {
+    "evaluate": ("evaluate.command", "Evaluate an estimate; the verb if none is given."),
+    "inspect": ("inspect", "Show what is in the files, and what looks wrong."),
+    "gate": ("gate.command", "Fail a CI job if the estimate got worse."),
+    "compare": ("compare.command", "Rank several estimates, or compare solvers."),
+    "simulate": ("simulate.command", "Make a ground truth and an estimate to try it on."),
+    "associate": ("sensors.associate", "Associate the states of two sensors."),
+    "reduce": ("sensors.reduce", "Reduce particle clouds to fewer particles."),
+}
+"""Module and summary of each verb; the module's command is called `command`."""
+
+CONFIG = "tgospa_eval.common.config"
+"""Under this name the context keeps the configuration file in use."""
+
+TYPED = "tgospa_eval.typed"
+"""Under this name the context keeps the arguments as they were typed."""
+
+
+def load(verb: str) -> click.Command:
+    """Import a verb."""
+    command: click.Command = import_module(f"tgospa_eval.cli.{VERBS[verb][0]}").command
+    return command
