@@ -13,9 +13,11 @@ import numpy as np
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.brackets import Bracket
+from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
-from tgospa_eval.evaluation.evaluate import solve
-from tgospa_eval.evaluation.prepare import Prepared, prepare
+from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
+from tgospa_eval.evaluation.prepare import Prepared, fit
+from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver
@@ -211,14 +213,13 @@ def warm_up(solver: Solver) -> None:
     if solver.name == "certified":
         import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
     rng = np.random.default_rng(0)
-    sides = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
-    small = prepare(
-        *sides,
+    truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
+    request = EvaluationRequest(
         parameters=Parameters(cutoff=1.0, order=1.0, switch_penalty=0.3),
-        distance="euclidean",
-        stopwatch=Stopwatch(),
+        distance=DISTANCES["euclidean"],
+        solver=solver,
     )
-    solve(small, solver, Stopwatch())
+    evaluate_fitted(fit(truth, estimate, request), request, stopwatch=Stopwatch())
 
 
 def takes_long(prepared: Prepared) -> int | None:

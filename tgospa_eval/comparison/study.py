@@ -24,7 +24,8 @@ from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solver_settings
-from tgospa_eval.evaluation.prepare import prepare
+from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
@@ -149,11 +150,12 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Document:
     rng = np.random.default_rng([study.seed, targets, steps, run])
     stopwatch = Stopwatch()
     record: Document = {"targets": targets, "steps": steps, "run": run}
+    request = EvaluationRequest(
+        parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
+    )
     try:
         sides = simulate(replace(study.scene, targets=targets, steps=steps), study.tracker, rng)
-        prepared = prepare(
-            *sides, parameters=study.parameters, distance=study.distance, stopwatch=stopwatch
-        )
+        prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
     except Exception as error:  # whatever it is: the other scenes are to be done
         runs = [_recorded(failed(solver, error)) for solver in study.solvers]
         return record | {"occupied": None, "sizes": None, "prepare_seconds": None, "runs": runs}

@@ -1,7 +1,6 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -11,18 +10,12 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
-from tgospa_eval.errors import ConfigError, TgospaWarning
+from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
-from tgospa_eval.evaluation.prepare import (
-    Prepared,
-    TrajectoriesLike,
-    as_distance,
-    as_sides,
-    as_solver,
-    fit,
-    prepare,
-)
+from tgospa_eval.evaluation.prepare import FileInfo, Fitted, Prepared, fit, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
+from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Parameters, check_underflow
@@ -110,110 +103,63 @@ def evaluate(
         The two sides do not fit: other columns, other kinds of time, states out of range.
     """
     stopwatch = Stopwatch()
-    measure = as_distance(distance)
+    base = as_distance(distance)
     with stopwatch.span("read"):
-        sides = as_sides(truth, estimate, measure)
-    given = {"cutoff": cutoff, "switch_penalty": switch_penalty}
-    defaults = dict(zip(given, measure.defaults, strict=True))
-    chosen = {name: defaults[name] if value is None else value for name, value in given.items()}
-    parameters = Parameters(order=order, **chosen)
-    solver, stamps = as_solver(solver), Stamps(tolerance=time_tolerance, grid=grid)
-    unchosen = [name for name, value in given.items() if value is None]
-    found = look(sides, measure, stamps, parameters, unchosen)
-    result = evaluate_trajectories(
-        *sides,
+        sides = as_sides(truth, estimate, base)
+    parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty)
+    request = EvaluationRequest(
         parameters=parameters,
-        distance=measure,
-        solver=solver,
-        stamps=stamps,
+        distance=base,
+        solver=as_solver(solver),
+        stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
-        stopwatch=stopwatch,
         curve=curve,
+        defaults=defaults,
     )
+    fitted = fit(*sides, request)
+    found = look(fitted, request)
+    result = evaluate_fitted(fitted, request, stopwatch=stopwatch)
     result = replace(result, warnings=(*found, *result.warnings))
     for notice in result.warnings:
         warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
     return result
 
 
-def look(
-    sides: tuple[Trajectories, Trajectories],
-    distance: Distance,
-    stamps: Stamps,
-    parameters: Parameters,
-    defaults: Sequence[str] = (),
-) -> list[Notice]:
-    """Warnings about two sides, in the words of Python; `defaults` name what nobody chose."""
-    fitted, aligned = fit(*sides, distance, stamps)
-    found = diagnose(sides, aligned, stamps, parameters, fitted, as_argument)
-    if defaults:
+def look(sides: Fitted, request: EvaluationRequest) -> list[Notice]:
+    """Warnings about two sides, in the words of Python."""
+    aligned, parameters = sides.alignment, request.parameters
+    found = diagnose(sides.read, aligned, request.stamps, parameters, sides.distance, as_argument)
+    if request.defaults:
         notice = default_notice(
-            aligned, fitted, parameters, defaults, as_argument, others=explained(found)
-        )
+            aligned, sides.distance, parameters, request.defaults, as_argument,
+            others=explained(found),
+        )  # fmt: skip
         found += [notice] if notice.code else []
     return found
 
 
-def evaluate_trajectories(
-    truth: Trajectories,
-    estimate: Trajectories,
+def evaluate_fitted(
+    sides: Fitted,
+    request: EvaluationRequest,
     *,
-    parameters: Parameters,
-    distance: str | Distance,
-    solver: Solver,
-    stamps: Stamps | None = None,
-    unit: str | None = None,
-    settings: dict[str, Any] | None = None,
-    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
-    stopwatch: Stopwatch | None = None,
-    curve: bool = False,
+    files: tuple[FileInfo, FileInfo] | None = None,
+    stopwatch: Stopwatch,
 ) -> Result:
     """`evaluate` with everything resolved.
 
     Parameters
     ----------
-    truth, estimate : Trajectories
-        The two sides, each on its own times.
-    parameters : Parameters
-        Cutoff, order and switch penalty.
-    distance : str or Distance
-        Base distance.
-    solver : Solver
-        Record of settings.
-    stamps : Stamps, optional
-        Which stamps are one step, and which steps count.
-    unit : str, optional
-        For printing.
-    settings : dict, optional
-        Further options that change the number, recorded in ``parameters``.
-    inputs : pair of dict, optional
-        What the result says of the two files beside their digests; by default their rows.
-    stopwatch : Stopwatch, optional
+    sides : Fitted
+        Truth and estimate, aligned, and their distance.
+    request : EvaluationRequest
+        Everything else.
+    files : pair of FileInfo, optional
+        What the result says of the two files.
+    stopwatch : Stopwatch
         Running clock with the time of reading.
-    curve : bool
-        Whether to evaluate the steps up to each step as well.
-
-    Raises
-    ------
-    ConfigError, InputError
-        As for `evaluate`.
     """
-    stopwatch = stopwatch or Stopwatch()
-    if curve:
-        check_curve(solver)
-    prepared = prepare(
-        truth,
-        estimate,
-        parameters=parameters,
-        distance=distance,
-        stamps=stamps,
-        unit=unit,
-        settings=settings,
-        inputs=inputs,
-        stopwatch=stopwatch,
-        jobs=getattr(solver, "jobs", None),
-    )
-    return solve(prepared, solver, stopwatch, curve=curve)
+    prepared = prepare(sides, request, files=files, stopwatch=stopwatch)
+    return solve(prepared, request.solver, stopwatch, curve=request.curve)
 
 
 def solve(
@@ -222,18 +168,6 @@ def solve(
     """The second half: solution, proof, result; the problem can be solved again."""
     stopwatch.progress.begin(prepared.parameters.root)
     return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, curve=curve)
-
-
-def check_curve(solver: Solver) -> None:
-    """Only the certified solver solves the steps up to each step.
-
-    Raises
-    ------
-    ConfigError
-        It is another one.
-    """
-    if solver.name != "certified":
-        raise ConfigError(f"the curve needs the solver certified, not {solver.name}")
 
 
 def prove(

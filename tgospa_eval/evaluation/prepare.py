@@ -1,44 +1,73 @@
 """Before any solver: from what a user gives to two sides on one grid, near pairs, the problem."""
 
 import hashlib
-import os
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.distances import DISTANCES, Distance, Effort, Pairs, near_pairs
+from tgospa_eval.distances import Distance, Effort, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
-from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ROLES
-from tgospa_eval.formats.asked import BOX
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.result import Scene, sizes_of
 from tgospa_eval.results.summary import Labels
-from tgospa_eval.solvers import Solver, solver_class
-from tgospa_eval.text import quoted
-from tgospa_eval.tracks.alignment import Alignment, Stamps, align
+from tgospa_eval.tracks.alignment import Alignment, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
-if TYPE_CHECKING:
-    import pandas as pd
+
+@dataclass(frozen=True, kw_only=True)
+class FileInfo:
+    """What a result says of the file of a side.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the file.
+    format : str, optional
+        How it was read.
+    left_out : mapping of str to int, optional
+        Rows that do not take part, by the rule or option that left them out.
+    """
+
+    rows: int
+    format: str | None = None
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def record(self, sha256: str, off_grid: int) -> dict[str, object]:
+        """The record of the JSON."""
+        by_grid = {"grid": off_grid} if off_grid else {}
+        return {
+            "rows": self.rows,
+            **({} if self.format is None else {"format": self.format}),
+            "left_out": {**self.left_out, **by_grid},
+            "sha256": sha256,
+        }
 
 
-class ArrowTable(Protocol):
-    """A table of Polars, pyarrow, DuckDB and others: it hands out its columns by Arrow."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fitted:
+    """Two sides that fit each other.
 
-    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
-        """Columns as an Arrow stream."""
+    Parameters
+    ----------
+    read : pair of Trajectories
+        Truth and estimate, each on its own times.
+    alignment : Alignment
+        The same on one grid.
+    distance : Distance
+        Base distance with what it takes from the data.
+    """
 
-
-TrajectoriesLike: TypeAlias = (
-    "Trajectories | pd.DataFrame | ArrowTable | Floats | str | os.PathLike[str]"
-)
-"""What a side may be: Trajectories, a table in the long form, an array (T, k, d), a path."""
+    read: tuple[Trajectories, Trajectories]
+    alignment: Alignment
+    distance: Distance
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,68 +162,47 @@ class Measured:
 
 
 def prepare(
-    truth: Trajectories,
-    estimate: Trajectories,
+    sides: Fitted,
+    request: EvaluationRequest,
     *,
-    parameters: Parameters,
-    distance: str | Distance,
-    stamps: Stamps | None = None,
-    unit: str | None = None,
-    settings: dict[str, Any] | None = None,
-    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    files: tuple[FileInfo, FileInfo] | None = None,
     stopwatch: Stopwatch,
-    jobs: int | None = None,
 ) -> Prepared:
-    """The first half of `evaluate_trajectories`: all before the solver, in so many threads."""
+    """The problem of two sides, all before the solver."""
     measured, pairs = measure(
-        truth,
-        estimate,
-        cutoff=parameters.cutoff,
-        distance=distance,
-        stamps=stamps,
-        unit=unit,
-        settings=settings,
-        inputs=inputs,
-        stopwatch=stopwatch,
-        jobs=jobs,
+        sides, request, cutoff=request.parameters.cutoff, files=files, stopwatch=stopwatch
     )
     with stopwatch.span("solve/preparation"):
-        problem = measured.problem(pairs, parameters)
+        problem = measured.problem(pairs, request.parameters)
         del pairs  # the distances are as long as the entries
         states = merge_runs(problem)
-    return measured.prepared(states, parameters)
+    return measured.prepared(states, request.parameters)
 
 
 def measure(
-    truth: Trajectories,
-    estimate: Trajectories,
+    sides: Fitted,
+    request: EvaluationRequest,
     *,
     cutoff: float,
-    distance: str | Distance,
-    stamps: Stamps | None = None,
-    unit: str | None = None,
-    settings: dict[str, Any] | None = None,
-    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
+    files: tuple[FileInfo, FileInfo] | None = None,
     stopwatch: Stopwatch,
-    jobs: int | None = None,
 ) -> tuple[Measured, Pairs]:
-    """Both sides as they are compared, and all pairs nearer than the cutoff."""
-    stamps = stamps or Stamps()
-    chosen = as_distance(distance)
-    check_columns(truth, estimate)
-    check_states(truth, estimate, chosen)
+    """Both sides as they are compared, and all pairs nearer than the cutoff.
+
+    `files` are what the result says of the two sides beside their digests; by default their rows.
+    """
+    distance, aligned, stamps = sides.distance, sides.alignment, request.stamps
     # What is digested is what counts.
-    truth, estimate = (side.seen_as(chosen.kinds) for side in (truth, estimate))
     with stopwatch.span("report"):
-        told = inputs or ({"rows": len(truth.step)}, {"rows": len(estimate.step)})
-        digests = digest(truth), digest(estimate)
+        infos = files or [FileInfo(rows=len(side.step)) for side in sides.read]
+        digests = [digest(side.seen_as(distance.kinds)) for side in sides.read]
     with stopwatch.span("distances"):
-        aligned = align(truth, estimate, stamps)
-        truth, estimate = aligned.truth, aligned.estimate
+        truth, estimate = (
+            side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate)
+        )
         scene = _scene(truth, estimate)
-        chosen = chosen.fitted(truth, estimate)
-        effort = Effort(jobs=jobs, stopwatch=stopwatch)
-        truth, estimate, prepared = chosen.prepared(truth, estimate, effort)
+        effort = Effort(jobs=getattr(request.solver, "jobs", None), stopwatch=stopwatch)
+        truth, estimate, prepared = distance.prepared(truth, estimate, effort)
         pairs = near_pairs(truth, estimate, cutoff, prepared, effort)
     measured = Measured(
         sides=(truth, estimate),
@@ -203,26 +211,23 @@ def measure(
             times=truth.shown.tolist(),
             truths=truth.ids.tolist(),
             estimates=estimate.ids.tolist(),
-            unit=unit,
+            unit=request.unit,
         ),
         moments=truth.times,
         settings={
-            "distance": chosen.name,
-            **chosen.settings(truth.columns),
+            "distance": distance.name,
+            **distance.settings(truth.columns),
             "columns": list(truth.columns),
             "grid": stamps.grid,
             "time_tolerance": stamps.tolerance,
-            "unit": unit,
-            **(settings or {}),
+            "unit": request.unit,
+            **request.recorded,
         },
         input={
-            name: {
-                **told[side],
-                "sha256": digests[side],
-                "left_out": told[side].get("left_out", {})
-                | ({"grid": aligned.left_out[side]} if aligned.left_out[side] else {}),
-            }
-            for side, name in enumerate(("truth", "estimate"))
+            role: info.record(sha256, left_out)
+            for role, info, sha256, left_out in zip(
+                ("truth", "estimate"), infos, digests, aligned.left_out, strict=True
+            )
         },
         scene=scene,
     )
@@ -232,17 +237,19 @@ def measure(
 def fit(
     truth: Trajectories,
     estimate: Trajectories,
-    distance: Distance,
-    stamps: Stamps,
+    request: EvaluationRequest,
     names: tuple[str, str] = ("truth", "estimate"),
-) -> tuple[Distance, Alignment]:
-    """The distance with what it takes from the data, and both sides on the same steps.
+) -> Fitted:
+    """Both sides on the same steps, and the distance with what it takes from the data.
 
     Raises
     ------
-    ConfigError, InputError
+    ConfigError
+        The grid leaves no step.
+    InputError
         Columns, states or times do not fit each other or the distance; `names` are for messages.
     """
+    distance, stamps = request.distance, request.stamps
     check_columns(truth, estimate, names)
     check_states(truth, estimate, distance, names)
     aligned = align(truth, estimate, stamps, names)
@@ -251,7 +258,8 @@ def fit(
             f"--grid {stamps.grid}: no step is left, none of {aligned.union:,} counts; if the "
             "clocks differ, see --time-tolerance"
         )
-    return distance.fitted(aligned.truth, aligned.estimate), aligned
+    fitted = distance.fitted(aligned.truth, aligned.estimate)
+    return Fitted(read=(truth, estimate), alignment=aligned, distance=fitted)
 
 
 def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:
@@ -294,105 +302,3 @@ def _whole(times: NDArray[Any]) -> NDArray[Any]:
     if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
         return times
     return times.astype(np.int64)
-
-
-def as_sides(
-    truth: TrajectoriesLike, estimate: TrajectoriesLike, distance: Distance
-) -> tuple[Trajectories, Trajectories]:
-    """Both sides as Trajectories.
-
-    Raises
-    ------
-    ConfigError, InputError
-        A side is of another type, or wrong; arrays have different numbers of steps.
-    """
-    if isinstance(truth, np.ndarray) and isinstance(estimate, np.ndarray):
-        steps = truth.shape[:1], estimate.shape[:1]
-        if truth.ndim == estimate.ndim == 3 and steps[0] != steps[1]:
-            raise InputError(
-                f"truth has {steps[0][0]} steps and estimate {steps[1][0]}: arrays (T, k, d) have "
-                "the same T; rows of NaN mean that nothing exists at a step"
-            )
-    return as_trajectories(truth, "truth", distance), as_trajectories(
-        estimate, "estimate", distance
-    )
-
-
-def as_trajectories(
-    side: TrajectoriesLike,
-    name: str,
-    distance: Distance | None = None,
-) -> Trajectories:
-    """Any accepted form of one side as Trajectories.
-
-    `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
-    and want their covariances or particles.
-    """
-    columns = None if distance is None else distance.columns
-    if isinstance(side, Trajectories):
-        return side
-    if isinstance(side, np.ndarray):
-        fits = columns is not None and side.ndim == 3 and side.shape[2] == len(columns)
-        return Trajectories.from_array(side, columns if fits else None)
-    kinds = () if distance is None else distance.kinds
-    if isinstance(side, (str, os.PathLike)):
-        from tgospa_eval.formats import read_trajectories
-
-        return read_trajectories(
-            side,
-            role=name if name in ROLES else "truth",
-            columns=None if columns == BOX else columns,
-            boxes=columns == BOX,
-            covariance=bool(kinds),
-            clouds="cloud" in kinds,
-        )
-    frame = _as_frame(side, name)
-    if frame is not None:
-        from tgospa_eval.formats import ReadOptions
-        from tgospa_eval.formats.frames import from_frame
-
-        options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
-        return from_frame(frame, options, name=name).warn()
-    lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
-    raise ConfigError(
-        f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
-        "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a path"
-    )
-
-
-def _as_frame(side: Any, name: str) -> "pd.DataFrame | None":
-    """A table of pandas as it is, another one by Arrow; None of what is no table."""
-    if hasattr(side, "columns") and hasattr(side, "iloc"):
-        return cast("pd.DataFrame", side)
-    if not hasattr(side, "__arrow_c_stream__"):
-        return None
-    try:
-        import pyarrow as pa  # here: the extra may be missing, and pandas does without
-    except ModuleNotFoundError:
-        raise ConfigError(
-            f"{name}: tables that are not of pandas need the extra parquet: "
-            "pip install 'tgospa-eval[parquet]'"
-        ) from None
-    try:
-        frame: pd.DataFrame = pa.table(side).to_pandas()
-    except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name}: no table that pandas can hold: {error}") from None
-    return frame
-
-
-def as_solver(solver: str | Solver) -> Solver:
-    """A record of settings, of a name that with the default ones."""
-    if isinstance(solver, str):
-        return solver_class(solver)()
-    if isinstance(solver, type) or not callable(solver) or not hasattr(solver, "name"):
-        raise ConfigError(f"solver is {solver!r}: must be a name or a record such as Certified()")
-    return solver
-
-
-def as_distance(distance: str | Distance) -> Distance:
-    """A record of settings, of a name that with the default ones."""
-    if isinstance(distance, Distance):
-        return distance
-    if not isinstance(distance, str) or distance not in DISTANCES:
-        raise ConfigError(f"no distance {quoted(distance)}; there are {', '.join(DISTANCES)}")
-    return DISTANCES[distance]

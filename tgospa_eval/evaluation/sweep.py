@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,14 +19,9 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
-from tgospa_eval.evaluation.prepare import (
-    Measured,
-    TrajectoriesLike,
-    as_distance,
-    as_sides,
-    as_solver,
-    measure,
-)
+from tgospa_eval.evaluation.prepare import FileInfo, Fitted, Measured, fit, measure
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Parameters
@@ -37,10 +32,6 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import Kept, keep, offer
 from tgospa_eval.tracks.alignment import Stamps
-from tgospa_eval.tracks.trajectories import Trajectories
-
-if TYPE_CHECKING:
-    pass
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
@@ -112,18 +103,16 @@ def sweep(
         )
     name = swept[0]
     parameters = in_order(name, [float(value) for value in given.pop(name)], given)
-    stamps = Stamps(tolerance=time_tolerance, grid=grid)
-    found = look(sides, chosen, stamps, parameters[len(parameters) // 2])
-    made = sweep_trajectories(
-        *sides,
-        parameters=parameters,
-        parameter=name,
+    request = EvaluationRequest(
+        parameters=parameters[len(parameters) // 2],
         distance=chosen,
         solver=as_solver(solver),
-        stamps=stamps,
+        stamps=Stamps(tolerance=time_tolerance, grid=grid),
         unit=unit,
-        stopwatch=stopwatch,
     )
+    fitted = fit(*sides, request)
+    found = look(fitted, request)
+    made = sweep_fitted(fitted, request, name, parameters, stopwatch=stopwatch)
     for notice in found:
         warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
     return replace(made, warnings=tuple(found))
@@ -149,52 +138,40 @@ def in_order(
     return ordered
 
 
-def sweep_trajectories(
-    truth: Trajectories,
-    estimate: Trajectories,
-    *,
-    parameters: Sequence[Parameters],
+def sweep_fitted(
+    sides: Fitted,
+    request: EvaluationRequest,
     parameter: str,
-    distance: Distance,
-    solver: Solver,
-    stamps: Stamps | None = None,
-    unit: str | None = None,
-    settings: dict[str, Any] | None = None,
-    inputs: tuple[dict[str, Any], dict[str, Any]] | None = None,
-    stopwatch: Stopwatch | None = None,
+    parameters: Sequence[Parameters],
+    *,
+    files: tuple[FileInfo, FileInfo] | None = None,
+    stopwatch: Stopwatch,
 ) -> Sweep:
     """`sweep` with everything resolved.
 
     Parameters
     ----------
-    truth, estimate : Trajectories
-        The two sides, each on its own times.
+    sides : Fitted
+        Truth and estimate, aligned, and their distance.
+    request : EvaluationRequest
+        Everything but the parameters.
+    parameter : str
+        Name of the one that is swept.
     parameters : sequence of Parameters
         Of each point, by value, as from `in_order`.
-    parameter : str
-        Name of the one in which they differ.
-    distance, solver, stamps, unit, settings, inputs, stopwatch
-        As for `evaluation.evaluate.evaluate_trajectories`.
-
-    Raises
-    ------
-    ConfigError, InputError
-        As for `sweep`.
+    files, stopwatch
+        As for `evaluation.evaluate.evaluate_fitted`.
     """
-    stopwatch = stopwatch or Stopwatch()
-    measured, pairs = measure(
-        truth, estimate, cutoff=max(point.cutoff for point in parameters), distance=distance,
-        stamps=stamps, unit=unit, settings=settings, inputs=inputs, stopwatch=stopwatch,
-        jobs=getattr(solver, "jobs", None),
-    )  # fmt: skip
-    line = _Line(measured, pairs, tuple(parameters), parameter, solver, stopwatch)
+    widest = max(point.cutoff for point in parameters)
+    measured, pairs = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
+    line = _Line(measured, pairs, tuple(parameters), parameter, request.solver, stopwatch)
     points = line.points()
     others = {k: v for k, v in vars(parameters[0]).items() if k != parameter}
     left, right = measured.sides
     return Sweep(
         parameter=parameter,
         points=points,
-        settings={**others, **measured.settings, **solver_settings(solver)},
+        settings={**others, **measured.settings, **solver_settings(request.solver)},
         sizes={"truth": len(left.ids), "estimates": len(right.ids), "steps": len(left.times)},
         input=measured.input,
         timings=_timings(stopwatch),
