@@ -18,7 +18,9 @@ from tgospa_eval.cli.shared.progress import Display, bracket, line
 from tgospa_eval.common.progress import Progress, StoppedError
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.evaluation.evaluate import solve
-from tgospa_eval.evaluation.prepare import as_distance, prepare
+from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.solvers import Solver, batches, certified, exact
@@ -78,12 +80,12 @@ def test_brackets_on_the_way_hold(
     paths = rng.uniform(0, area, (1, 12, 2)) + rng.normal(0, 1, (15, 12, 2)).cumsum(axis=0)
     sides = [Trajectories.from_array(paths + rng.normal(0, 1.5, paths.shape)) for _ in range(2)]
     stopwatch = Stopwatch()
-    prepared = prepare(
-        *sides,
+    request = EvaluationRequest(
         parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=2.0),
         distance=as_distance("euclidean"),
-        stopwatch=stopwatch,
+        solver=solver,
     )
+    prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
     recorded = stopwatch.progress = Recorded()
     result = solve(prepared, solver, stopwatch)
     assert recorded.brackets or cutoff > 1e3 or size == 20_000

@@ -16,7 +16,9 @@ from tgospa_eval import Certified, ConfigError, Sinkhorn, evaluate, sweep
 from tgospa_eval.cli.evaluate.sweep import parse_sweep
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.evaluation import sweep as sensitivity
-from tgospa_eval.evaluation.prepare import Measured, as_distance, as_trajectories, measure
+from tgospa_eval.evaluation.prepare import Measured, fit, measure
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import as_distance, as_trajectories
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Parameters
@@ -94,7 +96,12 @@ def test_by_hand() -> None:
 
 def measured(truth: np.ndarray, estimate: np.ndarray, cutoff: float) -> tuple[Measured, object]:
     sides = [as_trajectories(side, "side") for side in (truth, estimate)]
-    return measure(*sides, cutoff=cutoff, distance=as_distance("euclidean"), stopwatch=Stopwatch())
+    request = EvaluationRequest(
+        parameters=Parameters(cutoff=cutoff, order=2, switch_penalty=0.0),
+        distance=as_distance("euclidean"),
+        solver=Certified(),
+    )
+    return measure(fit(*sides, request), request, cutoff=cutoff, stopwatch=Stopwatch())
 
 
 def solved(states: States) -> tuple[Kept, float]:

@@ -13,9 +13,11 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import median
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
+from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.problem.problem import Floats, Parameters
-from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.tracks.alignment import SECOND, Alignment
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 SCHEMA = "tgospa-eval/inspect/1"
@@ -24,12 +26,7 @@ QUANTILES = (5, 25, 50, 75, 95)
 
 
 def inspect(
-    files: list[tuple[str, Reading]],
-    aligned: Alignment | None,
-    parameters: Parameters,
-    distance: Distance,
-    stamps: Stamps,
-    settings: dict[str, Any],
+    files: list[tuple[str, Reading]], sides: Fitted | None, request: EvaluationRequest
 ) -> dict[str, Any]:
     """The JSON document of ``tgospa-eval inspect``.
 
@@ -37,17 +34,13 @@ def inspect(
     ----------
     files : list of (str, Reading)
         Path and content of the truth, and of the estimate if there is one.
-    aligned : Alignment, optional
+    sides : Fitted, optional
         Both, if there are two.
-    parameters : Parameters
-        Cutoff and order.
-    distance : Distance
-        Base distance.
-    stamps : Stamps
-        Which stamps are one step, and which steps count.
-    settings : dict
-        Further options, recorded in ``parameters``.
+    request : EvaluationRequest
+        What would be evaluated.
     """
+    stamps, parameters = request.stamps, request.parameters
+    distance = request.distance if sides is None else sides.distance
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "version": __version__,
@@ -58,16 +51,16 @@ def inspect(
             **distance.settings(files[0][1].trajectories.columns),
             "grid": stamps.grid,
             "time_tolerance": stamps.tolerance,
-            **settings,
+            **request.recorded,
+            "unit": request.unit,
         },
     }
     warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
     for name, (path, reading) in zip(("truth", "estimate"), files, strict=False):
         document[name] = {"path": path, **describe(reading)}
-    if aligned is not None:
-        sides = files[0][1].trajectories, files[1][1].trajectories
-        document["both"] = compare(sides, aligned, parameters.cutoff, distance)
-        warnings += diagnose(sides, aligned, stamps, parameters, distance)
+    if sides is not None:
+        document["both"] = compare(sides, parameters.cutoff)
+        warnings += diagnose(sides.read, sides.alignment, stamps, parameters, distance)
     return {**document, "warnings": [notice.record() for notice in warnings]}
 
 
@@ -182,10 +175,10 @@ def spread(values: NDArray[Any]) -> dict[str, float] | None:
     return {"min": float(values.min()), "median": median(values), "max": float(values.max())}
 
 
-def compare(
-    sides: tuple[Trajectories, Trajectories], aligned: Alignment, cutoff: float, distance: Distance
-) -> dict[str, Any]:
+def compare(sides: Fitted, cutoff: float) -> dict[str, Any]:
     """What the two files have in common: steps, the time they cover, space, nearest estimates."""
+    aligned = sides.alignment
+    truth, estimate = sides.read
     return {
         "steps": {
             "union": aligned.union,
@@ -197,10 +190,10 @@ def compare(
         "time": _overlap(aligned),
         "extent": {
             name: _common_range(a, b)
-            for name, a, b in zip(sides[0].columns, sides[0].state.T, sides[1].state.T, strict=True)
+            for name, a, b in zip(truth.columns, truth.state.T, estimate.state.T, strict=True)
             if len(a) and len(b)
         },
-        "nearest": nearest_estimates(aligned, cutoff, distance),
+        "nearest": nearest_estimates(aligned, cutoff, sides.distance),
     }
 
 

@@ -34,12 +34,14 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
     """
     from tgospa_eval.cli.evaluate.run import inspect_files
     from tgospa_eval.cli.shared.streams import emit
+    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
     from tgospa_eval.reports.inspection import json_text, table
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"
-    given = {"cutoff": ctx.get_parameter_source("cutoff") is not ParameterSource.DEFAULT}
     paths = (truth,) if estimate is None else (truth, estimate)
-    document = inspect_files(paths, options, given)
+    document = inspect_files(
+        paths, EvaluationOptions.of({"switch_penalty": 0.0, **options}), OutputOptions.of(options)
+    )
     name = options["format_"]
     emit((json_text if name == "json" else table)(document), name)

@@ -146,7 +146,7 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
     if by and not options["simulate"] and not options["quiet"]:
         say("by = class of the settings is left aside: compare takes all rows together")
     if options["simulate"]:
-        fine = comparing.study_sizes(options, given)
+        fine = comparing.study_sizes(options)
     elif len(files) > 2 or options["against"] or any(map(comparing.is_pattern, files)):
         fine = comparing.compare_estimates(files[0], files[1:], options, given)
     else:

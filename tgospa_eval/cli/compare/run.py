@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval import plots
-from tgospa_eval.cli.evaluate.run import about, pair_notices, slow_notice, teller, told
+from tgospa_eval.cli.evaluate.run import about, infos, pair_notices, slow_notice, teller
 from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.cli.simulate.command import command as simulate
 from tgospa_eval.cli.simulate.run import settings as scene_settings
@@ -44,9 +45,6 @@ from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 from tgospa_eval.text import quoted
 
-GIVEN = ("cutoff", "switch_penalty")
-UNUSED = {"by": None, "seed": None}
-"""Of everything that evaluates: classes are not compared, and --seed is that of a study."""
 OWN_STEPS = ("estimate", "common")
 """Grids that depend on the estimate. With the others every row of the truth counts for all."""
 
@@ -62,11 +60,11 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
     names = options["solvers"]
     solvers = make_solvers(options, ",".join(SOLVERS) if names is None else names)
     check_files([truth, estimate])
-    settings = _settings(options, given)
+    settings = _settings(options)
     stopwatch = Stopwatch()
 
     def work() -> Document:
-        pairs = Pairs(settings, options, given, stopwatch)
+        pairs = Pairs(settings, stopwatch, quiet=options["quiet"])
         prepared = pairs.prepared(truth, estimate)
         chosen, left_out = list(solvers), {}
         states = takes_long(prepared)
@@ -131,11 +129,11 @@ def compare_estimates(
     runs = expand(truth, estimates)
     check_files([path for of_truth, paths in runs for path in (of_truth, *paths)])
     names = short_names(estimates)
-    settings = _settings(options, given)
+    settings = _settings(options)
     stopwatch = Stopwatch()
 
     def work() -> tuple[Document, dict[str, str], tuple[list[Any], dict[str, list[float]]]]:
-        pairs = Pairs(settings, options, given, stopwatch)
+        pairs = Pairs(settings, stopwatch, quiet=options["quiet"])
         found: list[list[Outcome]] = [[] for _ in estimates]
         count = len(estimates) * len(runs)
         for done, (k, of_truth, path) in enumerate(
@@ -185,7 +183,7 @@ def compare_estimates(
     return not unfinished
 
 
-def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
+def study_sizes(options: dict[str, Any]) -> bool:
     """The scaling study; whether all did what was asked, and agree.
 
     Raises
@@ -197,7 +195,7 @@ def study_sizes(options: dict[str, Any], given: set[str]) -> bool:
     if folder is not None:
         probe_folder(folder, STUDY, force=options["force"])
     names = options["solvers"]
-    settings = make_settings(options | UNUSED, {name: name in given for name in GIVEN})
+    settings = _make_settings(options)
     chosen = ["--scenario", options["scenario"], "--area", str(options["area"])]
     scene, tracker = scene_settings(simulate.make_context("simulate", ["DIR", *chosen]).params)
     study = Study(
@@ -339,11 +337,17 @@ def _without_common(parts: list[tuple[str, ...]], step: int) -> list[tuple[str, 
     return [part[same:][::step] for part in turned]
 
 
-def _settings(options: dict[str, Any], given: set[str]) -> Settings:
+def _settings(options: dict[str, Any]) -> Settings:
     """The records that the options ask for; the folder is looked at before any work is done."""
     if options["output"] is not None:
         probe_folder(options["output"], COMPARISON, force=options["force"])
-    return make_settings(options | UNUSED, {name: name in given for name in GIVEN})
+    return _make_settings(options)
+
+
+def _make_settings(options: dict[str, Any]) -> Settings:
+    """Solvers, temperatures and --seed are of other kinds here."""
+    shared = {name: value for name, value in options.items() if name not in ("epsilon", "seed")}
+    return make_settings(EvaluationOptions.of(shared), OutputOptions.of(options))
 
 
 class Pairs:
@@ -353,22 +357,19 @@ class Pairs:
     ----------
     settings : Settings
         How to read, and the metric.
-    options, given
-        Values of the options, and the names of those that are no defaults.
+    quiet : bool
+        Whether notices are left out.
     stopwatch : Stopwatch
         Gets the time by stage.
     """
 
-    def __init__(
-        self, settings: Settings, options: dict[str, Any], given: set[str], stopwatch: Stopwatch
-    ) -> None:
+    def __init__(self, settings: Settings, stopwatch: Stopwatch, *, quiet: bool) -> None:
         self.settings, self.stopwatch = settings, stopwatch
-        self.tell, self.jobs = teller(quiet=options["quiet"]), options["jobs"]
-        self.given = {name: name in given for name in GIVEN}
+        self.tell = teller(quiet=quiet)
         self.told: set[Notice] = set()
         self.last: tuple[str, Reading] | None = None
         self.warnings: list[dict[str, str]] = []
-        if not options["quiet"]:
+        if not quiet:
             stopwatch.tell = say
         for notice in slow_notice():
             self._tell_once(notice)
@@ -381,23 +382,11 @@ class Pairs:
             sides = self.last[1], self._read(estimate, 1)
         settings, paths = self.settings, (truth, estimate)
         settings.check(sides, paths)
-        distance, aligned = settings.fit(sides, paths)
-        for notice in pair_notices(sides, aligned, distance, settings, self.given):
+        fitted, request = settings.fit(sides, paths)
+        for notice in pair_notices(fitted, request, pixels=any(side.pixels for side in sides)):
             is_default = notice.text.startswith("default ") and not notice.code
             self._tell_once(notice.about(estimate) if named and not is_default else notice)
-        del aligned
-        return prepare(
-            sides[0].trajectories,
-            sides[1].trajectories,
-            parameters=settings.parameters,
-            distance=distance,
-            stamps=settings.stamps,
-            unit=settings.unit,
-            settings=settings.recorded,
-            inputs=(told(sides[0]), told(sides[1])),
-            stopwatch=self.stopwatch,
-            jobs=self.jobs,
-        )
+        return prepare(fitted, request, files=infos(sides), stopwatch=self.stopwatch)
 
     def _read(self, path: str, side: int) -> Reading:
         found = self.settings.read_side(path, side, ROLES[side])
@@ -498,4 +487,4 @@ def show(
         with undisturbed():
             emit(render(answer, options["format_"]), options["format_"])
     finally:  # the one is not lost where the other fails
-        write_output(options, kind, make)
+        write_output(OutputOptions.of(options), kind, make)

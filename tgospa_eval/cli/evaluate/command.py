@@ -65,18 +65,16 @@ def command(
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     from tgospa_eval.cli.evaluate.run import evaluate_files, show
+    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 
-    given = {
-        name: ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
-        for name in ("cutoff", "switch_penalty")
-    }
+    chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)
     if sweep:
         from tgospa_eval.cli.evaluate.sweep import sweep_files
 
         source = ctx.get_parameter_source
         typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
-        finished = sweep_files((truth, estimate), sweep, options, given, typed)
+        finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
         ctx.exit(0 if finished else ACCURACY_MISSED)
-    result, finished = evaluate_files(truth, estimate, options, given)
-    show(result, options, (truth, estimate))
+    result, finished = evaluate_files(truth, estimate, chosen, output)
+    show(result, output, (truth, estimate))
     ctx.exit(0 if finished else ACCURACY_MISSED)

@@ -11,25 +11,25 @@ import numpy as np
 from tgospa_eval.cli.shared.distance import notices, unit_notices
 from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import Settings, make_settings, make_solver
+from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, on_terminal, say
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted, install
-from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
-from tgospa_eval.evaluation.evaluate import check_curve, evaluate_trajectories
-from tgospa_eval.formats import Reading
+from tgospa_eval.evaluation.evaluate import evaluate_fitted
+from tgospa_eval.evaluation.prepare import FileInfo, Fitted, fit
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.solvers import Solver
-from tgospa_eval.tracks.alignment import Alignment
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
@@ -55,8 +55,8 @@ def teller(*, quiet: bool, say: Callable[[str], None] = say) -> Tell:
 def evaluate_files(
     truth: str,
     estimate: str,
-    options: dict[str, Any],
-    given: dict[str, bool],
+    options: EvaluationOptions,
+    output: OutputOptions,
     say: Callable[[str], None] = say,
 ) -> tuple[Summary, bool]:
     """Read, evaluate, and say whether the asked accuracy was reached.
@@ -65,10 +65,10 @@ def evaluate_files(
     ----------
     truth, estimate : str
         Paths.
-    options : dict
-        Values of the options.
-    given : dict
-        Whether cutoff and switch penalty were given, or are defaults.
+    options : EvaluationOptions
+        What to evaluate, and how.
+    output : OutputOptions
+        What to print, and where to write.
     say : callable
         What to do with a line for the user; by default it goes to stderr.
 
@@ -77,34 +77,30 @@ def evaluate_files(
     TgospaError
         Something is wrong with options or files.
     """
-    quiet = options["quiet"]
-    settings = make_settings(options, given)
-    solver = make_solver(options)
-    if options.get("curve"):
-        check_curve(solver)
+    settings = make_settings(options, output)
     wanted = None
-    if options["output"] is not None:
-        wanted = wanted_pictures(options)
+    if output.output is not None:
+        wanted = wanted_pictures(output)
         also = () if wanted is None else wanted.names
-        also += ("curve.csv",) if options.get("curve") else ()
-        also += ("per_class.csv",) if options.get("by") else ()
-        probe_folder(options["output"], RESULT, force=options["force"], also=also)
+        also += ("curve.csv",) if options.curve else ()
+        also += ("per_class.csv",) if options.by else ()
+        probe_folder(output.output, RESULT, force=output.force, also=also)
     stopwatch = Stopwatch()
-    if not quiet:
+    if not output.quiet:
         stopwatch.tell = say
 
-    tell = teller(quiet=quiet, say=say)
+    tell = teller(quiet=output.quiet, say=say)
 
     def work() -> Summary:
-        sides, distance, warnings = read_sides(
-            (truth, estimate), settings, solver, given, tell, stopwatch
-        )
+        sides, fitted, request, warnings = read_sides((truth, estimate), settings, tell, stopwatch)
         if wanted is not None:
             with _named_options():
                 wanted.check(sides[0].trajectories.columns)
-        result = evaluate_sides(
-            sides, distance, settings, solver, stopwatch, curve=options.get("curve", False)
-        )
+        if settings.reading.by_class:
+            of_all = replace(request, distance=fitted.distance)  # what it takes from the data
+            result: Summary = _evaluate_classes(sides, of_all, stopwatch)
+        else:
+            result = evaluate_fitted(fitted, request, files=infos(sides), stopwatch=stopwatch)
         for notice in result.warnings:
             tell(notice)
         return replace(
@@ -113,8 +109,8 @@ def evaluate_files(
             files={"truth": truth, "estimate": estimate},
         )
 
-    result = run(work, stopwatch, show=not quiet)
-    if options["verbose"]:
+    result = run(work, stopwatch, show=not output.quiet)
+    if output.verbose:
         for text in _progress(result, stopwatch):
             say(text)
     if result.certified and not result.finished:
@@ -122,7 +118,7 @@ def evaluate_files(
         where = f"{counted(int(missed), 'step')} of the curve"
         say(f"accuracy not reached at {where}, asked was {result.gap:g}")
     elif not result.finished:
-        asked = f", asked was {result.gap:g}" if solver.name == "certified" else ""
+        asked = f", asked was {result.gap:g}" if settings.solver.name == "certified" else ""
         narrowest = ""
         if result.gap < NARROWEST:
             narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
@@ -134,14 +130,9 @@ def evaluate_files(
 
 
 def read_sides(
-    paths: tuple[str, str],
-    settings: Settings,
-    solver: Solver,
-    given: dict[str, bool],
-    tell: Tell,
-    stopwatch: Stopwatch,
-) -> tuple[tuple[Reading, ...], Distance, tuple[Notice, ...]]:
-    """Both files, the distance between their states, and warnings.
+    paths: tuple[str, str], settings: Settings, tell: Tell, stopwatch: Stopwatch
+) -> tuple[tuple[Reading, ...], Fitted, EvaluationRequest, tuple[Notice, ...]]:
+    """Both files, the same on one grid, what is asked of them, and warnings.
 
     What the user should know of them is told.
 
@@ -152,60 +143,40 @@ def read_sides(
     """
     with stopwatch.span("read"):
         sides = settings.read(*paths)
-    distance, aligned = settings.fit(sides, paths)
+    fitted, request = settings.fit(sides, paths)
     notices = [
         *(notice for path, side in zip(paths, sides, strict=True) for notice in about(path, side)),
-        *pair_notices(sides, aligned, distance, settings, given),
-        *(slow_notice() if solver.name != "exact" else ()),
+        *pair_notices(fitted, request, pixels=any(side.pixels for side in sides)),
+        *(slow_notice() if settings.solver.name != "exact" else ()),
     ]
     for notice in notices:
         tell(notice)
-    return sides, distance, tuple(notice for notice in notices if notice.code)
+    return sides, fitted, request, tuple(notice for notice in notices if notice.code)
 
 
-def evaluate_sides(
-    sides: tuple[Reading, ...],
-    distance: Distance,
-    settings: Settings,
-    solver: Solver,
-    stopwatch: Stopwatch,
-    *,
-    curve: bool = False,
+def _evaluate_classes(
+    sides: tuple[Reading, ...], request: EvaluationRequest, stopwatch: Stopwatch
 ) -> Summary:
-    """One evaluation of what was read, or one for each class and their sum."""
-    common: dict[str, Any] = {
-        "curve": curve,
-        "parameters": settings.parameters,
-        "distance": distance,
-        "solver": solver,
-        "stamps": settings.stamps,
-        "unit": settings.unit,
-        "settings": settings.recorded,
-    }
-    truth, estimate = sides
-    inputs = told(truth), told(estimate)
-    if not settings.reading.by_class:
-        return evaluate_trajectories(
-            truth.trajectories, estimate.trajectories, inputs=inputs, stopwatch=stopwatch, **common
-        )
+    """One evaluation for each class, and their sum."""
     from tgospa_eval.formats.assemble import natural
     from tgospa_eval.results.by_class import add_up
 
+    truth, estimate = sides
     read_s = stopwatch.elapsed()
     results = {}
     classes = sorted({*truth.classes, *estimate.classes}, key=natural) or [""]
     for number, name in enumerate(classes):
         part = stopwatch.beside()
         with stopwatch.progress.part(f"class {name}", number, len(classes)):
-            results[name] = evaluate_trajectories(
-                truth.of_class(name), estimate.of_class(name), stopwatch=part, **common
-            )
+            fitted = fit(truth.of_class(name), estimate.of_class(name), request)
+            results[name] = evaluate_fitted(fitted, request, stopwatch=part)
         stopwatch.absorb(part)
-    return add_up(results, dict(zip(("truth", "estimate"), inputs, strict=True)), read_s)
+    about_files = {role: vars(info) for role, info in zip(ROLES, infos(sides), strict=True)}
+    return add_up(results, about_files, read_s)
 
 
 def inspect_files(
-    paths: tuple[str, ...], options: dict[str, Any], given: dict[str, bool]
+    paths: tuple[str, ...], options: EvaluationOptions, output: OutputOptions
 ) -> dict[str, Any]:
     """What one file or two hold and what looks wrong with it, as the JSON document of the verb.
 
@@ -216,22 +187,19 @@ def inspect_files(
     """
     from tgospa_eval.inspection import inspect
 
-    settings = make_settings(options, given)
-
+    settings = make_settings(options, output)
     stopwatch = Stopwatch()
 
     def work() -> dict[str, Any]:
         with stopwatch.span("read"):
             sides = settings.read(*paths)
-        files = list(zip(paths, sides, strict=True))
-        if len(files) == 1:
-            distance, aligned = settings.measure.distance(sides[0].trajectories.columns), None
+        if len(sides) == 1:
+            fitted, request = None, settings.request(sides[0].trajectories.columns)
         else:
-            distance, aligned = settings.fit(sides, paths)
-        recorded = {**settings.recorded, "unit": settings.unit}
-        return inspect(files, aligned, settings.parameters, distance, settings.stamps, recorded)
+            fitted, request = settings.fit(sides, paths)
+        return inspect(list(zip(paths, sides, strict=True)), fitted, request)
 
-    return run(work, stopwatch, show=not options["quiet"])
+    return run(work, stopwatch, show=not output.quiet)
 
 
 def slow_notice() -> Iterator[Notice]:
@@ -250,34 +218,35 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
         yield notice.about(path)
 
 
-def told(reading: Reading) -> dict[str, Any]:
-    """What the result says of a file."""
-    return {"rows": reading.rows, "format": reading.format, "left_out": reading.left_out}
+def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
+    """What the result says of both files."""
+    truth, estimate = (
+        FileInfo(rows=side.rows, format=side.format, left_out=side.left_out) for side in sides
+    )
+    return truth, estimate
 
 
-def pair_notices(
-    sides: tuple[Reading, ...],
-    aligned: Alignment,
-    distance: Distance,
-    settings: Settings,
-    given: dict[str, bool],
-) -> Iterator[Notice]:
-    """What the user should know of the choice of the distance, and of the two files together."""
-    yield from notices(distance, aligned.truth.columns, settings.parameters.cutoff)
-    truth, estimate = (side.trajectories for side in sides)
+def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> Iterator[Notice]:
+    """What the user should know of the choice of the distance, and of the two files together.
+
+    `pixels` says whether places of one of them are in pixels.
+    """
+    aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
+    yield from notices(distance, aligned.truth.columns, parameters.cutoff)
+    truth, estimate = sides.read
     if "gaussian" in distance.kinds:
         for text in _about_points(truth.kind == "point", estimate.kind == "point"):
             yield Notice(text=text)
-    if any(side.pixels for side in sides):
-        yield from unit_notices(settings.unit)
-    stamps, parameters = settings.stamps, settings.parameters
-    for text in alignment_notices(aligned, stamps):
+    if pixels:
+        yield from unit_notices(request.unit)
+    for text in alignment_notices(aligned, request.stamps):
         yield Notice(text=text)
-    found = diagnose((truth, estimate), aligned, stamps, parameters, distance)
+    found = diagnose(sides.read, aligned, request.stamps, parameters, distance)
     yield from found
-    defaults = [name for name, is_given in given.items() if not is_given]
-    if defaults:
-        yield default_notice(aligned, distance, parameters, defaults, others=explained(found))
+    if request.defaults:
+        yield default_notice(
+            aligned, distance, parameters, request.defaults, others=explained(found)
+        )
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
@@ -308,21 +277,21 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
         )
 
 
-def show(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
+def show(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
     """Print the result, and write the folder if one was asked for."""
     try:
-        if options["output"] is not None:
-            _write(result, options, names)
+        if output.output is not None:
+            _write(result, output, names)
     except ConfigError:  # a full disk must not cost what was computed
-        _print(result, options)
+        _print(result, output)
         raise
     with undisturbed():
-        _print(result, options)
+        _print(result, output)
 
 
-def _print(result: Summary, options: dict[str, Any]) -> None:
+def _print(result: Summary, output: OutputOptions) -> None:
     """The result to stdout."""
-    name = options["format_"]
+    name = output.format_
     if name == "table" and on_terminal():
         from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
 
@@ -331,7 +300,7 @@ def _print(result: Summary, options: dict[str, Any]) -> None:
         emit(REPORTS[name](result), name)
 
 
-def wanted_pictures(options: dict[str, Any]) -> "Pictures | None":
+def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     """The pictures that the options ask for; None without an option of that kind, or for none.
 
     Raises
@@ -341,13 +310,13 @@ def wanted_pictures(options: dict[str, Any]) -> "Pictures | None":
     """
     from tgospa_eval.plots.report import Pictures, names_in  # here: of folders alone
 
-    if options.get("pictures", "none") == "none":
+    if output.pictures == "none":
         return None
-    parts, plane = options["components"], options["plane"]
+    parts, plane = output.components, output.plane
     with _named_options():
         return Pictures(
-            formats=names_in(options["pictures"]),
-            style=options["style"],
+            formats=names_in(output.pictures),
+            style=output.style,
             components=None if parts is None else names_in(parts),
             columns=None if plane is None else names_in(plane),
         )
@@ -362,11 +331,11 @@ def _named_options() -> Iterator[None]:
         raise ConfigError(f"--{error}") from None
 
 
-def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> None:
+def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
     """The result folder; says what is not in it for want of an extra."""
     from tgospa_eval import plots
 
-    wanted = wanted_pictures(options)
+    wanted = wanted_pictures(output)
     absent: list[tuple[str, str]] = []
 
     def make(tell: Callable[[str, float], None]) -> Files:
@@ -382,8 +351,8 @@ def _write(result: Summary, options: dict[str, Any], names: tuple[str, str]) -> 
 
         return {**texts, **result_pictures(result, wanted, tell)}
 
-    write_output(options, RESULT, make)
-    if absent and not options["quiet"]:
+    write_output(output, RESULT, make)
+    if absent and not output.quiet:
         what, extras = (list(column) for column in zip(*absent, strict=True))
         single = absent == [("report.html", "report")]
         say(

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import plots
-from tgospa_eval.cli.evaluate.run import read_sides, teller, told, wanted_pictures
+from tgospa_eval.cli.evaluate.run import infos, read_sides, teller, wanted_pictures
 from tgospa_eval.cli.shared.options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import make_settings, make_solver
+from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.sweep import in_order, sweep_trajectories
+from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.plots.sweep import sweep_pictures
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import SWEEP, probe_folder
@@ -40,8 +41,8 @@ FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
 def sweep_files(
     paths: tuple[str, str],
     texts: tuple[str, ...],
-    options: dict[str, Any],
-    given: dict[str, bool],
+    options: EvaluationOptions,
+    output: OutputOptions,
     typed: set[str],
 ) -> bool:
     """Evaluate two files over a range of one parameter, print and write; whether all is exact.
@@ -52,10 +53,10 @@ def sweep_files(
         Truth and estimate.
     texts : tuple of str
         What ``--sweep`` was given.
-    options : dict
-        Values of the other options.
-    given : dict
-        Whether cutoff and switch penalty were given, or are defaults.
+    options : EvaluationOptions
+        What to evaluate, and how.
+    output : OutputOptions
+        What to print, and where to write.
     typed : set of str
         Options that were given on the command line.
 
@@ -65,38 +66,34 @@ def sweep_files(
         Something is wrong with options or files.
     """
     name, values = parse_sweep(texts)
-    _check(name, options, typed)
+    _check(name, options, output, typed)
     # What is said of the files in advance is said for a value in the middle.
     middle = sorted(values)[len(values) // 2]
-    settings = make_settings({**options, name: middle, "by": None}, {**given, name: True})
+    swept: dict[str, Any] = {name: middle}
+    settings = make_settings(replace(options, by=None, **swept), output)
     others = {k: v for k, v in vars(settings.parameters).items() if k != name}
     parameters = in_order(name, values, others)
-    solver = make_solver(options)
     wanted = None
-    if options["output"] is not None:
-        wanted = wanted_pictures(options)
+    if output.output is not None:
+        wanted = wanted_pictures(output)
         also = () if wanted is None else tuple(f"sweep.{kind}" for kind in wanted.formats)
-        probe_folder(options["output"], SWEEP, force=options["force"], also=also)
+        probe_folder(output.output, SWEEP, force=output.force, also=also)
     stopwatch = Stopwatch()
-    if not options["quiet"]:
+    if not output.quiet:
         stopwatch.tell = say
 
     def work() -> Sweep:
-        known = {**given, name: True}
-        tell = teller(quiet=options["quiet"])
-        sides, distance, warnings = read_sides(paths, settings, solver, known, tell, stopwatch)
-        truth, estimate = sides
-        found = sweep_trajectories(
-            truth.trajectories, estimate.trajectories, parameters=parameters, parameter=name,
-            distance=distance, solver=solver, stamps=settings.stamps, unit=settings.unit,
-            settings=settings.recorded, inputs=(told(truth), told(estimate)), stopwatch=stopwatch,
-        )  # fmt: skip
+        tell = teller(quiet=output.quiet)
+        sides, fitted, request, warnings = read_sides(paths, settings, tell, stopwatch)
+        found = sweep_fitted(
+            fitted, request, name, parameters, files=infos(sides), stopwatch=stopwatch
+        )
         return replace(found, warnings=warnings)
 
-    found = run(work, stopwatch, show=not options["quiet"])
+    found = run(work, stopwatch, show=not output.quiet)
     if len(found.points) < len(parameters):
         say(f"interrupted: {len(found.points)} of {len(parameters)} points are there")
-    _show(found, options, wanted)
+    _show(found, output, wanted)
     missed = [point for point in found.points if not point.finished]
     for point in missed:
         say(
@@ -157,7 +154,7 @@ def _number(text: str, part: str) -> float:
     return value
 
 
-def _check(name: str, options: dict[str, Any], typed: set[str]) -> None:
+def _check(name: str, options: EvaluationOptions, output: OutputOptions, typed: set[str]) -> None:
     """Whether other options contradict the sweep.
 
     Raises
@@ -165,19 +162,19 @@ def _check(name: str, options: dict[str, Any], typed: set[str]) -> None:
     ConfigError
         They do.
     """
-    if name in typed and not options["quiet"]:
-        say(f"--{_key(name)} {options[name]:g} is passed over: --sweep says its values")
+    if name in typed and not output.quiet:
+        say(f"--{_key(name)} {getattr(options, name):g} is passed over: --sweep says its values")
     odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
     if odd:
         raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
-    if options["curve"]:
+    if options.curve:
         raise ConfigError("--sweep and --curve: leave one of them out")
-    if options["by"]:
+    if options.by:
         if "by" in typed:
             raise ConfigError(
                 "--by class: --sweep takes all rows together; choose one class by --class NAME"
             )
-        if not options["quiet"]:
+        if not output.quiet:
             say("by = class of the settings is left aside: --sweep takes all rows together")
 
 
@@ -185,7 +182,7 @@ def _key(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> None:
+def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> None:
     """Print, and write the folder if one was asked for."""
     document = found.to_dict()
 
@@ -196,9 +193,9 @@ def _show(found: Sweep, options: dict[str, Any], wanted: "Pictures | None") -> N
         }  # fmt: skip
         if wanted is not None and plots.available():
             files |= plots.pictures(sweep_pictures, document, wanted.formats)
-        elif wanted is not None and not options["quiet"]:
+        elif wanted is not None and not output.quiet:
             say(plots.MISSING)
         return files
 
-    write_output(options, SWEEP, make)
-    emit(render(document, options["format_"], found.columns()), options["format_"])
+    write_output(output, SWEEP, make)
+    emit(render(document, output.format_, found.columns()), output.format_)

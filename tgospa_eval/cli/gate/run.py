@@ -14,6 +14,7 @@ from tgospa_eval.cli.evaluate.run import evaluate_files
 from tgospa_eval.cli.gate.sources import KNOWN, Given
 from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.streams import emit, say, say_as_is
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
@@ -167,17 +168,17 @@ def _evaluate(
     given: Given, pair: Pair, entry: Entry | None, path: str
 ) -> tuple[Summary, dict[str, Any]]:
     """The result of a pair, and the options that made it."""
-    resolved = given.resolve(pair, entry, path)
-    defaults = {name: name in resolved["given"] for name in ("cutoff", "switch_penalty")}
+    chosen = given.resolve(pair, entry, path)
+    output = OutputOptions(quiet=given.options["quiet"], verbose=given.options["verbose"])
     prefix = f"{clipped(pair.name)}: " if given.options["suite"] else ""
     result, finished = evaluate_files(
-        pair.truth, pair.estimate, resolved["values"], defaults, _sayer(prefix)
+        pair.truth, pair.estimate, EvaluationOptions.of(chosen), output, _sayer(prefix)
     )
     if heard():
         claim = f"{result.claim}, {result.proven}"
         say(f"{prefix}{claim}; nothing is judged")
         raise KeyboardInterrupt
-    return result, given.kept(resolved["given"], result, path, finished=finished)
+    return result, given.kept(chosen, result, path, finished=finished)
 
 
 def _sayer(prefix: str) -> Callable[[str], None]:

@@ -72,8 +72,8 @@ class Given:
                 raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
         return values
 
-    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, dict[str, Any]]:
-        """All values, and those that are no defaults, by parameter."""
+    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, Any]:
+        """The values of a pair that are no defaults, by parameter."""
         names = [str(item.name) for item in self.parameters().values()]
         given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
         if given.get("covariance"):
@@ -81,8 +81,7 @@ class Given:
         given |= {name: self.options[name] for name in names if self.weak(name)}
         given |= self.typed(dict(pair.options), f"pair {quoted(pair.name)}, options")
         given |= {name: self.options[name] for name in names if self.strong(name)}
-        silent = {"output": None, "config": None}
-        return {"values": {**self.options, **silent, **given}, "given": given}
+        return given
 
     def kept(
         self, given: dict[str, Any], result: Summary, path: str, *, finished: bool

@@ -12,6 +12,7 @@ from tgospa_eval.cli.shared.particles import reduction
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
@@ -30,24 +31,6 @@ from tgospa_eval.sensors.reduction import reduce_trajectories
 
 T = TypeVar("T")
 
-UNUSED: dict[str, Any] = {
-    "order": 2,
-    "switch_penalty": 0.0,
-    "by": None,
-    "unit": None,
-    "estimate_format": None,
-    "covariance": None,
-    "periodic": (),
-    "fix_cov": False,
-    "missing_cov": "error",
-    "mixed": "error",
-    "scale": (),
-    "time_tolerance": 0.0,
-    "grid": "union",
-    "on_duplicate": "error",
-}
-"""Options of everything that evaluates which these verbs do without."""
-
 
 def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
     """Read, associate, print and write.
@@ -63,15 +46,14 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
         check_file(path, force=options["force"], option=_spelt(name))
         _check_apart(path, taken, _spelt(name))
         taken.append(path)
-    settings = make_settings(
-        UNUSED | {"pairwise": True, "sides": ("a", "b")} | options,
-        {"cutoff": True, "switch_penalty": True},
-    )
+    chosen = {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0} | options
+    settings = make_settings(EvaluationOptions.of(chosen), OutputOptions.of(options))
     cutoff = settings.parameters.cutoff
 
     def work(effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
         sides = _read(paths, settings, options, ("--a-format", "--b-format"))
-        distance, aligned = settings.fit(sides, paths)
+        fitted, _ = settings.fit(sides, paths)
+        distance, aligned = fitted.distance, fitted.alignment
         found = associate(
             aligned.truth,
             aligned.estimate,
@@ -134,11 +116,10 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     if suffix not in TABLES:
         raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
     size = options["size"]
-    how = reduction(options, size) or Reduction(size=size)
-    settings = make_settings(
-        UNUSED | {"distance": "cloud-wasserstein", "reduce": size, "cutoff": 1.0} | options,
-        {"cutoff": True, "switch_penalty": True},
-    )
+    how = reduction(EvaluationOptions.of(options), size) or Reduction(size=size)
+    fixed = {"distance": "cloud-wasserstein", "reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
+    chosen = EvaluationOptions.of(fixed | options)
+    settings = make_settings(chosen, OutputOptions.of(options))
 
     def work(effort: Effort) -> tuple[Reading, bytes, dict[str, list[Any]]]:
         (side,) = _read((source,), settings, options, ("--in-format",))

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from tgospa_eval.cli.shared.particles import cloud_distance, given_particles
+from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
@@ -21,8 +22,8 @@ class DistanceOptions:
 
     Parameters
     ----------
-    options : dict
-        Values of the options of the command line.
+    options : EvaluationOptions
+        Values of the options.
 
     Raises
     ------
@@ -32,20 +33,20 @@ class DistanceOptions:
         The covariance file is missing or wrong.
     """
 
-    def __init__(self, options: dict[str, Any]) -> None:
-        self.named = DISTANCES[options["distance"]]
-        self.period = _numbers("periodic", options["periodic"], 2 * math.pi)
-        self.scale = _numbers("scale", options["scale"])
-        self.path = options["covariance"]
-        self.mixed = options["mixed"]
+    def __init__(self, options: EvaluationOptions) -> None:
+        self.named = DISTANCES[options.distance]
+        self.period = _numbers("periodic", options.periodic, 2 * math.pi)
+        self.scale = _numbers("scale", options.scale)
+        self.path = options.covariance
+        self.mixed = options.mixed
         self.boxes = self.named.columns == BOX
         # By name: to ask for the type would import the members that are not used.
         of_matrix = self.named.name == "mahalanobis"
-        of_pairs = of_matrix and not self.path and options.get("pairwise", False)
+        of_pairs = of_matrix and not self.path and options.pairwise
         moments = self.named.name == "gaussian-wasserstein"
         of_laws = moments or of_pairs
         of_norms = isinstance(self.named, Norm) or moments
-        zero = options["missing_cov"] != "error"
+        zero = options.missing_cov != "error"
         of_clouds = self.named.name == "cloud-wasserstein"
         for name, given, allowed, whose in (
             ("periodic", self.period, of_norms, "the norms and gaussian-wasserstein"),
@@ -55,7 +56,7 @@ class DistanceOptions:
                 of_norms or of_matrix or of_clouds,
                 "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
-            ("fix-cov", options["fix_cov"], of_laws, "gaussian-wasserstein"),
+            ("fix-cov", options.fix_cov, of_laws, "gaussian-wasserstein"),
             ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
@@ -66,7 +67,7 @@ class DistanceOptions:
         if of_matrix and not of_pairs:
             if not self.path:
                 raise ConfigError("--distance mahalanobis needs --covariance FILE")
-            self.named = _mahalanobis(self.path, options["decimal"])
+            self.named = _mahalanobis(self.path, options.decimal)
         if of_pairs:
             from tgospa_eval.distances.mahalanobis import PairMahalanobis
 

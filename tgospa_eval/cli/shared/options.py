@@ -9,8 +9,6 @@ import click
 from tgospa_eval.cli.shared.help import Option
 from tgospa_eval.cli.shared.option import KEYS, load_config, option
 
-CUTOFF = 10.0
-SWITCH_PENALTY = 2.0
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 DISTANCES = (
     "euclidean", "manhattan", "chebyshev", "mahalanobis", "haversine", "iou",
@@ -94,7 +92,7 @@ PARTICLES = (
 
 METRIC = (
     _metric(
-        "-c", "--cutoff", type=float, metavar="C", default=CUTOFF,
+        "-c", "--cutoff", type=float, metavar="C",
         show_default="10.0; 0.5 with iou",
         help="Cutoff c > 0, in state units. A true and an estimated state farther apart than c are "
         "not matched: they are one missed and one false target, which together cost as much as an "
@@ -106,7 +104,7 @@ METRIC = (
         "change the distance between two states.",
     ),
     _metric(
-        "-g", "--switch-penalty", "--gamma", type=float, metavar="GAMMA", default=SWITCH_PENALTY,
+        "-g", "--switch-penalty", "--gamma", type=float, metavar="GAMMA",
         show_default="2.0; 0.5 with iou",
         help="Switch penalty gamma >= 0, in state units: what a track switch costs. 0 gives "
         "per-step GOSPA, summed.",

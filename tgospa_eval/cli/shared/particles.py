@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
@@ -22,12 +23,12 @@ USED_BY = {
 """Methods that an option of the reduction is for."""
 
 
-def given_particles(options: dict[str, Any]) -> Iterator[str]:
+def given_particles(options: EvaluationOptions) -> Iterator[str]:
     """Options of clouds that were given, as they are spelt."""
-    yield from (_spelt(name) for name in NAMES if options.get(name))
+    yield from (_spelt(name) for name in NAMES if getattr(options, name))
 
 
-def reduction(options: dict[str, Any], size: int | None) -> "Reduction | None":
+def reduction(options: EvaluationOptions, size: int | None) -> "Reduction | None":
     """How to reduce; None without a size.
 
     Raises
@@ -37,7 +38,7 @@ def reduction(options: dict[str, Any], size: int | None) -> "Reduction | None":
     """
     from tgospa_eval.distances import Reduction  # here, as below: most states are no clouds
 
-    given = {name: options[name] for name in REDUCTION if options.get(name) is not None}
+    given = {name: value for name in REDUCTION if (value := getattr(options, name)) is not None}
     if size is None:
         if given:
             raise ConfigError(f"--{_spelt(next(iter(given)))} is for --reduce N, which is missing")
@@ -51,7 +52,7 @@ def reduction(options: dict[str, Any], size: int | None) -> "Reduction | None":
     return Reduction(size=size, method=method, **given)
 
 
-def cloud_distance(options: dict[str, Any]) -> "CloudWasserstein":
+def cloud_distance(options: EvaluationOptions) -> "CloudWasserstein":
     """The distance that the options ask for.
 
     Raises
@@ -64,16 +65,16 @@ def cloud_distance(options: dict[str, Any]) -> "CloudWasserstein":
     from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein
     from tgospa_eval.formats.matrix import read_matrix
 
-    inner = options.get("inner") or "euclidean"
-    pairwise = options.get("pairwise", False)
-    path = options.get("inner_cov")
+    inner = options.inner or "euclidean"
+    pairwise = options.pairwise
+    path = options.inner_cov
     if path and inner != "mahalanobis":
         raise ConfigError("--inner-cov is for --inner mahalanobis")
-    matrix = None if path in (None, "global", "pair") else read_matrix(path, options["decimal"])
+    matrix = None if path in (None, "global", "pair") else read_matrix(path, options.decimal)
     settings: dict[str, Any] = {
-        "order": options.get("cloud_order") or 2,
-        "reduction": reduction(options, options.get("reduce")),
-        "gating": not options.get("no_gating"),
+        "order": options.cloud_order or 2,
+        "reduction": reduction(options, options.reduce),
+        "gating": not options.no_gating,
     }
     if path == "pair" or (pairwise and inner == "mahalanobis" and not path):
         if not pairwise:

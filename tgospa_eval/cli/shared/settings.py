@@ -6,16 +6,17 @@ from typing import Any
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
 from tgospa_eval.cli.shared.streams import say
-from tgospa_eval.distances import Distance
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.prepare import fit
+from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.asked import columns_of_each
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.alignment import Alignment, Stamps
+from tgospa_eval.tracks.alignment import Stamps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,6 +39,12 @@ class Settings:
         Format of truth and estimate; None is guessed.
     unit : str, optional
         For printing.
+    defaults : tuple of str
+        Which of cutoff and switch_penalty nobody chose.
+    solver : Solver
+        Record of settings.
+    curve : bool
+        Whether the steps up to each step are asked for as well.
     """
 
     parameters: Parameters
@@ -47,6 +54,9 @@ class Settings:
     each: tuple[ReadOptions, ReadOptions]
     formats: tuple[str | None, str | None]
     unit: str | None
+    defaults: tuple[str, ...]
+    solver: Solver
+    curve: bool
 
     @property
     def recorded(self) -> dict[str, Any]:
@@ -136,90 +146,109 @@ class Settings:
                     f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
                 )
 
-    def fit(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> tuple[Distance, Alignment]:
-        """The distance between the states of two files, and both on the same steps.
+    def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
+        """What is asked of states with these columns.
 
         Raises
         ------
-        ConfigError, InputError
-            They do not fit each other, or the options do not fit them.
+        ConfigError
+            An option names a column that does not enter the distance.
+        """
+        return EvaluationRequest(
+            parameters=self.parameters,
+            distance=self.measure.distance(columns),
+            solver=self.solver,
+            stamps=self.stamps,
+            unit=self.unit,
+            curve=self.curve,
+            recorded=self.recorded,
+            defaults=self.defaults,
+        )
+
+    def fit(
+        self, sides: tuple[Reading, ...], paths: tuple[str, ...]
+    ) -> tuple[Fitted, EvaluationRequest]:
+        """Two files on the same steps, and what is asked of them.
+
+        Raises
+        ------
+        ConfigError
+            The options do not fit the files.
+        InputError
+            The files do not fit each other.
         """
         truth, estimate = (side.trajectories for side in sides)
         names = (paths[0], paths[1])
         check_columns(truth, estimate, names)
-        distance, aligned = fit(
-            truth, estimate, self.measure.distance(truth.columns), self.stamps, names
-        )
-        return distance, aligned
+        request = self.request(truth.columns)
+        return fit(truth, estimate, request, names), request
 
 
-def make_settings(options: dict[str, Any], given: dict[str, bool]) -> Settings:
+def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings:
     """The records that the options ask for.
-
-    Parameters
-    ----------
-    options : dict
-        Values of the options; the switch penalty is 0 where a verb has none.
-    given : dict
-        Whether cutoff and switch penalty were given, or are defaults.
 
     Raises
     ------
-    TgospaError
-        Something is wrong with them.
+    ConfigError
+        A value is out of range, or options do not fit each other.
+    InputError
+        The file of a covariance is missing or wrong.
     """
-    if options["config"] and not options["quiet"]:
-        say(f"settings from {options['config']}")
+    if output.config and not output.quiet:
+        say(f"settings from {output.config}")
     measure = DistanceOptions(options)
-    metric = {"cutoff": options["cutoff"], "switch_penalty": options.get("switch_penalty", 0.0)}
-    defaults = dict(zip(metric, measure.named.defaults, strict=True))
-    metric |= {name: defaults[name] for name, is_given in given.items() if not is_given}
     reading = ReadOptions(
-        decimal=options["decimal"],
-        on_duplicate=options["on_duplicate"],
+        decimal=options.decimal,
+        on_duplicate=options.on_duplicate,
         boxes=measure.boxes,
-        time=options["time"],
-        classes=_list(options["class_"]),
-        region=options["region"],
-        by_class=options["by"] == "class",
+        time=options.time,
+        classes=_list(options.class_),
+        region=options.region,
+        by_class=options.by == "class",
         covariance=bool(measure.named.kinds),
-        fix_covariance=options["fix_cov"],
-        missing_covariance=options["missing_cov"],
+        fix_covariance=options.fix_cov,
+        missing_covariance=options.missing_cov,
         clouds="cloud" in measure.named.kinds,
         fault=measure.fault,
-        max_input=options["max_input"],
+        max_input=options.max_input,
+    )
+    parameters, defaults = chosen_parameters(
+        measure.named, options.order, options.cutoff, options.switch_penalty
     )
     return Settings(
-        parameters=Parameters(order=options["order"], **metric),
+        parameters=parameters,
+        defaults=defaults,
         measure=measure,
-        stamps=Stamps(tolerance=options["time_tolerance"], grid=options["grid"]),
+        stamps=Stamps(tolerance=options.time_tolerance, grid=options.grid),
         reading=reading,
         each=_each(reading, measure, options),
-        formats=(options["truth_format"], options["estimate_format"]),
-        unit=options["unit"],
+        formats=(options.truth_format, options.estimate_format),
+        unit=options.unit,
+        solver=_solver(options),
+        curve=options.curve,
     )
 
 
 def _each(
-    reading: ReadOptions, measure: DistanceOptions, options: dict[str, Any]
+    reading: ReadOptions, measure: DistanceOptions, options: EvaluationOptions
 ) -> tuple[ReadOptions, ReadOptions]:
     """How to read truth and estimate: columns and classes of one go before those of both."""
-    own = (_list(options.get(f"{role}_columns")) for role in ROLES)
-    found = []
-    for role, (columns, shared) in zip(
-        ROLES, columns_of_each(_list(options["columns"]), *own), strict=True
-    ):
-        classes = _list(options.get(f"{role}_class"))
-        found.append(
-            replace(
-                reading,
-                columns=measure.columns(columns),
-                classes=classes or reading.classes,
-                shared=shared if classes else (*shared, "class"),
-                option=f"--{options.get('sides', ROLES)[ROLES.index(role)]}-columns",
-            )
+    own = (
+        (options.sides[0], _list(options.truth_columns), _list(options.truth_class)),
+        (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
+    )
+    columns_of = columns_of_each(_list(options.columns), *(columns for _, columns, _ in own))
+    first, second = (
+        replace(
+            reading,
+            columns=measure.columns(columns),
+            classes=classes or reading.classes,
+            shared=shared if classes else (*shared, "class"),
+            option=f"--{side}-columns",
         )
-    return found[0], found[1]
+        for (side, _, classes), (columns, shared) in zip(own, columns_of, strict=True)
+    )
+    return first, second
 
 
 def _list(text: str | None) -> tuple[str, ...] | None:
@@ -227,12 +256,11 @@ def _list(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(part.strip() for part in text.split(","))
 
 
-def make_solver(options: dict[str, Any]) -> Solver:
+def _solver(options: EvaluationOptions) -> Solver:
     """The solver that the options ask for."""
-    name = options["solver"]
-    settings: dict[str, Any] = {"time_limit": options["time_limit"]}
-    if name != "exact":
-        settings |= {"gap": options["gap"], "jobs": options["jobs"]}
-    if name == "sinkhorn":
-        settings["epsilon"] = options["epsilon"]
-    return solver_class(name)(**settings)
+    settings: dict[str, float | None] = {"time_limit": options.time_limit}
+    if options.solver != "exact":
+        settings |= {"gap": options.gap, "jobs": options.jobs}
+    if options.solver == "sinkhorn":
+        settings["epsilon"] = options.epsilon
+    return solver_class(options.solver)(**settings)

@@ -1,11 +1,11 @@
 """The folder of ``-o``: made in a thread, written at once, told of."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from tgospa_eval.cli.shared.interrupts import heard, undisturbed
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.reports.folders import Kind, write_texts
 
@@ -13,14 +13,14 @@ Files = Mapping[str, str | bytes]
 
 
 def write_output(
-    options: dict[str, Any], kind: Kind, make: Callable[[Callable[[str, float], None]], Files]
+    output: OutputOptions, kind: Kind, make: Callable[[Callable[[str, float], None]], Files]
 ) -> None:
     """Write the folder if one was asked for, and nothing was interrupted.
 
     Parameters
     ----------
-    options : dict
-        Values of the options.
+    output : OutputOptions
+        Where to write, and how much to say.
     kind : Kind
         What the folder holds.
     make : callable
@@ -31,21 +31,21 @@ def write_output(
     ConfigError
         The folder cannot be written.
     """
-    folder = options["output"]
+    folder = output.output
     if folder is None:
         return
-    files = None if heard() else _made(options, make)
+    files = None if heard() else _made(output, make)
     if files is None:
         say(f"interrupted: nothing is written to {folder}")
         return
     with undisturbed():
-        written = write_texts(files, folder, kind, force=options["force"])
-    if not options["quiet"]:
+        written = write_texts(files, folder, kind, force=output.force)
+    if not output.quiet:
         say(str(written))
 
 
 def _made(
-    options: dict[str, Any], make: Callable[[Callable[[str, float], None]], Files]
+    output: OutputOptions, make: Callable[[Callable[[str, float], None]], Files]
 ) -> Files | None:
     """The files by name; None if that was interrupted."""
     stopwatch = Stopwatch()
@@ -56,6 +56,6 @@ def _made(
         stopwatch.progress.done(share)
 
     try:
-        return run(lambda: make(tell), stopwatch, show=not options["quiet"])
+        return run(lambda: make(tell), stopwatch, show=not output.quiet)
     except KeyboardInterrupt:  # what is known is printed all the same
         return None

@@ -1,0 +1,86 @@
+"""Values of options as typed records; what a verb has no option for keeps its default here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Values:
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """From all options of a verb by parameter, those of others left aside."""
+        names = {field.name for field in fields(cls)}
+        return cls(**{name: value for name, value in values.items() if name in names})
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationOptions(_Values):
+    """Of everything that reads files and measures distances; None where nothing was given.
+
+    The parameters are those of `cli.shared.options`. `pairwise` lets a distance take the
+    covariances of each pair; `sides` are the two files as options name them.
+    """
+
+    cutoff: float | None = None
+    order: float = 2.0
+    switch_penalty: float | None = None
+    distance: str = "euclidean"
+    covariance: str | None = None
+    periodic: tuple[str, ...] = ()
+    scale: tuple[str, ...] = ()
+    columns: str | None = None
+    truth_columns: str | None = None
+    estimate_columns: str | None = None
+    truth_format: str | None = None
+    estimate_format: str | None = None
+    time_tolerance: float = 0.0
+    grid: str = "union"
+    on_duplicate: str = "error"
+    decimal: str = "."
+    max_input: float | None = None
+    time: str | None = None
+    class_: str | None = None
+    truth_class: str | None = None
+    estimate_class: str | None = None
+    region: str | None = None
+    by: str | None = None
+    unit: str | None = None
+    solver: str = "certified"
+    gap: float = 1e-9
+    epsilon: float = 0.03
+    time_limit: float | None = None
+    jobs: int | None = None
+    curve: bool = False
+    fix_cov: bool = False
+    missing_cov: str = "error"
+    mixed: str = "error"
+    cloud_order: int | None = None
+    inner: str | None = None
+    inner_cov: str | None = None
+    reduce: int | None = None
+    reduce_method: str | None = None
+    directions: int | None = None
+    iterations: int | None = None
+    restarts: int | None = None
+    polish: int | None = None
+    seed: int | None = None
+    no_gating: bool = False
+    pairwise: bool = False
+    sides: tuple[str, str] = ("truth", "estimate")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions(_Values):
+    """Of everything that prints and writes. The parameters are those of `cli.shared.options`."""
+
+    format_: str = "table"
+    output: str | None = None
+    force: bool = False
+    pictures: str = "none"
+    style: str = "screen"
+    components: str | None = None
+    plane: str | None = None
+    config: str | None = None
+    quiet: bool = False
+    verbose: bool = False
