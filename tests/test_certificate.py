@@ -18,7 +18,7 @@ from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.solvers.kernels import best_paths, paths
+from tgospa_eval.solvers.best_paths import best_paths, paths
 
 
 def instance(seed: int) -> States:
@@ -77,7 +77,7 @@ def exact_totals(slots: Slots, price: list[Fraction]) -> list[Fraction]:
 
 def exact_bests(states: States, value: list[Fraction]) -> list[Fraction]:
     """Best path of each node by comparing every state with all that end before it."""
-    crossing = fractions(states.problem.crossing_price)
+    switch_price = fractions(states.problem.switch_price_at)
     row = states.pair_row[states.pair].tolist()
     end, begin = states.end.tolist(), states.begin.tolist()
     reached: dict[int, Fraction] = {}
@@ -85,19 +85,21 @@ def exact_bests(states: States, value: list[Fraction]) -> list[Fraction]:
         if s in states.pair_first[:-1]:
             reached[s] = value[s]
             continue
-        hub = max(
+        unassigned_value = max(
             (
-                reached[r] - crossing[end[r] + 1]
+                reached[r] - switch_price[end[r] + 1]
                 for r in reached
                 if row[r] == row[s] and end[r] < begin[s]
             ),
             default=Fraction(0),
         )
-        reached[s] = value[s] + max(reached[s - 1], max(hub, Fraction(0)) - crossing[begin[s]])
+        reached[s] = value[s] + max(
+            reached[s - 1], max(unassigned_value, Fraction(0)) - switch_price[begin[s]]
+        )
     best = [Fraction(0)] * states.nodes
     last = set((states.pair_first[1:] - 1).tolist())
     for s, total in reached.items():
-        left = total if s in last else total - crossing[end[s] + 1]
+        left = total if s in last else total - switch_price[end[s] + 1]
         best[row[s]] = max(best[row[s]], left)
     return best
 
@@ -108,7 +110,7 @@ def exact_bounds(
     """Lower bound as docs/theory defines it, without offsets, and upper bound."""
     problem = states.problem
     weights = [Fraction(w, ONE) for w in whole.tolist()]
-    price, crossing = fractions(prices), fractions(problem.crossing_price)
+    price, switch_price = fractions(prices), fractions(problem.switch_price_at)
     free = [fractions(problem.truth_price), fractions(problem.estimate_price)]
     upper = sum(free[0], Fraction(0)) + sum(free[1], Fraction(0))
     value = [-total for total in exact_totals(states.columns, price)]
@@ -120,7 +122,7 @@ def exact_bounds(
             value[s] += gain
             upper -= gain * weights[s]
         if s not in opens:
-            upper += crossing[states.begin[s]] * abs(weights[s] - weights[s - 1])
+            upper += switch_price[states.begin[s]] * abs(weights[s] - weights[s - 1])
     # Each block by itself: no part of the cost is less than 0.
     blocks = len(states.block_begin)
     lower = [Fraction(0)] * (blocks + 1)
@@ -190,7 +192,7 @@ def test_a_best_path_is_worth_the_best_value(seed: int) -> None:
     begin, row = states.begin, states.pair_row[states.pair]
     change = np.diff(weights, prepend=0.0)
     change[states.pair_first[:-1]] = 0.0
-    own = weights * value - states.problem.crossing_price[begin] * np.abs(change)
+    own = weights * value - states.problem.switch_price_at[begin] * np.abs(change)
     reached = np.bincount(row, own, minlength=states.nodes)
     assert reached == pytest.approx(best_values(states, value), abs=1e-12)
 

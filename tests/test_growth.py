@@ -5,22 +5,22 @@ import pytest
 from strategies import scene
 from test_kernels import without_kernels
 
-import tgospa_eval.solvers.active_set as contest_module
+import tgospa_eval.solvers.active_set as active_set_module
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.exact as exact_module
-import tgospa_eval.solvers.restricted_lp as residual_module
+import tgospa_eval.solvers.restricted_lp as restricted_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
 from tgospa_eval.common.progress import LATE
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.certified import _groups, _windows
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.fallback.dual_ascent import NumpyAscent
-from tgospa_eval.solvers.kernels import price_cap
-from tgospa_eval.solvers.pieces import cut_out
-from tgospa_eval.solvers.restricted_lp import residual
+from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
+from tgospa_eval.solvers.subproblem import cut_out
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 
@@ -49,13 +49,13 @@ def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
     for low, high in ((0, 9), (20, 30), (50, 60)):
         free = np.flatnonzero(ascent.has(1) & (begin >= low) & (states.end < high))
         given = ascent.weights, ascent.prices
-        whole = residual(states, free, *given, ascent.crossing, 0.05, None)
+        whole = solve_restricted_lp(states, free, *given, ascent.switch_price, 0.05, None)
         piece = cut_out(states, free)
         assert len(piece.state) < len(begin)
         assert np.array_equal(piece.state[piece.free], free)
-        part = residual(
+        part = solve_restricted_lp(
             piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
-            ascent.crossing, 0.05, None,
+            ascent.switch_price, 0.05, None,
         )  # fmt: skip
         assert np.array_equal(piece.slot[part.slot], whole.slot)
         np.testing.assert_allclose(part.weights, whole.weights, atol=1e-12)
@@ -75,7 +75,7 @@ def test_losses_of_fractions_too() -> None:
     states = states_of(5, m=12, side=8.0)
     ascent = ascent_of(states)
     ascent.weights *= 0.5
-    ascent.worth = ascent._values(ascent.weights)
+    ascent.primal = ascent._values(ascent.weights)
     lost = ascent.losses(ascent.prices)
     assert lost.sum() == pytest.approx(ascent.gap[ascent.open].sum(), rel=1e-10)
 
@@ -101,9 +101,9 @@ def test_windows_and_groups_give_the_same_number(monkeypatch: pytest.MonkeyPatch
 
     def noting(states: States, free: np.ndarray, *rest: object, **told: object) -> object:
         sizes.append(len(free))
-        return residual(states, free, *rest, **told)  # type: ignore[arg-type]
+        return solve_restricted_lp(states, free, *rest, **told)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(residual_module, "residual", noting)
+    monkeypatch.setattr(restricted_lp_module, "solve_restricted_lp", noting)
     for name, value in (("MANY", 100), ("MODEL", 100), ("LARGE", 500), ("FEW", 400)):
         monkeypatch.setattr(certified_module, name, value)
     parted = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
@@ -148,8 +148,8 @@ def test_bounds_keep_their_digits_over_many_steps() -> None:
         states, wanted, 0.0, np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
     )
     ascent.weights[:], ascent.prices[:] = solution.weights, solution.prices
-    ascent.worth = ascent._values(ascent.weights)
-    ascent.bound = ascent.look(ascent.prices)
+    ascent.primal = ascent._values(ascent.weights)
+    ascent.dual = ascent.look(ascent.prices)
     assert ascent.losses(ascent.prices).sum() <= 1e-12 * ascent.cost.sum()
     assert ascent.gap.sum() <= 1e-12 * ascent.cost.sum()
     assert price_cap(states).max() > 0
@@ -172,7 +172,7 @@ def test_without_kernels_large_components_are_ascended(monkeypatch: pytest.Monke
     truth, estimate = scene(2, 10, 10, 30, side=10.0, noise=1.0)
     expected = evaluate(truth, estimate, 5.0, 2, 2.0)
     without_kernels(monkeypatch)
-    monkeypatch.setattr(contest_module, "LARGE", 50)
+    monkeypatch.setattr(active_set_module, "LARGE", 50)
     result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
     assert result.solver["status"] == "solved"
     assert result.proof.bounds.upper == pytest.approx(expected.proof.bounds.upper, rel=1e-9)

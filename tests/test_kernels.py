@@ -184,7 +184,7 @@ def test_sweeps_find_the_entropic_optimum() -> None:
         field.rows, field.columns, field.row_first, field.order, states.begin,
         field.window_end, states.columns.first, states.columns.step, states.columns.begin,
         field.slot_end, chosen, states.entry, field.gain, field.group_first, field.offset,
-        np.zeros(len(states.columns.step)), field.crossing, 10**6,
+        np.zeros(len(states.columns.step)), field.switch_price, 10**6,
     )  # fmt: skip
     chain.heat(epsilon)
     assert chain.sweep(400) < 1e-9
@@ -194,7 +194,7 @@ def test_sweeps_find_the_entropic_optimum() -> None:
     chain.write_prices(prices)
 
     value = states.gain - states.columns.totals(prices)
-    price = problem.crossing_price
+    price = problem.switch_price_at
     shares = np.zeros(len(value))
     for node in np.unique(states.pair_row):
         own = np.flatnonzero(states.pair_row[states.pair] == node)

@@ -24,10 +24,10 @@ from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.solvers import Solver, batches, certified, exact
+from tgospa_eval.solvers.bracket_progress import share_of_digits
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.exact import Exact
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
-from tgospa_eval.solvers.telling import near_the_end
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -102,7 +102,7 @@ def test_brackets_on_the_way_hold(
      (1, 1, 1.5, 1), (3, 1, 1.5, 0)],
 )  # fmt: skip
 def test_the_way_to_the_gap(width: float, cost: float, gap: float, share: float) -> None:
-    assert near_the_end(width, cost, gap) == pytest.approx(share)
+    assert share_of_digits(width, cost, gap) == pytest.approx(share)
 
 
 def test_what_cannot_be_stopped_is_left_behind() -> None:
@@ -255,7 +255,10 @@ def interrupted(tmp_path: Path, environment: dict[str, str]) -> Run:
 
 SWEEPS = "from tgospa_eval.solvers.dual_ascent import Ascent; Ascent.stage = once(Ascent.stage)"
 CLARABEL = "from tgospa_eval.solvers import exact; exact._build = and_never_end"
-PROGRAMMES = "from tgospa_eval.solvers import residual; residual.residual = and_never_end"
+PROGRAMMES = (
+    "from tgospa_eval.solvers import restricted_lp; "
+    "restricted_lp.solve_restricted_lp = and_never_end"
+)
 PROOF = f"{SWEEPS}; from tgospa_eval.evaluation import evaluate; evaluate.certify = and_never_end"
 READING = "from tgospa_eval.cli.shared import settings; settings.Settings.read = and_never_end"
 DRAWING = "from tgospa_eval.reports import html; html.page = and_never_end"

@@ -25,7 +25,7 @@ from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.sweep import Sweep
-from tgospa_eval.solvers.warm_start import Kept, keep, offer
+from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 
 Invoke = Callable[..., Answer]
 Pair = tuple[str, str]
@@ -104,12 +104,12 @@ def measured(truth: np.ndarray, estimate: np.ndarray, cutoff: float) -> tuple[Me
     return measure(fit(*sides, request), request, cutoff=cutoff, stopwatch=Stopwatch())
 
 
-def solved(states: States) -> tuple[Kept, float]:
+def solved(states: States) -> tuple[SavedSolution, float]:
     """What is kept, and the lower bound in units of c^p."""
     solution = Certified(jobs=1)(states, Stopwatch())
     prices = solution.prices.copy()
     bounds, weights, _ = certify(states, solution)
-    return keep(states, weights, prices), bounds.lower
+    return save_solution(states, weights, prices), bounds.lower
 
 
 @given(
@@ -130,14 +130,14 @@ def test_prices_between_neighbours_prove_the_chord(
     states = [sensitivity.merge_runs(both.problem(pairs, p)) for p in (a, m, b)]
     (kept_a, lower_a), (kept_b, lower_b) = solved(states[0]), solved(states[2])
     shares = sensitivity._shares(a, m, b, name)
-    offered = offer(states[1], (kept_a, kept_b), shares)
+    warm_start = make_warm_start(states[1], (kept_a, kept_b), shares)
     solution = Certified(jobs=1)(states[1], Stopwatch())
-    solution.prices, solution.disposable = offered.prices.copy(), False
+    solution.prices, solution.disposable = warm_start.prices.copy(), False
     proven = certify(states[1], solution)[0]
     # shares are of costs in units of the c^p of the middle
     alone = 1e-9
     assert proven.lower >= shares[0] * lower_a + shares[1] * lower_b - alone
-    for weights in offered.weights:
+    for weights in warm_start.weights:
         solution.weights = weights.copy()
         assert certify(states[1], solution)[0].upper >= proven.lower - alone
 
@@ -151,8 +151,8 @@ def test_nothing_is_solved_where_the_assignment_does_not_change() -> None:
     both, pairs = measured(truth, estimate, 30.0)
     low, middle, high = (sensitivity.merge_runs(both.problem(pairs, p)) for p in found)
     shares = sensitivity._shares(*found, "cutoff")
-    offered = offer(middle, (solved(low)[0], solved(high)[0]), shares)
-    cold, warm = (Certified(jobs=1)(middle, Stopwatch(), start) for start in (None, offered))
+    warm_start = make_warm_start(middle, (solved(low)[0], solved(high)[0]), shares)
+    cold, warm = (Certified(jobs=1)(middle, Stopwatch(), start) for start in (None, warm_start))
     assert cold.iterations > 0
     assert warm.iterations == 0
     assert certify(middle, warm)[0].met(1e-9)
@@ -165,8 +165,8 @@ def test_what_is_kept_gives_a_solution_back() -> None:
     solution = Certified(jobs=1)(states, Stopwatch())
     prices = solution.prices.copy()
     _, weights, _ = certify(states, solution)
-    kept = keep(states, weights, prices)
-    again = offer(states, (kept,), (1.0,))
+    kept = save_solution(states, weights, prices)
+    again = make_warm_start(states, (kept,), (1.0,))
     assert np.array_equal(again.weights[0], weights / ONE)
     assert np.allclose(again.prices, prices, atol=1e-12)  # running sums lose the last digits
 

@@ -12,7 +12,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers import restricted_lp as programmes
 from tgospa_eval.solvers.basis import suggest
 from tgospa_eval.solvers.programme import make_programme
-from tgospa_eval.solvers.restricted_lp import Proposal, refined, residual
+from tgospa_eval.solvers.restricted_lp import Proposal, refine, solve_restricted_lp
 
 
 def states_of(sides: tuple[np.ndarray, np.ndarray], c: float, p: float, gamma: float) -> States:
@@ -22,8 +22,8 @@ def states_of(sides: tuple[np.ndarray, np.ndarray], c: float, p: float, gamma: f
 def whole(states: States) -> Proposal:
     """The whole problem as one programme, from nothing."""
     size, slots = len(states.begin), len(states.columns.step)
-    return residual(
-        states, np.arange(size), np.zeros(size), np.zeros(slots), states.problem.crossing_price,
+    return solve_restricted_lp(
+        states, np.arange(size), np.zeros(size), np.zeros(slots), states.problem.switch_price_at,
         np.inf, None,
     )  # fmt: skip
 
@@ -59,11 +59,11 @@ def test_refined_duals_prove_small_costs(c: float, p: float, seed: int) -> None:
     """HiGHS takes 1e-9 of c^p for zero; these totals are 2e-6 to 2e-12 of it."""
     states = states_of(overlapping(seed, 6, 20), c, p, 1.0)
     plain = whole(states)
-    better = refined(plain, None)
+    better = refine(plain, None)
     cost, width = bracket(states, better)
     assert width <= 1e-13 * cost
     assert cost <= bracket(states, plain)[0] * (1 + 1e-12)
-    assert refined(better, None).prices == pytest.approx(better.prices, rel=1e-9, abs=1e-30)
+    assert refine(better, None).prices == pytest.approx(better.prices, rel=1e-9, abs=1e-30)
 
 
 def test_refinement_is_needed() -> None:
@@ -75,12 +75,12 @@ def test_refinement_is_needed() -> None:
 def test_an_unfinished_proposal_stays() -> None:
     states = states_of(overlapping(0, 4, 6), 10.0, 2, 1.0)
     size, slots = len(states.begin), len(states.columns.step)
-    found = residual(
-        states, np.arange(size), np.zeros(size), np.zeros(slots), states.problem.crossing_price,
+    found = solve_restricted_lp(
+        states, np.arange(size), np.zeros(size), np.zeros(slots), states.problem.switch_price_at,
         np.inf, 0.0,
     )  # fmt: skip
     assert not found.finished
-    assert refined(found, None) is found
+    assert refine(found, None) is found
 
 
 def test_weights_are_fractions() -> None:
@@ -104,9 +104,9 @@ def test_prices_suggest_a_basis() -> None:
     prices[cold.slot] = cold.prices
     rough = np.where(prices > 0, prices + np.random.default_rng(0).normal(0, 1e-3, slots), 0.0)
     rough = np.maximum(rough, 0.0)
-    free, crossing = np.arange(size), states.problem.crossing_price
-    assert suggest(make_programme(states, free, np.zeros(size), rough, crossing, np.inf))
-    warm = residual(states, free, np.zeros(size), rough, crossing, np.inf, None)
+    free, switch_price = np.arange(size), states.problem.switch_price_at
+    assert suggest(make_programme(states, free, np.zeros(size), rough, switch_price, np.inf))
+    warm = solve_restricted_lp(states, free, np.zeros(size), rough, switch_price, np.inf, None)
     assert warm.finished
     assert warm.iterations < 0.5 * cold.iterations
     assert bracket(states, warm)[0] == pytest.approx(bracket(states, cold)[0], rel=1e-9)

@@ -22,7 +22,7 @@ from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.solution import Curve, Reduced
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.warm_start import Kept, Origin, keep, offer
+from tgospa_eval.solvers.warm_start import Origin, SavedSolution, make_warm_start, save_solution
 
 SIZE = 1 << 18
 """Near pairs of the beginnings that are solved together."""
@@ -61,7 +61,7 @@ def trace(
     alone = _unpaired(states)
     ends = cells.first[1:] - 1
     least[ends] = np.maximum(least[ends], _whole_blocks(states, prices, reduced))
-    whole = keep(states, weights, prices)
+    whole = save_solution(states, weights, prices)
 
     cost = parts.sum(axis=0)
     open_ = cost + error - least > solver.gap * cost
@@ -211,13 +211,13 @@ class _Copies:
         return [slice(a, b) for a, b in itertools.pairwise(bounds)]
 
     def solve(
-        self, block: Ints, end: Ints, whole: Kept, solver: Certified, stopwatch: Stopwatch
+        self, block: Ints, end: Ints, whole: SavedSolution, solver: Certified, stopwatch: Stopwatch
     ) -> tuple[Floats, Floats, Floats]:
         """Cost by kind (4, N), lower bound (N,), and error of the cost, of these beginnings."""
         problem, origin, first = self._cut(block, end)
         states = merge_runs(problem)
-        offered = replace(offer(states, (whole,), (1.0,), origin), near=True)
-        solution = solver(states, stopwatch, offered)
+        warm_start = replace(make_warm_start(states, (whole,), (1.0,), origin), near=True)
+        solution = solver(states, stopwatch, warm_start)
         _, lower, split = prove(states, solution)
         parts = np.array(
             [

@@ -30,7 +30,7 @@ from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.solvers.warm_start import Kept, keep, offer
+from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 from tgospa_eval.tracks.alignment import Stamps
 
 CONCAVE = ("cutoff", "switch_penalty")
@@ -198,7 +198,7 @@ class _Line:
     def points(self) -> tuple[Point, ...]:
         """All of them."""
         found: dict[int, Point] = {}
-        kept: dict[int, Kept | None] = {}
+        kept: dict[int, SavedSolution | None] = {}
         progress, count = self.stopwatch.progress, len(self.parameters)
         for done, (k, neighbours) in enumerate(_bisected(count)):
             if found and progress.stop.is_set():
@@ -209,8 +209,8 @@ class _Line:
         return tuple(found[k] for k in sorted(found))
 
     def _solve(
-        self, k: int, neighbours: tuple[int, ...], kept: list[Kept | None]
-    ) -> tuple[Point, Kept | None]:
+        self, k: int, neighbours: tuple[int, ...], kept: list[SavedSolution | None]
+    ) -> tuple[Point, SavedSolution | None]:
         """A point, and what is kept of its solution for points beside it."""
         parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
         with stopwatch.span("solve/preparation"):
@@ -220,19 +220,23 @@ class _Line:
         if not (kernels and isinstance(solver, Certified) and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
-        offered = None
+        warm_start = None
         beside = tuple(part for part in kept if part is not None)
         if len(beside) == 2:
             with stopwatch.span("solve/preparation"):
                 low, high = (self.parameters[at] for at in neighbours)
-                offered = offer(states, beside, _shares(low, parameters, high, self.name))
+                warm_start = make_warm_start(
+                    states, beside, _shares(low, parameters, high, self.name)
+                )
         before = stopwatch.work
-        solution = solver(states, stopwatch, offered)
+        solution = solver(states, stopwatch, warm_start)
         work = stopwatch.work - before
-        hard = work > EASY * len(states.begin) or solution.iterations > FEW or offered is not None
+        hard = (
+            work > EASY * len(states.begin) or solution.iterations > FEW or warm_start is not None
+        )
         prices = solution.prices.copy() if hard else None  # the proof uses them up
         result = prove(prepared, solver, solution, stopwatch)
-        mine = None if prices is None else keep(states, result.proof.weights, prices)
+        mine = None if prices is None else save_solution(states, result.proof.weights, prices)
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:

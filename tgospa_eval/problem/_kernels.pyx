@@ -331,24 +331,24 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
 # --- best paths: the twin is tgospa_eval.problem.paths.best_values ---------------------------------------
 
 
-cdef double row_forward(const i32* order, const i32* begin, const double* crossing,
+cdef double row_forward(const i32* order, const i32* begin, const double* switch_price,
                         const double* value, const double* offset, double* forward, i32* came,
                         double* none, double* rest, Py_ssize_t low, Py_ssize_t high,
                         i32* final) noexcept nogil:
     """Best value of a path up to each state of one row, and the state that it came from (or -1).
 
-    A group of states that begin together is entered from the state before each or from the hub
-    ("none"), into which the states before them may have left at the same transition; `none` +
-    `rest` is the value of the hub then. In the hub a path loses the `offset` of each group. Returns
-    the value of the best path; its last state goes to `final`. `value`, `offset`, `forward`,
+    A group of states that begin together is entered from the state before each or from "none", to
+    which the states before them may have gone at the same transition; `none` + `rest` is the value
+    of "none" then. There a path loses the `offset` of each group. Returns the value of the best
+    path; its last state goes to `final`. `value`, `offset`, `forward`,
     `came`, `none`, `rest` begin with the row.
 
-    `forward` is relative to the hub when the state begins, and the hub is a sum of two doubles:
+    `forward` is relative to "none" when the state begins, and the value of "none" is a sum of two doubles:
     nothing grows with the length of a recording, and no digits are lost to it.
     """
     cdef Py_ssize_t a = low, c, g = 0
-    cdef i32 s, k, hub_from = -1
-    cdef double hub = 0.0, lost = 0.0, price, rise, best
+    cdef i32 s, k, unassigned_from = -1
+    cdef double unassigned = 0.0, lost = 0.0, price, rise, best
     final[0] = -1
     if low == high:
         return 0.0
@@ -361,20 +361,20 @@ cdef double row_forward(const i32* order, const i32* begin, const double* crossi
         came[s] = -1
         a += 1
     while a < high:
-        add_to(&hub, &lost, -offset[g])
+        add_to(&unassigned, &lost, -offset[g])
         g += 1
         k = begin[order[a]]
-        price = crossing[k]
+        price = switch_price[k]
         c = a
         rise = 0.0
         while c < high and begin[order[c]] == k:
             s = order[c] - <i32>low
-            forward[s] = forward[s - 1] - ((hub - none[s - 1]) + (lost - rest[s - 1]))
+            forward[s] = forward[s - 1] - ((unassigned - none[s - 1]) + (lost - rest[s - 1]))
             if forward[s] - price > rise:
                 rise = forward[s] - price
-                hub_from = s - 1
+                unassigned_from = s - 1
             c += 1
-        add_to(&hub, &lost, rise)
+        add_to(&unassigned, &lost, rise)
         while a < c:
             s = order[a] - <i32>low
             if forward[s] - rise >= -price:
@@ -382,24 +382,24 @@ cdef double row_forward(const i32* order, const i32* begin, const double* crossi
                 came[s] = s - 1
             else:
                 forward[s] = value[s] - price
-                came[s] = hub_from
-            none[s] = hub
+                came[s] = unassigned_from
+            none[s] = unassigned
             rest[s] = lost
             a += 1
-    add_to(&hub, &lost, -offset[g])
+    add_to(&unassigned, &lost, -offset[g])
     best = 0.0
-    final[0] = hub_from
+    final[0] = unassigned_from
     k = begin[low]
     for s in range(<i32>(high - low)):
         if low + s + 1 == high or begin[low + s + 1] == k:
-            price = forward[s] - ((hub - none[s]) + (lost - rest[s]))
+            price = forward[s] - ((unassigned - none[s]) + (lost - rest[s]))
             if price > best:
                 best = price
                 final[0] = s
-    return hub + (lost + best)
+    return unassigned + (lost + best)
 
 
-cdef void row_regret(const i32* order, const i32* begin, const double* crossing,
+cdef void row_regret(const i32* order, const i32* begin, const double* switch_price,
                      const double* value, const double* offset, const double* forward,
                      const double* none, const double* rest, const double* weight, Py_ssize_t low,
                      Py_ssize_t high, double* at) noexcept nogil:
@@ -411,23 +411,23 @@ cdef void row_regret(const i32* order, const i32* begin, const double* crossing,
     """
     cdef Py_ssize_t a = low, c, g = 0
     cdef i32 s, k, first = begin[order[low]]
-    cdef double hub = 0.0, lost = 0.0, cover = 0.0, price, rise, stays, reached, best
+    cdef double unassigned = 0.0, lost = 0.0, cover = 0.0, price, rise, stays, reached, best
     while a < high and begin[order[a]] == first:
         cover += weight[order[a] - low]
         a += 1
     while a < high:
-        add_to(&hub, &lost, -offset[g])
+        add_to(&unassigned, &lost, -offset[g])
         g += 1
         k = begin[order[a]]
-        price = crossing[k]
+        price = switch_price[k]
         s = order[a] - <i32>low
-        rise = (none[s] - hub) + (rest[s] - lost)
-        hub, lost = none[s], rest[s]
+        rise = (none[s] - unassigned) + (rest[s] - lost)
+        unassigned, lost = none[s], rest[s]
         at[k] += fmax(1.0 - cover, 0.0) * rise
         c = a
         while c < high and begin[order[c]] == k:
             s = order[c] - <i32>low
-            reached = forward[s - 1] - ((hub - none[s - 1]) + (lost - rest[s - 1]))
+            reached = forward[s - 1] - ((unassigned - none[s - 1]) + (lost - rest[s - 1]))
             stays = weight[s] if weight[s] < weight[s - 1] else weight[s - 1]
             at[k] += (stays * fmax(forward[s] - value[s] - reached, 0.0)
                       + (weight[s] - stays) * fmax(forward[s] - value[s] + price, 0.0)
@@ -435,20 +435,20 @@ cdef void row_regret(const i32* order, const i32* begin, const double* crossing,
             cover += weight[s] - weight[s - 1]
             c += 1
         a = c
-    add_to(&hub, &lost, -offset[g])
+    add_to(&unassigned, &lost, -offset[g])
     best = 0.0
     for s in range(<i32>(high - low)):
         if low + s + 1 == high or begin[low + s + 1] == first:
-            best = fmax(best, forward[s] - ((hub - none[s]) + (lost - rest[s])))
+            best = fmax(best, forward[s] - ((unassigned - none[s]) + (lost - rest[s])))
     k = begin[order[high - 1]]
     at[k] += fmax(1.0 - cover, 0.0) * best
     for s in range(<i32>(high - low)):
         if low + s + 1 == high or begin[low + s + 1] == first:
-            at[k] += weight[s] * fmax(best - (forward[s] - ((hub - none[s]) + (lost - rest[s]))),
+            at[k] += weight[s] * fmax(best - (forward[s] - ((unassigned - none[s]) + (lost - rest[s]))),
                                       0.0)
 
 
-cdef void row_backward(const i32* order, const i32* begin, const double* crossing,
+cdef void row_backward(const i32* order, const i32* begin, const double* switch_price,
                        const double* value, const double* offset, Py_ssize_t groups,
                        const double* forward, double* none, double* slack, double best,
                        Py_ssize_t low, Py_ssize_t high) noexcept nogil:
@@ -460,34 +460,34 @@ cdef void row_backward(const i32* order, const i32* begin, const double* crossin
     """
     cdef Py_ssize_t a = high, c, g = groups - 1
     cdef i32 s, k = begin[low]
-    cdef double hub = -offset[g], price, top, after
+    cdef double unassigned = -offset[g], price, top, after
     for s in range(<i32>(high - low)):
         if low + s + 1 == high or begin[low + s + 1] == k:
             slack[s] = 0.0
     while a > low:
         k = begin[order[a - 1]]
-        price = crossing[k]
+        price = switch_price[k]
         c = a
         top = NOTHING
         while a > low and begin[order[a - 1]] == k:
             a -= 1
             s = order[a] - <i32>low
-            none[s] = best - (none[s] + hub)
+            none[s] = best - (none[s] + unassigned)
             if value[s] + slack[s] > top:
                 top = value[s] + slack[s]
         if a == low:
             break
-        if top - price > hub:
-            hub = top - price
+        if top - price > unassigned:
+            unassigned = top - price
         while c > a:
             c -= 1
             s = order[c] - <i32>low
             after = value[s] + slack[s]
-            if hub - price > after:
-                after = hub - price
+            if unassigned - price > after:
+                after = unassigned - price
             slack[s - 1] = after
         g -= 1
-        hub -= offset[g]
+        unassigned -= offset[g]
     for s in range(<i32>(high - low)):
         slack[s] = best - (forward[s] + slack[s])
 
@@ -514,7 +514,7 @@ cdef double HARDLY = 1e-6
 
 def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
            const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
-           const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] crossing,
+           const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] switch_price,
            const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
            const double[::1] price, double[::1] best, const double[::1] weight=None,
            double reach=0.0, double[::1] own=None, u8[::1] flags=None, double[::1] regret=None):
@@ -549,22 +549,22 @@ def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] r
                 else:
                     value[s - low] = gain[s] - (((before[e - 1] - before[b])
                                                  + (lost[e - 1] - lost[b])) + price[e - 1])
-            best[i] = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
+            best[i] = row_forward(&order[0], &begin[0], &switch_price[0], &value[0],
                                   &offset[group_first[i]], &forward[0], &came[0], &none[0],
                                   &rest[0], low, high, &last)
             if low == high:
                 continue
             if locate:
-                row_regret(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
+                row_regret(&order[0], &begin[0], &switch_price[0], &value[0], &offset[group_first[i]],
                            &forward[0], &none[0], &rest[0], &weight[low], low, high, &regret[0])
             if not judge:
                 continue
             for s in range(high - low):
                 forward[s] += none[s]
-            row_backward(&order[0], &begin[0], &crossing[0], &value[0], &offset[group_first[i]],
+            row_backward(&order[0], &begin[0], &switch_price[0], &value[0], &offset[group_first[i]],
                          group_first[i + 1] - group_first[i], &forward[0], &none[0], &slack[0],
                          best[i], low, high)
-            own[i] = row_own(&order[0], &begin[0], &crossing[0], &value[0],
+            own[i] = row_own(&order[0], &begin[0], &switch_price[0], &value[0],
                              &offset[group_first[i]], &weight[low], low, high)
             for s in range(low, high):
                 flags[s] = ((NEAR if slack[s - low] <= reach else 0)
@@ -588,7 +588,7 @@ cdef void run_up(const i32[::1] columns, const i32[::1] column_first, const doub
             add_to(&total, &rest, price[t])
 
 
-cdef double row_own(const i32* order, const i32* begin, const double* crossing,
+cdef double row_own(const i32* order, const i32* begin, const double* switch_price,
                     const double* value, const double* offset, const Weight* weight,
                     Py_ssize_t low, Py_ssize_t high) noexcept nogil:
     """Value of the assignment of one row: sum of weight x value, less its changes and offsets.
@@ -608,7 +608,7 @@ cdef double row_own(const i32* order, const i32* begin, const double* crossing,
             if k > first:
                 change -= weight[s - 1]
                 if change != 0.0:
-                    part -= crossing[k] * fabs(change)
+                    part -= switch_price[k] * fabs(change)
             cover += change
             a += 1
         add_to(&total, &rest, part - (1.0 - cover) * offset[g])
@@ -617,7 +617,7 @@ cdef double row_own(const i32* order, const i32* begin, const double* crossing,
 
 
 def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-               const i32[::1] begin, const double[::1] crossing, const double[::1] value,
+               const i32[::1] begin, const double[::1] switch_price, const double[::1] value,
                const i32[::1] group_first, const double[::1] offset, const Weight[::1] weight,
                double[::1] own):
     """Value of the assignment of each row, as in `row_own`."""
@@ -628,7 +628,7 @@ def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] ord
             i = rows[r]
             own[i] = 0.0
             if row_first[i] < row_first[i + 1]:
-                own[i] = row_own(&order[0], &begin[0], &crossing[0], &value[row_first[i]],
+                own[i] = row_own(&order[0], &begin[0], &switch_price[0], &value[row_first[i]],
                                  &offset[group_first[i]], &weight[row_first[i]], row_first[i],
                                  row_first[i + 1])
 
@@ -676,7 +676,7 @@ def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order
 
 def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
             const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
-            const double[::1] crossing, const double[::1] gain, const i32[::1] group_first,
+            const double[::1] switch_price, const double[::1] gain, const i32[::1] group_first,
             const double[::1] offset, i32[::1] load, u8[::1] weight, double[::1] own):
     """Each row in turn takes its best path through what the others leave; how many changed.
 
@@ -699,7 +699,7 @@ def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
                 if weight[s]:
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] -= 1
-            own[i] = row_own(&order[0], &begin[0], &crossing[0], &gain[low],
+            own[i] = row_own(&order[0], &begin[0], &switch_price[0], &gain[low],
                              &offset[group_first[i]], &weight[low], low, high)
             for s in range(low, high):
                 value[s - low] = gain[s]
@@ -707,7 +707,7 @@ def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
                     if load[t] > 0:
                         value[s - low] = NOTHING
                         break
-            best = row_forward(&order[0], &begin[0], &crossing[0], &value[0],
+            best = row_forward(&order[0], &begin[0], &switch_price[0], &value[0],
                                &offset[group_first[i]], &forward[0], &came[0], &none[0],
                                &rest[0], low, high, &last)
             if best > own[i]:
@@ -852,7 +852,7 @@ cdef class Chain:
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
-    cdef double[::1] crossing, kernel, none_kernel, ahead, behind, passed, total, into
+    cdef double[::1] switch_price, kernel, none_kernel, ahead, behind, passed, total, into
     cdef double[::1] none_ahead, none_behind
     cdef double[::1] price, slack, cap, u, load, stay
     cdef double[::1] row
@@ -866,10 +866,10 @@ cdef class Chain:
                  const i32[::1] column_first, const i32[::1] slot_step, const i32[::1] slot_begin,
                  const i32[::1] slot_end, const u8[::1] chosen, const i32[::1] entry,
                  const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
-                 const double[::1] price, const double[::1] crossing, Py_ssize_t most):
+                 const double[::1] price, const double[::1] switch_price, Py_ssize_t most):
         cdef Py_ssize_t K = slot_step.shape[0]
-        self.crossing = crossing.copy()
-        self.steps = crossing.shape[0]
+        self.switch_price = switch_price.copy()
+        self.steps = switch_price.shape[0]
         self.rows = rows.shape[0]
         cdef i32[::1] constraint_of = np.zeros(K + 1, np.int32)
         cdef i32[::1] after = np.empty(K + 1, np.int32)
@@ -1124,7 +1124,7 @@ cdef class Chain:
                 self.slack[c] = exp(-self.price[c] / epsilon)
                 self.cap[c] = exp(min(self.price[c] / epsilon, 230.0))
             for k in range(self.steps):
-                self.stay[k] = exp(-self.crossing[k] / epsilon)
+                self.stay[k] = exp(-self.switch_price[k] / epsilon)
                 if self.stay[k] < 1e-60:
                     self.stay[k] = 1e-60
             for n in range(self.nodes):
@@ -1199,13 +1199,13 @@ cdef class Chain:
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.
 
-        With S' the sum over the states that may pass the hub, a0 for "none" and
+        With S' the sum over the states that may pass through "none", a0 for "none" and
         q = exp(-lambda / epsilon): none' = a0 + q S', state' = (1 - q^2) state + q a0 + q^2 S'.
         All are scaled by r where they have grown or shrunk too much.
         """
         cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row
-        cdef double r, q, none, hub, keep, bound, rho, part, violation = 0.0
+        cdef double r, q, none, unassigned, keep, bound, rho, part, violation = 0.0
         cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
         cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
         cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
@@ -1220,9 +1220,9 @@ cdef class Chain:
         cdef double* cap = &self.cap[0]
         cdef double* stay = &self.stay[0]
         cdef double* total = &self.total[0]
-        # Of each node of one step: sum of the shares; from the hub, and the factors of staying.
+        # Of each node of one step: sum of the shares; from "none", and the factors of staying.
         cdef double* into = &self.into[0]
-        cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass the hub, q
+        cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass through it, q
         cdef double* here
         cdef i32* constraint = &self.constraint[0]
         cdef i32* node_link = &self.node_link[0]
@@ -1232,8 +1232,8 @@ cdef class Chain:
         cdef i32* step_constraint = &self.step_constraint[0]
         cdef u8* kind = &self.kind[0]
         cdef u8* ends = &self.ends[0]
-        cdef u8 straight = GOES_ON if reverse else INSIDE  # no hub between the link and its source
-        cdef u8 held = INSIDE if reverse else GOES_ON      # no hub after it
+        cdef u8 straight = GOES_ON if reverse else INSIDE  # no "none" between the link and its source
+        cdef u8 held = INSIDE if reverse else GOES_ON      # no "none" after it
         cdef u8 start = FINAL if reverse else FIRST | BOUND
         cdef u8 sure = FINAL if reverse else BOUND
         for row in range(self.rows):
@@ -1249,17 +1249,17 @@ cdef class Chain:
                 here = at + 4 * node_row[n]
                 q = here[3] if reverse else stay[k]
                 if q < 0.0 or ends[n] & start:  # nothing to pay
-                    none, hub, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
+                    none, unassigned, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
                 else:
                     r = here[0] + here[1] + here[2]
                     r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
                     none = r * (here[0] + q * here[2])
-                    hub = q * none
+                    unassigned = q * none
                     keep = r * (1.0 - q * q)
                 none_ahead[n] = none
                 none *= none_kernel[n]
                 here[0], here[1], here[2], here[3] = none, 0.0, 0.0, stay[k]
-                into[3 * (n - low)], into[3 * (n - low) + 1] = hub, keep
+                into[3 * (n - low)], into[3 * (n - low) + 1] = unassigned, keep
                 into[3 * (n - low) + 2] = r
                 total[n - low] = none * none_behind[n]
             for l in range(node_link[low], node_link[high]):

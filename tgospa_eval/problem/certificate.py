@@ -335,13 +335,13 @@ def break_down(states: States, weights: Ints) -> Breakdown:
 
     missed, false = unassigned("truth"), unassigned("estimate")
     moved, amount = changes(states, weights)
-    chunks.extend(_in_chunks(problem.crossing_price[states.begin[moved]] * amount))
+    chunks.extend(_in_chunks(problem.switch_price_at[states.begin[moved]] * amount))
     variation = sum_by(states.begin[moved], amount, steps)
     return Breakdown(
         localisation=localisation,
         missed=missed[0],
         false=false[0],
-        switch=variation * problem.crossing_price[:-1],
+        switch=variation * problem.switch_price_at[:-1],
         missed_count=missed[1],
         false_count=false[1],
         switch_count=0.5 * variation,

@@ -96,23 +96,23 @@ def _cheapest(problem: Problem) -> Iterator[Ints]:
     order = np.argsort(label[rows], kind="stable")
     opens = np.flatnonzero(np.diff(label[rows][order], prepend=-1))
     size = np.diff(opens, append=len(order))
-    alone = problem.pair_price  # costs keep digits that gains near 1 have lost
-    losses = -problem.gain if alone is None else problem.cost
+    unpaired = problem.pair_price  # costs keep digits that gains near 1 have lost
+    losses = -problem.gain if unpaired is None else problem.cost
     yield order[opens[size == 1]]
     for begin, count in zip(opens[size > 1].tolist(), size[size > 1].tolist(), strict=True):
         group = order[begin : begin + count]
-        yield group[_assign(rows[group], columns[group], losses[group], alone or 0.0)]
+        yield group[_assign(rows[group], columns[group], losses[group], unpaired or 0.0)]
 
 
-def _assign(rows: Ints, columns: Ints, loss: Floats, alone: float) -> Ints:
-    """Which of these pairs to take: each loses less than `alone`, what two without a pair lose."""
+def _assign(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
+    """Which of these pairs to take: each loses less than `unpaired`, what two left ones lose."""
     from scipy.optimize import linear_sum_assignment  # here: slow to import
 
     row, column = (np.unique(axis, return_inverse=True)[1] for axis in (rows, columns))
     shape = int(row.max()) + 1, int(column.max()) + 1
     if shape[0] * shape[1] > max(DENSE, SPARSE * len(loss)):
-        return _assign_sparse(row, column, loss, alone, shape)
-    matrix = np.full(shape, alone)
+        return _assign_sparse(row, column, loss, unpaired, shape)
+    matrix = np.full(shape, unpaired)
     matrix[row, column] = loss
     partner = np.full(shape[0], -1)
     i, j = linear_sum_assignment(matrix)
@@ -121,7 +121,7 @@ def _assign(rows: Ints, columns: Ints, loss: Floats, alone: float) -> Ints:
 
 
 def _assign_sparse(
-    row: Ints, column: Ints, loss: Floats, alone: float, shape: tuple[int, int]
+    row: Ints, column: Ints, loss: Floats, unpaired: float, shape: tuple[int, int]
 ) -> Ints:
     """The same without a matrix of all pairs: each row may take a column of its own instead."""
     from scipy.sparse import csr_array
@@ -129,7 +129,7 @@ def _assign_sparse(
 
     own = np.arange(shape[0])
     shift = 1.0 - loss.min()  # a stored weight of 0 would count as no pair
-    weight = np.concatenate((loss, np.full(shape[0], alone))) + shift
+    weight = np.concatenate((loss, np.full(shape[0], unpaired))) + shift
     graph = csr_array(
         (weight, (np.concatenate((row, own)), np.concatenate((column, shape[1] + own)))),
         shape=(shape[0], shape[1] + shape[0]),

@@ -53,8 +53,9 @@ class Gains:
     """Gains less prices of states, relative to the best pair of their row and step.
 
     Gains near 1 differ in their last digits, which sums over many steps lose, and so do large
-    prices that nobody contests; differences of costs and of prices keep the digits of those. Every
-    path of a row is lowered by the same sum. Where no pair is worth its price there is no offset.
+    prices that nobody competes for; differences of costs and of prices keep the digits of those.
+    Every path of a row is lowered by the same sum. Where no pair is worth its price there is no
+    offset.
 
     Parameters
     ----------
@@ -106,9 +107,9 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
         offset = np.broadcast_to(base, len(entry))[best]
         offset = down(down(down(offset) - cost[best]) - price[best])
         np.maximum(np.where(best >= 0, offset, 0.0), 0.0, out=offset)
-        alone = np.flatnonzero((best[at] < 0) & (entry >= 0))
-        own = up(np.broadcast_to(base, len(entry))[alone] - cost[alone])
-        relative[alone] = up(up(own) - price[alone])
+        lone = np.flatnonzero((best[at] < 0) & (entry >= 0))
+        own = up(np.broadcast_to(base, len(entry))[lone] - cost[lone])
+        relative[lone] = up(up(own) - price[lone])
     relative[runs] = up(-price[runs] - steps.totals(offset, runs, floor=True))
     return Gains(relative=relative, offset=offset, best=best)
 
@@ -116,15 +117,15 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
 def row_steps(states: States) -> Slots:
     """The slots of the rows, with those of a single pair: the steps at which states begin."""
     rows, size = states.rows, np.diff(states.pair_first)
-    alone = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
-    if not alone.any():
+    lone = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
+    if not lone.any():
         return rows
     count = np.diff(rows.first)
-    count[states.pair_row[alone]] = size[alone]
+    count[states.pair_row[lone]] = size[lone]
     first = np.concatenate(([0], np.cumsum(count))).astype(np.int32)
     begin = rows.begin + np.repeat((first[:-1] - rows.first[:-1])[states.pair_row], size)
     state = np.arange(len(begin), dtype=np.int32)
-    begin += (state - np.repeat(states.pair_first[:-1], size)) * np.repeat(alone, size)
+    begin += (state - np.repeat(states.pair_first[:-1], size)) * np.repeat(lone, size)
     step = np.empty(first[-1], np.int32)
     step[begin] = states.begin
     return Slots(
@@ -182,9 +183,9 @@ def best_values(
 ) -> Floats:
     """Upper bound of the value of the best path of each row, (nodes,): Viterbi over the states.
 
-    hub = best value at "none"; a state is entered from the one before it or from the hub, and left
-    into the hub, each for the price of half a switch. At "none" a path loses the offsets, which
-    belong to the `steps` of `row_steps`.
+    unassigned_value = best value at "none"; a state is entered from the one before it or from being
+    unassigned, and left for that, each for the price of half a switch. At "none" a path loses the
+    offsets, which belong to the `steps` of `row_steps`.
     """
     steps = steps or row_steps(states)
     turn = turns(states, steps)
@@ -194,10 +195,10 @@ def best_values(
     row_lost = np.repeat(np.arange(states.nodes), count)[at]
     offsets = np.zeros(len(at)) if offsets is None else offsets[at]
 
-    hub = np.zeros(states.nodes)
+    unassigned_value = np.zeros(states.nodes)
     current = np.zeros(len(states.pair_row))  # at the first turn: a window is entered for free
     price: Floats = np.asarray(states.problem.switch_price)
-    varies, crossing = price.ndim > 0, states.problem.crossing_price
+    varies, switch_price = price.ndim > 0, states.problem.switch_price_at
     next_double, top = np.nextafter, np.array(np.inf)  # `up`, without the cost of a call
     for (low, high), (first, last) in zip(
         itertools.pairwise(turn.bounds), itertools.pairwise(lost), strict=True
@@ -205,18 +206,18 @@ def best_values(
         pair, row = turn.pair[low:high], turn.row[low:high]
         reached = current[pair]
         if varies:
-            price = crossing[states.begin[turn.order[low:high]]]
+            price = switch_price[states.begin[turn.order[low:high]]]
         left = reached - price
-        np.maximum.at(hub, row, next_double(left, top, left))
-        enter = hub[row]
+        np.maximum.at(unassigned_value, row, next_double(left, top, left))
+        enter = unassigned_value[row]
         enter -= price
         np.maximum(reached, next_double(enter, top, enter), out=reached)
         reached += value[low:high]
         current[pair] = next_double(reached, top, reached)
         if first < last:
             losing = row_lost[first:last]
-            less = hub[losing]
+            less = unassigned_value[losing]
             less -= offsets[first:last]
-            hub[losing] = next_double(less, top, less)
-    np.maximum.at(hub, states.pair_row, current)
-    return hub
+            unassigned_value[losing] = next_double(less, top, less)
+    np.maximum.at(unassigned_value, states.pair_row, current)
+    return unassigned_value

@@ -139,7 +139,7 @@ def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Fl
         parts.append(cells.sums(block[gains][at], step[at], left))
     moved, amount = switched
     begin = states.begin[moved]
-    parts.append(cells.sums(block[moved], begin, problem.crossing_price[begin] * amount))
+    parts.append(cells.sums(block[moved], begin, problem.switch_price_at[begin] * amount))
     return np.array(parts)
 
 
@@ -225,11 +225,12 @@ def _best(
 
     And the sum of their sizes. Values are rounded up, their sum to the nearest.
 
-    Viterbi over all pairs at once, step by step: `hub` is the best value of a row at "none",
-    `reached` that of each pair. A run without gain may be left only where its next state begins.
+    Viterbi over all pairs at once, step by step: `unassigned_value` is the best value of a row at
+    "none", `reached` that of each pair. A run without gain may be left only where its next state
+    begins.
     """
     pair, begin = states.pair, states.begin
-    crossing = states.problem.crossing_price
+    switch_price = states.problem.switch_price_at
     steps = states.problem.steps
     by_row = np.argsort(states.pair_row, kind="stable")
     rows, first_of_row = np.unique(states.pair_row[by_row], return_index=True)
@@ -255,7 +256,7 @@ def _best(
     offset_at = np.searchsorted(offset_step, np.arange(steps + 1))
     offset_place = np.searchsorted(rows, offset_row)
 
-    hub, reached = np.zeros(len(rows)), np.zeros(len(by_row))
+    unassigned_value, reached = np.zeros(len(rows)), np.zeros(len(by_row))
     answer = np.zeros((2, int(cells.first[-1])))
     last = np.zeros(len(rows))
     for step in range(steps):
@@ -264,10 +265,10 @@ def _best(
         if len(own):
             at = place[pair[own]]
             row = row_at[at]
-            price = crossing[step]
+            price = switch_price[step]
             before = reached[at]
-            np.maximum.at(hub, row, up(before - price))
-            reached[at] = np.maximum(before, up(hub[row] - price))
+            np.maximum.at(unassigned_value, row, up(before - price))
+            reached[at] = np.maximum(before, up(unassigned_value[row] - price))
         if lost.stop > lost.start:
             lose = np.zeros(len(rows))
             lose[offset_place[lost]] = offset[lost]
@@ -275,14 +276,18 @@ def _best(
             if len(own):
                 spare[at[is_gain[own]]] = 0.0
             reached = np.where(spare > 0, up(reached - spare), reached)
-            hub = np.where(lose > 0, up(hub - lose), hub)
+            unassigned_value = np.where(lose > 0, up(unassigned_value - lose), unassigned_value)
         if len(own):
             reached[at] = up(reached[at] + relative[own])
         paid = slice(charge_at[step], charge_at[step + 1])
         if paid.stop > paid.start:  # a pair has one slot that begins here
             charging = charge_pair[paid]
             reached[charging] = up(reached[charging] - charge[paid])
-        last = np.maximum(hub, np.maximum.reduceat(reached, first_of_row)) if len(rows) else last
+        last = (
+            np.maximum(unassigned_value, np.maximum.reduceat(reached, first_of_row))
+            if len(rows)
+            else last
+        )
         live = np.flatnonzero(
             (cells.begin <= step) & (step <= cells.begin + np.diff(cells.first) - 1)
         )

@@ -164,7 +164,7 @@ class Problem:
         return self.truth_step[self.truth_row].astype(np.int32, copy=False)
 
     @cached_property
-    def alone(self) -> tuple[Floats, Floats]:
+    def unassigned_costs(self) -> tuple[Floats, Floats]:
         """Cost of leaving each truth (m,), and each estimate (n,), unassigned throughout."""
         return (
             sum_by(self.truth_track, self.truth_price, self.truths),
@@ -192,7 +192,7 @@ class Problem:
         return price
 
     @property
-    def crossing_price(self) -> Floats:
+    def switch_price_at(self) -> Floats:
         """Price of half a switch into each step, (T + 1,); 0 into the first and after the last."""
         price = np.zeros(self.steps + 1)
         price[1 : self.steps] = self.switch_price

@@ -116,7 +116,7 @@ class Result(Summary):
         order = np.lexsort((-amount, truth, step))
         opens = np.ones(len(order), bool)
         opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
-        price = states.problem.crossing_price
+        price = states.problem.switch_price_at
         first = np.flatnonzero(opens)
         if not len(first):
             return {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
@@ -163,7 +163,7 @@ class Result(Summary):
             return sum_by(index, value, len(ids))
 
         unassigned = total(track, free / ONE)
-        paid = amount * problem.crossing_price[states.begin[changed]]
+        paid = amount * problem.switch_price_at[states.begin[changed]]
         at = pair_track[states.pair[changed]]
         kind = "missed" if side == "truth" else "false"
         columns = {

@@ -12,8 +12,9 @@ from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch
-from tgospa_eval.solvers.kernels import best_paths, better, price_cap
-from tgospa_eval.solvers.restricted_lp import residual
+from tgospa_eval.solvers.best_paths import best_paths
+from tgospa_eval.solvers.block_costs import better, price_cap
+from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
 
 ROUNDS = 30
 MOST = 0.6
@@ -26,7 +27,7 @@ REGRET = 1e-11
 """A row that could gain no more than this by leaving its path stays; sums round to 1e-12."""
 
 
-def solve_contest(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
+def solve_active_sets(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
     """Solve each block of a batch on the rows that matter; `ascend` solves the large ones."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
@@ -52,8 +53,8 @@ def solve_contest(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
     if not large.any():
         return answer
     # Of blocks that are solved here the bracket is not known.
-    tell = batch.tell.silent() if large.sum() < batch.wanted.sum() else batch.tell
-    rest = ascend(replace(batch, wanted=large, quickly=np.zeros_like(large), tell=tell))
+    progress = batch.progress.silent() if large.sum() < batch.wanted.sum() else batch.progress
+    rest = ascend(replace(batch, wanted=large, quickly=np.zeros_like(large), progress=progress))
     return replace(
         rest,
         iterations=iterations + rest.iterations,
@@ -74,7 +75,7 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool] | N
     """
     slots = states.columns
     prices = np.zeros(len(slots.step))
-    crossing = np.minimum(states.problem.crossing_price, price_cap(states)[0])
+    switch_price = np.minimum(states.problem.switch_price_at, price_cap(states)[0])
     row = states.pair_row[states.pair]
     paths = best_paths(states, prices)
     clash = np.concatenate(([0], np.cumsum(slots.sums(paths.astype(np.int64)) > 1)))
@@ -95,8 +96,8 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool] | N
         try:
             found = batch.limit.progress.apart(
                 partial(
-                    residual, states, free, np.where(active[row], 0.0, paths),
-                    np.zeros(len(prices)), crossing, np.inf, batch.limit.left(),
+                    solve_restricted_lp, states, free, np.where(active[row], 0.0, paths),
+                    np.zeros(len(prices)), switch_price, np.inf, batch.limit.left(),
                 )
             )  # fmt: skip
         except StoppedError:
@@ -110,7 +111,7 @@ def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool] | N
         own = sum_by(row, paths * value, states.nodes)
         follows = states.pair[1:] == states.pair[:-1]
         moved = np.flatnonzero(follows & (np.diff(paths) != 0)) + 1
-        own -= sum_by(row[moved], states.problem.crossing_price[states.begin[moved]], states.nodes)
+        own -= sum_by(row[moved], states.problem.switch_price_at[states.begin[moved]], states.nodes)
         late = (best_values(states, value) - own > REGRET) & ~active & is_row
         if not late.any():
             break

@@ -13,7 +13,7 @@ from tgospa_eval.solvers.programme import Programme
 
 Marks = NDArray[np.bool_]
 
-WORTH = 3000
+LEAST_STATES = 3000
 """Free states of a programme that is worth a starting basis: others take 50 ms at most without."""
 
 TURNS = 8
@@ -31,7 +31,7 @@ def suggest(p: Programme) -> tuple[Marks, Marks] | None:
     What has a reduced cost or a dual of about zero then is basic.
     """
     size = len(p.free)
-    if size < WORTH or not p.columns.price.any():
+    if size < LEAST_STATES or not p.columns.price.any():
         return None
     dual = _potentials(p)
     if dual is None:
@@ -41,16 +41,16 @@ def suggest(p: Programme) -> tuple[Marks, Marks] | None:
     reduced[rises.stop :] = np.inf  # no price is at the border of its box
     rows = len(p.full)
     near = np.concatenate((reduced[: rises.stop], dual))
-    limit = max(BASIC, float(np.partition(near, rows - 1)[rows - 1]))
-    return reduced <= limit, dual <= limit
+    most = max(BASIC, float(np.partition(near, rows - 1)[rows - 1]))
+    return reduced <= most, dual <= most
 
 
 def _potentials(p: Programme) -> Floats | None:
     """Duals >= 0 of all constraints that fit the prices, or None if finding them takes long.
 
-    Along each row in time: hub h, the best value of a path that is in no state; F_s, that of a path
+    Along each row in time: h, the best value of a path that is in no state; F_s, that of a path
     through state s to its end, F_s = (F or h before) + gain - prices; h rises to F_s - lambda. The
-    dual of a limit is the rise of h over it, and that of a transition with the price lambda is
+    dual of a constraint is the rise of h over it, and that of a transition with the price lambda is
     lambda - f, with f = F_s - h cut to [-lambda, lambda], what being in s is worth at that time.
     """
     size, moves = len(p.free), p.moves
@@ -58,7 +58,7 @@ def _potentials(p: Programme) -> Floats | None:
     value = p.reward[:size].copy()
     value[to] -= paid
     value[source] += paid
-    np.subtract.at(value, p.columns.state, p.columns.price[p.columns.limit])
+    np.subtract.at(value, p.columns.state, p.columns.price[p.columns.constraint])
     leave = np.zeros(size)
     leave[source] = paid
     follows = np.zeros(size, bool)
@@ -68,59 +68,59 @@ def _potentials(p: Programme) -> Floats | None:
     state = np.arange(size)
     empty = low == high
     chain = np.maximum.accumulate(np.where(empty & follows, 0, state))
-    # States without a limit of their own take their turns one after the other.
+    # States without a constraint of their own take their turns one after the other.
     depth = np.where(empty, state - chain + empty[chain], 0)
     turn = (high - base[row]) * (int(depth.max(initial=0)) + 1) + depth
     order = np.argsort(turn, kind="stable")
     cuts = np.flatnonzero(np.diff(turn[order], prepend=-1))
     if len(cuts) * TURNS > size:
         return None
-    worth = np.zeros(size + 1)  # f of the state before
-    hub, at = np.zeros(len(base)), np.zeros(total)
+    through = np.zeros(size + 1)  # f of the state before
+    unassigned_value, at = np.zeros(len(base)), np.zeros(total)
     for s in np.split(order, cuts[1:]):
-        best = np.where(follows[s], worth[s], 0.0) + value[s]
+        best = np.where(follows[s], through[s], 0.0) + value[s]
         if not empty[s[0]]:
             best += at[low[s]]
-            np.maximum.at(hub, row[s], best - leave[s])
-            now = hub[row[s]]
+            np.maximum.at(unassigned_value, row[s], best - leave[s])
+            now = unassigned_value[row[s]]
             at[high[s]] = now
             best -= now
-        worth[s + 1] = np.clip(best, -leave[s], leave[s])
-    # The hub never falls; where no state ends it is what it was.
+        through[s + 1] = np.clip(best, -leave[s], leave[s])
+    # The value of "none" never falls; where no state ends it is what it was.
     lift = base[-1] + at.max(initial=0.0) + 1.0
     step = np.zeros(total)
     step[base] = 1.0
     number = np.cumsum(step) * lift
     at = np.maximum.accumulate(at + number) - number
-    limit = np.ones(total, bool)
-    limit[np.append(base[1:], total) - 1] = False
+    inner = np.ones(total, bool)
+    inner[np.append(base[1:], total) - 1] = False
     dual = np.empty(len(p.full))
     rows, columns, transitions = p.constraints
-    dual[rows] = np.diff(at, append=0.0)[limit]
+    dual[rows] = np.diff(at, append=0.0)[inner]
     dual[columns] = p.columns.price
     dual[transitions] = moves.paid
-    dual[transitions][moves.two] -= worth[source + 1]
+    dual[transitions][moves.two] -= through[source + 1]
     return np.maximum(dual, 0.0)
 
 
 def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints, int]:
-    """Borders of limits that each free state lies between, its row, first border of each, number.
+    """Borders of constraints around each free state, its row, first border of each, number.
 
-    Each row has a border before its first limit and one after each; borders are numbered row by
-    row. A state without a limit lies at the border where the one before it of its pair ends.
+    Each row has a border before its first constraint and one after each; borders are numbered row
+    by row. A state without a constraint lies where the one before it of its pair ends.
     """
     states, size = p.states, len(p.free)
     pair = np.searchsorted(states.pair_first, p.free, side="right") - 1
     used, row = np.unique(states.pair_row[pair], return_inverse=True)
-    of_limit = np.zeros(len(p.rows.room), np.intp)
-    of_limit[p.rows.limit] = row[p.rows.state]
-    base = np.searchsorted(of_limit, np.arange(len(used))) + np.arange(len(used))
+    row_of = np.zeros(len(p.rows.room), np.intp)
+    row_of[p.rows.constraint] = row[p.rows.state]
+    base = np.searchsorted(row_of, np.arange(len(used))) + np.arange(len(used))
     first = np.flatnonzero(np.diff(p.rows.state, prepend=-1))
     last = np.append(first[1:], len(p.rows.state)) - 1
     low, high = np.full(size, -1), np.full(size, -1)
     has = p.rows.state[first]
-    low[has] = p.rows.limit[first] + row[has]
-    high[has] = p.rows.limit[last] + 1 + row[has]
+    low[has] = p.rows.constraint[first] + row[has]
+    high[has] = p.rows.constraint[last] + 1 + row[has]
     known = low >= 0
     opens = known | (np.diff(pair, prepend=-1) != 0)
     before = np.maximum.accumulate(np.where(opens, np.arange(size), 0))
@@ -130,5 +130,5 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints, int]:
         np.where(known, high, border),
         row,
         base,
-        len(of_limit) + len(used),
+        len(row_of) + len(used),
     )

@@ -10,16 +10,15 @@ import numpy as np
 
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.block_costs import block_costs, settle, unassigned_costs
+from tgospa_eval.solvers.bracket_progress import BatchProgress, BracketProgress
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
-from tgospa_eval.solvers.kernels import alone_costs, block_costs, settle
-from tgospa_eval.solvers.telling import BatchTelling, Telling
 
 if TYPE_CHECKING:
-    from tgospa_eval.solvers.warm_start import Offer
+    from tgospa_eval.solvers.warm_start import WarmStart
 
 SIZE = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
@@ -41,9 +40,9 @@ class Batch:
         Zeros in the wanted blocks, where the answer is written to, as in `Solution`.
     limit : Limit
         Until when to go on.
-    tell : BatchTelling
+    progress : BatchProgress
         Takes what is known on the way.
-    offered : Offer, optional
+    warm_start : WarmStart, optional
         What may solve some blocks already.
     """
 
@@ -53,8 +52,8 @@ class Batch:
     weights: Floats
     prices: Floats
     limit: Limit
-    tell: BatchTelling
-    offered: "Offer | None" = None
+    progress: BatchProgress
+    warm_start: "WarmStart | None" = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +102,7 @@ def solve_in_batches(
     gap: float,
     time_limit: float | None,
     jobs: int | None,
-    offered: "Offer | None" = None,
+    warm_start: "WarmStart | None" = None,
     tries: bool = False,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
@@ -124,7 +123,7 @@ def solve_in_batches(
         Seconds.
     jobs : int, optional
         Threads, all cores by default.
-    offered : Offer, optional
+    warm_start : WarmStart, optional
         What may solve some blocks already.
     tries : bool
         Whether `solve` looks at blocks that are only to be tried.
@@ -139,7 +138,7 @@ def solve_in_batches(
         return _solve_some(
             inner, wanted, quickly, trivial, solve, stopwatch,
             limit if whole else replace(limit, progress=progress.silent()),
-            jobs, offered if whole else None, tries=tries,
+            jobs, warm_start if whole else None, tries=tries,
         )  # fmt: skip
 
     return solve_at_fitting_cutoffs(states, base, gap=gap, limit=limit)
@@ -154,7 +153,7 @@ def _solve_some(
     stopwatch: Stopwatch,
     limit: Limit,
     jobs: int | None,
-    offered: "Offer | None",
+    warm_start: "WarmStart | None",
     *,
     tries: bool,
 ) -> Solution:
@@ -163,7 +162,7 @@ def _solve_some(
     prices = np.zeros(len(states.columns.step))
 
     cuts = states.cuts(SIZE)
-    telling = Telling(states, cuts, limit.progress)
+    bracket = BracketProgress(states, cuts, limit.progress)
 
     def work(number: int) -> Answer:
         blocks = slice(*cuts[number])
@@ -177,13 +176,13 @@ def _solve_some(
             weights=weights[state],
             prices=prices[slot],
             limit=limit,
-            tell=BatchTelling(telling, number),
-            offered=None if offered is None else offered.between(state, slot),
+            progress=BatchProgress(bracket, number),
+            warm_start=None if warm_start is None else warm_start.between(state, slot),
         )
         with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
             answer = _answer(batch, trivial, solve, tries=tries)
             if limit.progress.watched and len(cuts) > 1:
-                batch.tell.end(batch)
+                batch.progress.finish(batch)
         part.forget()
         return answer
 
@@ -202,9 +201,11 @@ def _solve_some(
     open_ = np.zeros(len(states.block_begin), bool)
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
-    # What is worth telling, if batches ended differently: what kept one from being solved.
-    told = [a.status for a in answers if len(a.left) and (len(a.open) or not missing)] or ["solved"]
-    status = next((s for s in told if s not in ("solved", "the bracket is met")), told[0])
+    # What is reported, if batches ended differently: what kept one from being solved.
+    statuses = [a.status for a in answers if len(a.left) and (len(a.open) or not missing)] or [
+        "solved"
+    ]
+    status = next((s for s in statuses if s not in ("solved", "the bracket is met")), statuses[0])
     return Solution(
         weights=weights,
         prices=prices,
@@ -279,7 +280,7 @@ def _merge(
     base = float(problem.truth_price.sum() + problem.estimate_price.sum())
     for cut, answer in zip(cuts, answers, strict=True):
         part, state, _ = states.between(*cut)
-        trivial = block_costs(part, weights[state]) - alone_costs(part)
+        trivial = block_costs(part, weights[state]) - unassigned_costs(part)
         trivial[answer.left] = 0.0
         base += float(trivial.sum())
     for k in range(max(len(answer.history) for answer in found)):
@@ -294,18 +295,3 @@ def _merge(
             }
         )
     return tuple(merged)
-
-
-def check_jobs(jobs: int | None) -> int | None:
-    """The number of threads, 1 or more; None is all cores.
-
-    Raises
-    ------
-    ConfigError
-        It is not.
-    """
-    if jobs is None:
-        return None
-    if isinstance(jobs, bool) or not isinstance(jobs, int | np.integer) or jobs < 1:
-        raise ConfigError(f"jobs is {jobs!r}: must be a whole number, 1 or more")
-    return int(jobs)

@@ -14,22 +14,22 @@ SAME = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Limits:
-    """Capacity constraints on some states: sum of the states of each limit <= room.
+class CapacityRows:
+    """Capacity constraints on some states: sum of the states of each constraint <= room.
 
     Parameters
     ----------
-    limit, state : (nnz,) int arrays
+    constraint, state : (nnz,) int arrays
         Limit, and position among the chosen states, of every entry.
     room : (L,) float array
         What the held states leave.
     price : (L,) float array
         Sum of the prices of its slots.
     slot, of_slot : (k,), (k,) int arrays
-        The slots that have a limit, and which.
+        The slots that have a constraint, and which.
     """
 
-    limit: Ints
+    constraint: Ints
     state: Ints
     room: Floats
     price: Floats
@@ -37,7 +37,7 @@ class Limits:
     of_slot: Ints
 
     def spread(self, new: Floats, prices: Floats) -> Floats:
-        """Prices of the slots (k,) for new ones of the limits: a rise on the first, or all scaled.
+        """Prices of the slots (k,) for new ones of the rows: a rise on the first, or all scaled.
 
         `prices` (k,) are those that the slots had.
         """
@@ -49,7 +49,9 @@ class Limits:
         return spread
 
 
-def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats | None = None) -> Limits:
+def capacity_rows(
+    slots: Slots, chosen: Ints, held: Floats, prices: Floats | None = None
+) -> CapacityRows:
     """The constraints of the chosen states where `held` (S,) of the others use the slots up.
 
     Neighbouring slots with the same states and the same room are one. Slots without a price (K,)
@@ -80,11 +82,11 @@ def limits(slots: Slots, chosen: Ints, held: Floats, prices: Floats | None = Non
     length = group[np.searchsorted(slot, end) - 1] + 1 - low
     entry = np.repeat(state, length)
     offset = np.arange(len(entry)) - np.repeat(np.cumsum(length) - length, length)
-    limit = number[np.repeat(low, length) + offset]
+    constraint = number[np.repeat(low, length) + offset]
     of_slot = number[group]
-    return Limits(
-        limit=limit[limit >= 0],
-        state=entry[limit >= 0],
+    return CapacityRows(
+        constraint=constraint[constraint >= 0],
+        state=entry[constraint >= 0],
         room=room[needed],
         price=price[needed],
         slot=slot[of_slot >= 0],

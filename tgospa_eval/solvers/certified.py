@@ -19,17 +19,17 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
-from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
+from tgospa_eval.solvers.bracket_progress import share_of_digits
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.dual_ascent import TEMPTED, Ascent
-from tgospa_eval.solvers.kernels import check_gap, check_time_limit
-from tgospa_eval.solvers.pieces import cut_out
-from tgospa_eval.solvers.telling import near_the_end
+from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
+from tgospa_eval.solvers.subproblem import cut_out
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.restricted_lp import Proposal
-    from tgospa_eval.solvers.warm_start import Offer
+    from tgospa_eval.solvers.warm_start import WarmStart
 
 T = TypeVar("T")
 
@@ -126,29 +126,29 @@ class Certified:
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
     def __call__(
-        self, states: States, stopwatch: Stopwatch, offered: "Offer | None" = None
+        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
     ) -> Solution:
         """Solve every block exactly, or as far as the time limit allows.
 
-        What is offered, from neighbouring problems, may solve some; without kernels it is not used.
+        A warm start, from neighbouring problems, may solve some; without kernels it is not used.
         """
         return solve_in_batches(
             states,
             solve_steps if kernels else solve_conflict_free,
-            self._ascend if kernels else self._contest,
+            self._ascend if kernels else self._solve_active_sets,
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
             jobs=self.jobs,
-            offered=offered if kernels else None,
+            warm_start=warm_start if kernels else None,
             tries=bool(kernels),
         )
 
-    def _contest(self, batch: Batch) -> Answer:
+    def _solve_active_sets(self, batch: Batch) -> Answer:
         """Without kernels: programmes first, and the ascent where they would be large."""
-        from tgospa_eval.solvers.active_set import solve_contest
+        from tgospa_eval.solvers.active_set import solve_active_sets
 
-        return solve_contest(batch, self._ascend)
+        return solve_active_sets(batch, self._ascend)
 
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
@@ -156,19 +156,19 @@ class Certified:
         tried = batch.wanted | batch.quickly
         ascent = _ascent()(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
-        half = 0.5 * min(float(ascent.crossing.max()), 1.0)
+        half = 0.5 * min(float(ascent.switch_price.max()), 1.0)
         iterations, skip = 0, False
         programmes = _Programmes(ascent, batch)
-        programmes.tell()
-        if batch.offered is not None:
-            ascent.offer_prices(batch.offered.prices)
-            for weights in batch.offered.weights:
-                ascent.offer_weights(weights)
+        programmes.report_progress()
+        if batch.warm_start is not None:
+            ascent.try_prices(batch.warm_start.prices)
+            for weights in batch.warm_start.weights:
+                ascent.try_weights(weights)
         ascent.keep(ascent.wide(self.gap))
         left = np.flatnonzero(ascent.open)
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
-        near = batch.offered is not None and batch.offered.near
+        near = batch.warm_start is not None and batch.warm_start.near
         if near:
             ascent.soft[:] = ascent.prices
         for epsilon, sweeps in RESUMED if near else STAGES:
@@ -183,7 +183,7 @@ class Certified:
             )  # fmt: skip
             iterations += done
             ascent.keep(ascent.wide(self.gap))
-            programmes.tell()
+            programmes.report_progress()
             cost = ascent.cost[ascent.open].sum()
             # A long recording has some hard spots, however narrow the bracket of the whole is.
             last = 0.05 if len(batch.weights) > LARGE else 2 * EARLY
@@ -218,12 +218,12 @@ class _Programmes:
         self.interior = False
         self.iterations, self.seconds = 0, 0.0
 
-    def tell(self) -> None:
-        """Say how far the brackets are."""
+    def report_progress(self) -> None:
+        """How far the brackets are, for whoever watches."""
         ascent, tried = self.ascent, self.tried
         width, cost = ascent.gap, ascent.cost
-        share = near_the_end(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
-        self.batch.tell(self.batch, tried, width, cost, ascent.alone, share)
+        share = share_of_digits(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
+        self.batch.progress.update(self.batch, tried, width, cost, ascent.unassigned_cost, share)
 
     def run(self, rounds: tuple[tuple[float, float], ...], gap: float, most: int | None) -> None:
         """A round of programmes each, until the brackets are met; components up to `most` states.
@@ -336,25 +336,25 @@ class _Programmes:
         if not solved:
             return
         self._propose(solved)
-        self.tell()
+        self.report_progress()
         wide = ascent.wide(ascent.wanted_gap)
         size = sum(len(one.free) for one in solved)
         if wide.any() and ascent.gap[wide].sum() <= TOLERANCE * size:
-            from tgospa_eval.solvers.restricted_lp import refined  # HiGHS: slow to import
+            from tgospa_eval.solvers.restricted_lp import refine  # HiGHS: slow to import
 
             with suppress(StoppedError):
                 exact = self._apart(
                     lambda: [
-                        replace(one, found=refined(one.found, self.batch.limit.left()))
+                        replace(one, found=refine(one.found, self.batch.limit.left()))
                         for one in solved
                     ],
                     size,
                 )
                 self._propose(exact)
-                self.tell()
+                self.report_progress()
 
     def _propose(self, solved: "list[_Solved]") -> None:
-        """Offer weights and prices; mixtures of prices may be better."""
+        """WarmStart weights and prices; mixtures of prices may be better."""
         ascent = self.ascent
         weights, prices = ascent.weights.copy(), ascent.prices.copy()
         for one in solved:
@@ -365,21 +365,21 @@ class _Programmes:
         slot = np.concatenate([one.slot for one in solved])
         found, before = prices[slot], ascent.prices[slot]
         if len(solved) > 1:
-            self._offer_best(solved, prices)
-        ascent.offer_prices(prices)
+            self._try_best(solved, prices)
+        ascent.try_prices(prices)
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(TEMPTED)
         if len(solved) > 1 and ascent.gap[ascent.open].sum() < 0.5 * wide:
             return
         for share in (0.5, 0.2):
             prices[slot] = share * found + (1 - share) * before
-            ascent.offer_prices(prices)
+            ascent.try_prices(prices)
         prices[:] = ascent.prices
         prices[~ascent.full()] = 0.0
-        ascent.offer_prices(prices)
+        ascent.try_prices(prices)
 
-    def _offer_best(self, solved: "list[_Solved]", prices: Floats) -> None:
-        """Offer the new prices of the groups in whose time less is lost by them."""
+    def _try_best(self, solved: "list[_Solved]", prices: Floats) -> None:
+        """WarmStart the new prices of the groups in whose time less is lost by them."""
         ascent = self.ascent
         states, prices = ascent.states, prices.copy()
         change = ascent.losses(prices)
@@ -389,12 +389,12 @@ class _Programmes:
             begin, end = states.begin[one.free].min(), states.begin[one.free].max() + AFTER
             if change[min(end, len(change) - 1)] > change[begin]:
                 prices[one.slot] = ascent.prices[one.slot]
-        ascent.offer_prices(prices)
+        ascent.try_prices(prices)
 
     def _solve_group(self, free: Ints, box: float, whole: bool) -> "_Solved":
         """Solve one programme."""
         from tgospa_eval.solvers.restricted_lp import (
-            residual,  # HiGHS: slow to import, not always used
+            solve_restricted_lp,  # HiGHS: slow to import, not always used
         )
 
         ascent, left = self.ascent, self.batch.limit.left()
@@ -403,8 +403,14 @@ class _Programmes:
         given = ascent.weights, ascent.prices
         if whole:
             found = self._apart(
-                lambda: residual(
-                    ascent.states, free, *given, ascent.crossing, box, left, interior=self.interior
+                lambda: solve_restricted_lp(
+                    ascent.states,
+                    free,
+                    *given,
+                    ascent.switch_price,
+                    box,
+                    left,
+                    interior=self.interior,
                 ),
                 len(free),
             )
@@ -412,9 +418,9 @@ class _Programmes:
         else:
             piece = cut_out(ascent.states, free)
             found = self._apart(
-                lambda: residual(
+                lambda: solve_restricted_lp(
                     piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
-                    ascent.crossing, box, left, interior=self.interior,
+                    ascent.switch_price, box, left, interior=self.interior,
                 ),
                 len(free),
             )  # fmt: skip
@@ -434,7 +440,7 @@ class _Programmes:
         return self.batch.limit.progress.apart(work) if size > QUICK else work()
 
     def _propose_weights(self, free: Ints, weights: Floats) -> None:
-        """Offer the weights (S,), of which those of the free states are new, made feasible."""
+        """WarmStart the weights (S,), of which those of the free states are new, made feasible."""
         states = self.ascent.states
         proposed, weights = weights, weights[free]
         proposed[free] = np.where(weights < SNAP, 0.0, np.where(weights > 1 - SNAP, 1.0, weights))
@@ -443,7 +449,7 @@ class _Programmes:
             for slots in (states.rows, states.columns)
         ):
             proposed = repair(states, proposed) / ONE
-        self.ascent.offer_weights(proposed)
+        self.ascent.try_weights(proposed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

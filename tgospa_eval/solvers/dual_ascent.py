@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
+from tgospa_eval.solvers.block_costs import THRESHOLDS, is_wide, price_cap, unassigned_costs
 from tgospa_eval.solvers.capacities import load
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, is_wide, price_cap
 
 NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
 """Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
@@ -28,7 +28,7 @@ unless it is tiny."""
 
 ROUNDING = 8 * 2.0**-53
 """How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
-two parts and relative to the hub, so that the length of a recording does not count."""
+two parts and relative to "none", so that the length of a recording does not count."""
 
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
@@ -56,9 +56,9 @@ class Ascent:
     ----------
     soft : (K,) float array
         Prices of the sweeps.
-    bound, worth : (B,), (B,) float arrays
+    dual, primal : (B,), (B,) float arrays
         What the prices prove that a block can gain at most, and what the assignment gains.
-    alone : (B,) float array
+    unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
         What the last survey says of each state: NEAR, NEEDED, LOSES, BEST, TEMPTED.
@@ -88,22 +88,24 @@ class Ascent:
         )  # fmt: skip
         self.gain, self.group_first, self.offset = _relative(states, self.order, self.row_first)
         # LP tolerances are absolute, so huge prices harm: see `price_cap`.
-        self.crossing = np.minimum(states.problem.crossing_price, price_cap(states)[wanted].max())
+        self.switch_price = np.minimum(
+            states.problem.switch_price_at, price_cap(states)[wanted].max()
+        )
         self.flags = np.zeros(size, np.uint8)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
         self.keep(wanted)
-        self.alone = alone_costs(states)
+        self.unassigned_cost = unassigned_costs(states)
         taken_off = sum_parts(self.offset, self.group_first)
         self.taken_off = sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(slots)
-        self.bound = self.survey(self.prices, 0.0)
+        self.dual = self.survey(self.prices, 0.0)
         rounded = np.zeros(size, np.uint8)
         self._majority(rounded)
-        self.worth = np.where(wanted, -np.inf, 0.0)
-        self._offer(self._values(rounded), rounded)
+        self.primal = np.where(wanted, -np.inf, 0.0)
+        self._try(self._values(rounded), rounded)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
@@ -116,13 +118,13 @@ class Ascent:
     @property
     def gap(self) -> Floats:
         """Width of the bracket of each block, (B,)."""
-        gap: Floats = self.bound - self.worth
+        gap: Floats = self.dual - self.primal
         return gap
 
     @property
     def cost(self) -> Floats:
         """Cost of the best assignment of each block, (B,)."""
-        cost: Floats = np.maximum(self.alone - self.taken_off - self.worth, 0.0)
+        cost: Floats = np.maximum(self.unassigned_cost - self.taken_off - self.primal, 0.0)
         return cost
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
@@ -134,7 +136,7 @@ class Ascent:
         s = self.states
         kernels.survey(
             self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            s.columns.begin, self.slot_end, self.switch_price, self.gain, self.group_first,
             self.offset, prices, self.best,
         )  # fmt: skip
         return self._bounds(prices)
@@ -144,7 +146,7 @@ class Ascent:
         s = self.states
         kernels.survey(
             self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            s.columns.begin, self.slot_end, self.switch_price, self.gain, self.group_first,
             self.offset, prices, self.best, self.weights, reach, self.own, self.flags,
         )  # fmt: skip
         return self._bounds(prices)
@@ -170,7 +172,7 @@ class Ascent:
     def _values(self, weights: NDArray[Any]) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
         kernels.own_values(
-            self.rows, self.row_first, self.order, self.states.begin, self.crossing, self.gain,
+            self.rows, self.row_first, self.order, self.states.begin, self.switch_price, self.gain,
             self.group_first, self.offset, weights, self.own,
         )  # fmt: skip
         return self._sum_own()
@@ -179,20 +181,20 @@ class Ascent:
         s = self.states
         return sum_by(s.node_block[self.rows], self.own[self.rows], len(s.block_begin))
 
-    def offer_prices(self, prices: Floats) -> None:
+    def try_prices(self, prices: Floats) -> None:
         """Take the prices in the open blocks where they prove more."""
-        bound = self.look(prices)
-        wins = self.open & (bound < self.bound)
-        self.bound = np.where(wins, bound, self.bound)
+        dual = self.look(prices)
+        wins = self.open & (dual < self.dual)
+        self.dual = np.where(wins, dual, self.dual)
         np.copyto(self.prices, prices, where=self._slots_of(wins))
 
-    def offer_weights(self, weights: Floats) -> None:
+    def try_weights(self, weights: Floats) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
-        self._offer(self._values(weights), weights)
+        self._try(self._values(weights), weights)
 
-    def _offer(self, worth: Floats, weights: NDArray[Any]) -> None:
-        wins = self.open & (worth > self.worth)
-        self.worth = np.where(wins, worth, self.worth)
+    def _try(self, primal: Floats, weights: NDArray[Any]) -> None:
+        wins = self.open & (primal > self.primal)
+        self.primal = np.where(wins, primal, self.primal)
         np.copyto(self.weights, weights, where=self._states_of(wins))
 
     def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -237,7 +239,7 @@ class Ascent:
         self._round()
         judged = time.perf_counter()
         for cut in THRESHOLDS:
-            self.offer_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
+            self.try_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
             if not self.wide(self.wanted_gap).any():
                 break
         else:
@@ -249,15 +251,15 @@ class Ascent:
         return done, float(violation)
 
     def _thin_out(self) -> None:
-        """Where mostly rounding keeps a bracket wide: offer prices only where two states compete.
+        """Where mostly rounding keeps a bracket wide: try prices only where two states compete.
 
-        A price that nobody contests is as good as none, but sums of prices lose digits.
+        A price that nobody competes for is as good as none, but sums of prices lose digits.
         """
         lost = ROUNDING * self._paid(self.prices)
         if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * lost)):
             self.survey(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(NEAR))
-            self.offer_prices(np.where(rivals > 1, self.prices, 0.0))
+            self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
         """The chain of the working set; of a smaller one where it would be too long."""
@@ -273,7 +275,7 @@ class Ascent:
             chain = kernels.Chain(
                 self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
                 s.columns.first, s.columns.step, s.columns.begin, self.slot_end, chosen, s.entry,
-                self.gain, self.group_first, self.offset, self.soft, self.crossing, most,
+                self.gain, self.group_first, self.offset, self.soft, self.switch_price, most,
             )  # fmt: skip
             if chain.links <= most:
                 return chain
@@ -282,18 +284,19 @@ class Ascent:
             threshold *= 0.5
 
     def _round(self) -> None:
-        """Offer the majorities as paths, each then re-optimised given the others."""
+        """WarmStart the majorities as paths, each then re-optimised given the others."""
         s = self.states
         rounded = np.zeros(len(s.begin), np.uint8)
         taken = self._majority(rounded)
         for _ in range(2):
             changed = kernels.improve(
                 self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-                self.crossing, self.gain, self.group_first, self.offset, taken, rounded, self.own,
+                self.switch_price, self.gain, self.group_first, self.offset, taken, rounded,
+                self.own,
             )  # fmt: skip
             if not changed:
                 break
-        self._offer(self._sum_own(), rounded)
+        self._try(self._sum_own(), rounded)
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
@@ -334,7 +337,7 @@ class Ascent:
         lost = np.zeros(s.problem.steps + 1)
         kernels.survey(
             self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.crossing, self.gain, self.group_first,
+            s.columns.begin, self.slot_end, self.switch_price, self.gain, self.group_first,
             self.offset, prices, self.best, self.weights, regret=lost,
         )  # fmt: skip
         idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)

@@ -20,17 +20,11 @@ from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
-from tgospa_eval.solvers.capacities import Limits, limits
-from tgospa_eval.solvers.kernels import (
-    alone_costs,
-    better,
-    block_costs,
-    check_time_limit,
-    dual_values,
-    price_cap,
-    settle,
-)
+from tgospa_eval.solvers.best_paths import dual_values
+from tgospa_eval.solvers.block_costs import better, block_costs, price_cap, settle, unassigned_costs
+from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 from tgospa_eval.solvers.rounding import round_paths
+from tgospa_eval.solvers.settings import check_time_limit
 from tgospa_eval.solvers.trivial import solve_rows
 
 GAP = 1e-9
@@ -94,7 +88,7 @@ def _solve_blocks(batch: Batch) -> Answer:
     iterations = 0
     seconds = {"build": 0.0, "lp": 0.0}
     for block in np.flatnonzero(batch.wanted).tolist():
-        known.tell()
+        known.report_progress()
         part, state, slot = states.between(block, block + 1)
         status, steps, programme = _solve_block(batch, part, seconds)
         iterations += steps
@@ -165,7 +159,7 @@ def _found(
 
 
 class _Known:
-    """What is known of the blocks while Clarabel, which tells nothing, is at one of them."""
+    """What is known of the blocks while Clarabel, which reports nothing, is at one of them."""
 
     def __init__(self, batch: Batch) -> None:
         self.batch, states = batch, batch.states
@@ -175,20 +169,24 @@ class _Known:
         for block in np.flatnonzero(batch.wanted).tolist():
             self.left[block] = sum(_seconds(states.between(block, block + 1)[0]))
         self.whole = max(float(self.left.sum()), 1e-9)
-        self.alone = alone_costs(states)
-        self.cost, self.least = self.alone.copy(), np.zeros(len(self.alone))
+        self.unassigned_cost = unassigned_costs(states)
+        self.cost, self.least = self.unassigned_cost.copy(), np.zeros(len(self.unassigned_cost))
         if self.whole > SLOW:
             batch.limit.progress.expect_long()
             weights = round_paths(states, states.gain, batch.weights)
-            self.cost = np.minimum(block_costs(states, weights), self.alone)
-            self.least = self.alone - dual_values(states, np.zeros(len(states.columns.step)))
+            self.cost = np.minimum(block_costs(states, weights), self.unassigned_cost)
+            self.least = self.unassigned_cost - dual_values(
+                states, np.zeros(len(states.columns.step))
+            )
 
-    def tell(self) -> None:
-        """Tell it."""
+    def report_progress(self) -> None:
+        """Pass it on."""
         if self.batch.limit.progress.watched:
             share = 1.0 - float(self.left.sum()) / self.whole
             width = self.cost - self.least
-            self.batch.tell(self.batch, self.batch.wanted, width, self.cost, self.alone, share)
+            self.batch.progress.update(
+                self.batch, self.batch.wanted, width, self.cost, self.unassigned_cost, share
+            )
 
     def solved(self, block: int, part: States, weights: Floats, prices: Floats) -> None:
         """Clarabel is done with a block."""
@@ -197,7 +195,7 @@ class _Known:
         if self.batch.limit.progress.due:
             self.cost[block] = min(block_costs(part, weights)[0], self.cost[block])
             gain = dual_values(part, np.maximum(prices, 0.0))[0]
-            self.least[block] = max(self.alone[block] - gain, self.least[block])
+            self.least[block] = max(self.unassigned_cost[block] - gain, self.least[block])
 
 
 def _seconds(states: States) -> tuple[float, float]:
@@ -219,7 +217,7 @@ class _Programme:
     problem: Any  # cvxpy is untyped
     weights: Any
     columns: Any
-    priced: Limits
+    priced: CapacityRows
 
 
 def _build(states: States) -> _Programme:
@@ -229,7 +227,7 @@ def _build(states: States) -> _Programme:
 
     gain, pair = states.gain, states.pair
     arc = np.flatnonzero(pair[1:] == pair[:-1])
-    price = np.minimum(states.problem.crossing_price, price_cap(states)[0])
+    price = np.minimum(states.problem.switch_price_at, price_cap(states)[0])
     paid = price[states.begin[arc + 1]]
     every = np.arange(len(arc))
     difference = sparse.csr_array(
@@ -243,10 +241,11 @@ def _build(states: States) -> _Programme:
     every = np.arange(len(gain))
     constraints = []
     for slots in (states.rows, states.columns):
-        priced = limits(slots, every, np.zeros(len(gain)))
+        priced = capacity_rows(slots, every, np.zeros(len(gain)))
         count = len(priced.room)
         matrix = sparse.csr_array(
-            (np.ones(len(priced.limit)), (priced.limit, priced.state)), shape=(count, len(gain))
+            (np.ones(len(priced.constraint)), (priced.constraint, priced.state)),
+            shape=(count, len(gain)),
         )
         constraints.append(matrix @ weights <= 1 if count else None)
     problem = cp.Problem(cp.Maximize(objective), [c for c in constraints if c is not None])

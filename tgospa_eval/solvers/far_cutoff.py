@@ -19,8 +19,8 @@ from tgospa_eval.problem.reduced import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import repair
-from tgospa_eval.solvers.kernels import block_costs
-from tgospa_eval.solvers.warm_start import keep, offer
+from tgospa_eval.solvers.block_costs import block_costs
+from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 
 FAR = 2.0**-8
 """At a fraction of c^p up to this, a smaller cutoff is chosen before anything else is tried."""
@@ -198,7 +198,9 @@ class _Ladder:
         )
         self.iterations += found.iterations
         whole = repair(reduced, found.weights)
-        offered = offer(states, (keep(reduced, whole, scale * found.prices),), (1.0,))
+        warm_start = make_warm_start(
+            states, (save_solution(reduced, whole, scale * found.prices),), (1.0,)
+        )
         part = Reduced(states=reduced, blocks=chosen, scale=scale, solution=found)
 
         blocks, home = len(chosen), home_blocks(states, reduced)
@@ -206,7 +208,7 @@ class _Ladder:
         inner = lower_bounds(reduced, found.prices, found.reduced)
         lower = rest + scale * sum_by(home, inner, blocks)
         own = rest + scale * sum_by(home, block_costs(reduced, found.weights), blocks)
-        self._take(chosen, offered.weights[0], offered.prices)
+        self._take(chosen, warm_start.weights[0], warm_start.prices)
         self._prove(chosen & (lower > self.lower), lower, part)
         width = self.cost - self.lower
         met = width <= self.gap * self.cost

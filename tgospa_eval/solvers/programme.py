@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.capacities import Limits, limits
+from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
 
 Long = NDArray[np.longdouble]
 
@@ -43,8 +43,8 @@ class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
     The columns of A are the free states, a rise for each transition, and for the prices that may
-    not leave their box an idle and an excess column. Its rows are the limits of the rows, those of
-    the columns, and the transitions.
+    not leave their box an idle and an excess column. Its rows are the capacities of the rows, those
+    of the columns, and the transitions.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ class Programme:
     free : (F,) int array
         The states that it decides, in order.
     moves : Moves
-    rows, columns : Limits
+    rows, columns : CapacityRows
     idle, over : int arrays
-        Limits of columns that have an idle or an excess column.
+        Constraints of columns that have an idle or an excess column.
     reward : float array
     row, column, entry : (nnz,) arrays
         A; nothing appears twice.
@@ -64,8 +64,8 @@ class Programme:
     states: States
     free: Ints
     moves: Moves
-    rows: Limits
-    columns: Limits
+    rows: CapacityRows
+    columns: CapacityRows
     idle: Ints
     over: Ints
     reward: Floats
@@ -84,7 +84,7 @@ class Programme:
 
     @cached_property
     def constraints(self) -> tuple[slice, slice, slice]:
-        """Rows of A: limits of the rows, limits of the columns, transitions."""
+        """Rows of A: capacities of the rows, of the columns, transitions."""
         a, b = len(self.rows.room), len(self.columns.room)
         return slice(0, a), slice(a, a + b), slice(a + b, len(self.full))
 
@@ -96,17 +96,17 @@ class Programme:
 
     @cached_property
     def offset(self) -> Long:
-        """What the gains of each limit of the rows have in common, 0 of other constraints.
+        """What the gains of each constraint of the rows have in common, 0 of other constraints.
 
         Gains are A + B - cost: beside the prices A and B small costs lose digits. A row slot with a
         gain is charged with A + B instead: its dual is that much smaller.
         """
-        entry, limit = self.states.entry[self.free], self.rows.limit
+        entry, constraint = self.states.entry[self.free], self.rows.constraint
         count = np.bincount(self.rows.state, minlength=len(entry))
         only = (count == 1) & (entry >= 0)
         mine = np.flatnonzero(only[self.rows.state])
         offset = np.zeros(len(self.full), np.longdouble)
-        offset[limit[mine]] = _prices(self.states, entry[self.rows.state[mine]])
+        offset[constraint[mine]] = _prices(self.states, entry[self.rows.state[mine]])
         return offset
 
     def reduced_long(self, dual: Long) -> Long:
@@ -117,7 +117,7 @@ class Programme:
         own = cost[self.parts[0]]
         own[:] = 0.0
         own[gains] -= _prices(self.states, entry[gains])
-        np.add.at(own, self.rows.state, self.offset[self.rows.limit])  # mostly 0 now
+        np.add.at(own, self.rows.state, self.offset[self.rows.constraint])  # mostly 0 now
         own[gains] += self.states.problem.cost[entry[gains]]
         own -= self.moves.reward
         np.subtract.at(cost, self.column, self.entry * dual[self.row])
@@ -129,7 +129,7 @@ def make_programme(
     free: Ints,
     weights: Floats,
     prices: Floats,
-    crossing: Floats,
+    switch_price: Floats,
     box: float,
 ) -> Programme:
     """The programme of the free states, in order, the others held at their weights.
@@ -141,9 +141,9 @@ def make_programme(
     size = len(free)
     held = weights.copy()
     held[free] = 0.0
-    moves = _moves(states, free, held, crossing)
-    rows = limits(states.rows, free, held)
-    columns = limits(states.columns, free, held, prices)
+    moves = _moves(states, free, held, switch_price)
+    rows = capacity_rows(states.rows, free, held)
+    columns = capacity_rows(states.columns, free, held, prices)
     del held
 
     nr, nc, na = len(rows.room), len(columns.room), len(moves.paid)
@@ -152,13 +152,13 @@ def make_programme(
     over = np.arange(nc if np.isfinite(box) else 0)
     rise, two = nr + nc + np.arange(na), moves.two
     row = np.concatenate(
-        (rows.limit, nr + columns.limit, rise, rise[two], rise, nr + idle, nr + over)
+        (rows.constraint, nr + columns.constraint, rise, rise[two], rise, nr + idle, nr + over)
     )
     rises = size + np.arange(na)
     slacks = size + na + np.arange(len(idle) + len(over))
     column = np.concatenate((rows.state, columns.state, moves.to, moves.source[two], rises, slacks))
     entry = np.ones(len(row))
-    begin = len(rows.limit) + len(columns.limit) + na
+    begin = len(rows.constraint) + len(columns.constraint) + na
     entry[begin : begin + two.sum() + na] = -1.0
     entry[len(row) - len(over) :] = -1.0
     reward = np.concatenate(
@@ -198,7 +198,7 @@ def _prices(states: States, entry: Ints) -> Long:
     return price
 
 
-def _moves(states: States, free: Ints, held: Floats, crossing: Floats) -> Moves:
+def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> Moves:
     """Transitions between a free state and the next of its pair, either of which may be held."""
     before = np.concatenate((free, free - 1))
     before.sort()
@@ -207,7 +207,7 @@ def _moves(states: States, free: Ints, held: Floats, crossing: Floats) -> Moves:
     is_last[states.pair_first[1:] - 1] = True
     before = before[(before >= 0) & ~is_last[before]]
     a, b = _position(free, before), _position(free, before + 1)
-    paid = crossing[states.begin[before + 1]]
+    paid = switch_price[states.begin[before + 1]]
     constant = np.where(a < 0, held[before], held[before + 1])
     both = (a >= 0) & (b >= 0)
     own = np.maximum(a, b)  # the free one, if one is held

@@ -1,4 +1,4 @@
-"""The residual linear programme: what prices could not settle, by HiGHS, the rest held.
+"""The restricted linear programme: what prices could not settle, by HiGHS, the rest held.
 
 HiGHS only proposes; bounds are evaluated on all states afterwards.
 """
@@ -35,7 +35,7 @@ DENOMINATORS, SNAP = 64, 1e-9
 """Weights this near to a fraction of a small denominator are meant to be it."""
 
 SUM = 1e-13
-"""Snapped weights may exceed a limit by no more than this."""
+"""Snapped weights may exceed a capacity by no more than this."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,12 +88,12 @@ class Vertex:
     basis: highspy.HighsBasis
 
 
-def residual(
+def solve_restricted_lp(
     states: States,
     free: Ints,
     weights: Floats,
     prices: Floats,
-    crossing: Floats,
+    switch_price: Floats,
     box: float,
     seconds: float | None,
     *,
@@ -104,7 +104,7 @@ def residual(
     `free` comes in order. Prices stay within `box` of where they are. With `interior` the simplex
     method is not tried first where a programme is large: one like it took too long.
     """
-    p = make_programme(states, free, weights, prices, crossing, box)
+    p = make_programme(states, free, weights, prices, switch_price, box)
     before = prices[p.columns.slot]
     highs, finished, iterations, dense = _solve(p, interior, seconds)
     answer = highs.getSolution()
@@ -132,7 +132,7 @@ def residual(
     )
 
 
-def refined(found: Proposal, seconds: float | None) -> Proposal:
+def refine(found: Proposal, seconds: float | None) -> Proposal:
     """The same proposal with prices that are right to the last place, not to 1e-9.
 
     Iterative refinement after Gleixner, Steffy and Wolter ("Iterative refinement for linear
@@ -186,8 +186,8 @@ def refined(found: Proposal, seconds: float | None) -> Proposal:
 
 def _set_room(highs: highspy.Highs, p: Programme, more: float) -> None:
     """Give the columns more room; slacks are columns of the model."""
-    limits = p.constraints[1]
-    for row, room in enumerate((p.full[limits] + more).tolist(), limits.start):
+    columns = p.constraints[1]
+    for row, room in enumerate((p.full[columns] + more).tolist(), columns.start):
         highs.changeRowBounds(row, room, room)
 
 
@@ -211,10 +211,10 @@ def _snapped(p: Programme, values: Floats) -> Floats:
         near = np.abs(whole - weights[left]) <= SNAP
         snapped[left[near]] = whole[near]
         left = left[~near]
-    for limits in (p.rows, p.columns):
-        room = limits.room + SUM
-        over = np.bincount(limits.limit, snapped[limits.state], len(room)) - room
-        was = np.bincount(limits.limit, weights[limits.state], len(room)) - room
+    for capacity in (p.rows, p.columns):
+        room = capacity.room + SUM
+        over = np.bincount(capacity.constraint, snapped[capacity.state], len(room)) - room
+        was = np.bincount(capacity.constraint, weights[capacity.state], len(room)) - room
         if np.any(over > np.maximum(was, 0.0)):
             return weights
     return snapped

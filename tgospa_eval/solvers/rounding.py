@@ -4,7 +4,7 @@ import numpy as np
 
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.kernels import paths
+from tgospa_eval.solvers.best_paths import paths
 
 ROUNDS = 12
 

@@ -18,9 +18,9 @@ from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, check_jobs, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.kernels import check_gap, check_time_limit
+from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Sinkhorn:
         wanted = ascent.wide(0.0)
         ascent.keep(ascent.wide(self.gap))
         preparation = time.perf_counter() - begin
-        half = 0.5 * float(min(batch.states.problem.crossing_price.max(), 1.0))
+        half = 0.5 * float(min(batch.states.problem.switch_price_at.max(), 1.0))
         warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
         history: list[dict[str, float]] = []
         status, count, late = "", 0, False
@@ -113,7 +113,9 @@ class Sinkhorn:
             ascent.keep(ascent.wide(self.gap))
             history.append(_check(ascent, wanted, count, epsilon, violation))
             share = min(len(history) / (len(warm) + CHECKS), 0.95)
-            batch.tell(batch, wanted, ascent.gap, ascent.cost, ascent.alone, share)
+            batch.progress.update(
+                batch, wanted, ascent.gap, ascent.cost, ascent.unassigned_cost, share
+            )
             if not ascent.open.any():
                 status = "the bracket is met"
             elif batch.limit.late():
@@ -144,7 +146,7 @@ def _check(
     violation: float,
 ) -> dict[str, float]:
     """One record of the history."""
-    upper = float((ascent.cost - ascent.alone)[blocks].sum())
+    upper = float((ascent.cost - ascent.unassigned_cost)[blocks].sum())
     return {
         "sweep": sweep,
         "epsilon": epsilon,

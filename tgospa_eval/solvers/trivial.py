@@ -5,7 +5,7 @@ import numpy as np
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.solvers.kernels import paths
+from tgospa_eval.solvers.best_paths import paths
 
 
 def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:

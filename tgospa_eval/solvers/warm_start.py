@@ -20,7 +20,7 @@ OVERFULL = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Kept:
+class SavedSolution:
     """What is kept of a solution, whatever the states of its problem were.
 
     Parameters
@@ -43,7 +43,7 @@ class Kept:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Offer:
+class WarmStart:
     """Proposals for a problem that are looked at before it is solved.
 
     Parameters
@@ -60,16 +60,16 @@ class Offer:
     prices: Floats
     near: bool = False
 
-    def between(self, state: slice, slot: slice) -> "Offer":
+    def between(self, state: slice, slot: slice) -> "WarmStart":
         """The part of some blocks."""
-        return Offer(
+        return WarmStart(
             weights=tuple(weights[state] for weights in self.weights),
             prices=self.prices[slot],
             near=self.near,
         )
 
 
-def keep(states: States, weights: Ints, prices: Floats) -> Kept:
+def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolution:
     """What is kept of feasible weights (S,), in units of 1/ONE, and prices (K,).
 
     What is held at the end of the window of its block goes on being held.
@@ -86,7 +86,7 @@ def keep(states: States, weights: Ints, prices: Floats) -> Kept:
     paid = np.flatnonzero(prices > 0)
     slot = origin.nodes(states)[states.columns.node[paid]] + states.columns.step[paid]
     by_slot = np.argsort(slot)
-    return Kept(
+    return SavedSolution(
         begin=(pair + begin)[order],
         end=(pair + end)[order],
         weight=weights[used][order] / ONE,
@@ -139,9 +139,12 @@ class Origin:
         return number * self.steps
 
 
-def offer(
-    states: States, kept: tuple[Kept, ...], shares: tuple[float, ...], origin: Origin | None = None
-) -> Offer:
+def make_warm_start(
+    states: States,
+    kept: tuple[SavedSolution, ...],
+    shares: tuple[float, ...],
+    origin: Origin | None = None,
+) -> WarmStart:
     """The assignments of neighbours, and their prices in so many shares.
 
     A state has the weight that its pair had where it begins; a slot has the prices that its
@@ -161,7 +164,7 @@ def offer(
         low, high = np.searchsorted(part.slot, (begin, end))
         prices += share * (running[high] - running[low])
     weights = tuple(_feasible(states, _held(part, sought)) for part in kept)
-    return Offer(weights=weights, prices=prices)
+    return WarmStart(weights=weights, prices=prices)
 
 
 def _feasible(states: States, weights: Floats) -> Floats:
@@ -183,7 +186,7 @@ def _feasible(states: States, weights: Floats) -> Floats:
     return np.where(full[states.pair_block[states.pair]], 0.0, weights)
 
 
-def _held(kept: Kept, sought: Ints) -> Floats:
+def _held(kept: SavedSolution, sought: Ints) -> Floats:
     if not len(kept.begin):
         return np.zeros(len(sought))
     at = np.searchsorted(kept.begin, sought, side="right") - 1

@@ -16,9 +16,10 @@ from tgospa_eval.problem.paths import turns
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.best_paths import best_paths
+from tgospa_eval.solvers.block_costs import THRESHOLDS, price_cap, unassigned_costs
 from tgospa_eval.solvers.dual_ascent import BEST, LOSES, NEAR, NEEDED, REGRET, TEMPTED, Ascent
 from tgospa_eval.solvers.fallback.sweeps import NEGLIGIBLE, Sweeps
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, best_paths, price_cap
 from tgospa_eval.solvers.rounding import round_paths
 
 HARDLY = 1e-6
@@ -40,7 +41,9 @@ class NumpyAscent(Ascent):
     ) -> None:
         self.states, self.wanted_gap = states, gap
         self.weights, self.prices = weights, prices
-        self.crossing = np.minimum(states.problem.crossing_price, price_cap(states)[wanted].max())
+        self.switch_price = np.minimum(
+            states.problem.switch_price_at, price_cap(states)[wanted].max()
+        )
         self.gain, self.pair = states.gain, states.pair
         self.turn = turns(states)
         self.flags = np.zeros(len(self.gain), np.uint8)
@@ -48,13 +51,13 @@ class NumpyAscent(Ascent):
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
         self.keep(wanted)
-        self.alone = alone_costs(states)
-        self.taken_off = np.zeros(len(self.alone))
+        self.unassigned_cost = unassigned_costs(states)
+        self.taken_off = np.zeros(len(self.unassigned_cost))
         self.soft = np.zeros(len(prices))
         self.sweeps: Sweeps | None = None
-        self.bound = self.survey(self.prices, 0.0)
-        self.worth = np.where(wanted, -np.inf, 0.0)
-        self._offer_paths(self.gain)
+        self.dual = self.survey(self.prices, 0.0)
+        self.primal = np.where(wanted, -np.inf, 0.0)
+        self._try_paths(self.gain)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
@@ -86,37 +89,39 @@ class NumpyAscent(Ascent):
 
     def _forward(self, value: Floats) -> tuple[Floats, Floats]:
         """Best value up to each state, and of "none" when it begins; `best` of each row."""
-        states, crossing = self.states, self.crossing
+        states, switch_price = self.states, self.switch_price
         forward, none = np.empty(len(value)), np.empty(len(value))
-        hub, current = np.zeros(states.nodes), np.zeros(len(states.pair_row))
+        unassigned_value, current = np.zeros(states.nodes), np.zeros(len(states.pair_row))
         for low, high in itertools.pairwise(self.turn.bounds):
             state, pair, row = (
                 part[low:high] for part in (self.turn.order, self.turn.pair, self.turn.row)
             )
-            price = crossing[states.begin[state]]
+            price = switch_price[states.begin[state]]
             reached = current[pair]
-            np.maximum.at(hub, row, reached - price)
-            none[state] = hub[row]
-            current[pair] = forward[state] = np.maximum(reached, hub[row] - price) + value[state]
-        np.maximum.at(hub, states.pair_row, current)
-        self.best = hub
+            np.maximum.at(unassigned_value, row, reached - price)
+            none[state] = unassigned_value[row]
+            current[pair] = forward[state] = (
+                np.maximum(reached, unassigned_value[row] - price) + value[state]
+            )
+        np.maximum.at(unassigned_value, states.pair_row, current)
+        self.best = unassigned_value
         return forward, none
 
     def _backward(self, value: Floats, forward: Floats, none: Floats) -> tuple[Floats, Floats]:
         """Slack of each state, and of being in no state when it begins; see `row_backward`."""
-        states, crossing = self.states, self.crossing
+        states, switch_price = self.states, self.switch_price
         behind = np.zeros(len(value))
-        hub = np.zeros(states.nodes)
+        unassigned_value = np.zeros(states.nodes)
         for low, high in reversed(list(itertools.pairwise(self.turn.bounds))):
             state, pair, row = (
                 part[low:high] for part in (self.turn.order, self.turn.pair, self.turn.row)
             )
-            price = crossing[states.begin[state]]
-            none[state] = self.best[row] - (none[state] + hub[row])
+            price = switch_price[states.begin[state]]
+            none[state] = self.best[row] - (none[state] + unassigned_value[row])
             after = value[state] + behind[state]
-            np.maximum.at(hub, row, after - price)
+            np.maximum.at(unassigned_value, row, after - price)
             goes_on = np.flatnonzero(state > states.pair_first[pair])
-            behind[state[goes_on] - 1] = np.maximum(after, hub[row] - price)[goes_on]
+            behind[state[goes_on] - 1] = np.maximum(after, unassigned_value[row] - price)[goes_on]
         slack = self.best[states.pair_row[self.pair]] - (forward + behind)
         return slack, none
 
@@ -126,7 +131,7 @@ class NumpyAscent(Ascent):
         row = states.pair_row[self.pair]
         own = sum_by(row, weights * value, states.nodes)
         moved = np.flatnonzero(changed(states.pair_first, weights))
-        paid = self.crossing[states.begin[moved]] * np.abs(weights[moved] - weights[moved - 1])
+        paid = self.switch_price[states.begin[moved]] * np.abs(weights[moved] - weights[moved - 1])
         own -= sum_by(row[moved], paid, states.nodes)
         return own
 
@@ -163,17 +168,17 @@ class NumpyAscent(Ascent):
         self.sweeps.drop(NEGLIGIBLE)
         swept = time.perf_counter()
         for cut in THRESHOLDS:
-            self.offer_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
+            self.try_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
             if not self.wide(self.wanted_gap).any():
                 break
         judged = time.perf_counter()
-        self._offer_paths(preference)
+        self._try_paths(preference)
         self.seconds["sweeps"] += swept - begin
         self.seconds["bounds"] += judged - swept
         self.seconds["rounding"] += time.perf_counter() - judged
         return done, violation
 
-    def _offer_paths(self, preference: Floats) -> None:
-        """Offer the best paths at the best prices, made feasible."""
+    def _try_paths(self, preference: Floats) -> None:
+        """WarmStart the best paths at the best prices, made feasible."""
         value = self.gain - self.states.columns.totals(self.prices)
-        self.offer_weights(round_paths(self.states, value, preference))
+        self.try_weights(round_paths(self.states, value, preference))

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.kernels import THRESHOLDS, alone_costs, block_costs, dual_values, is_wide
+from tgospa_eval.solvers.best_paths import dual_values
+from tgospa_eval.solvers.block_costs import THRESHOLDS, block_costs, is_wide, unassigned_costs
 from tgospa_eval.solvers.rounding import round_paths
 
 NEGLIGIBLE = 1e-12
@@ -32,9 +33,9 @@ class PlainAscent:
     ) -> None:
         self.states, self.open = states, wanted
         self.weights, self.prices = weights, prices
-        self.alone = alone_costs(states)
-        self.worth = np.zeros(len(self.alone))
-        self.bound = dual_values(states, self.prices)
+        self.unassigned_cost = unassigned_costs(states)
+        self.primal = np.zeros(len(self.unassigned_cost))
+        self.dual = dual_values(states, self.prices)
         self.slot_block = states.node_block[states.columns.node]
         self.state_block = states.pair_block[states.pair]
         self.sweeps = Sweeps(states, np.flatnonzero(wanted))
@@ -48,12 +49,12 @@ class PlainAscent:
     @property
     def gap(self) -> Floats:
         """Width of the bracket of each block, (B,)."""
-        return self.bound - self.worth
+        return self.dual - self.primal
 
     @property
     def cost(self) -> Floats:
         """Cost of the best assignment of each block, (B,)."""
-        return np.maximum(self.alone - self.worth, 0.0)
+        return np.maximum(self.unassigned_cost - self.primal, 0.0)
 
     def wide(self, gap: float) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
@@ -77,16 +78,16 @@ class PlainAscent:
         swept = time.perf_counter()
         for cut in THRESHOLDS:
             trial = np.where(prices > cut * epsilon, prices, 0.0)
-            bound = dual_values(self.states, trial)
-            wins = self.open & (bound < self.bound)
-            self.bound = np.where(wins, bound, self.bound)
+            dual = dual_values(self.states, trial)
+            wins = self.open & (dual < self.dual)
+            self.dual = np.where(wins, dual, self.dual)
             np.copyto(self.prices, trial, where=wins[self.slot_block])
         judged = time.perf_counter()
         value = self.states.gain - self.states.columns.totals(self.prices)
         for trial in (soft, round_paths(self.states, value, soft)):
-            worth = self.alone - block_costs(self.states, trial)
-            wins = self.open & (worth > self.worth)
-            self.worth = np.where(wins, worth, self.worth)
+            primal = self.unassigned_cost - block_costs(self.states, trial)
+            wins = self.open & (primal > self.primal)
+            self.primal = np.where(wins, primal, self.primal)
             np.copyto(self.weights, trial, where=wins[self.state_block])
         end = time.perf_counter()
         self.seconds["sweeps"] += swept - begin
@@ -166,14 +167,14 @@ class Sweeps:
 
     def sweep(self, epsilon: float) -> float:
         """Once forward and once backward; the largest column violation met on the way."""
-        crossing = self.states.problem.crossing_price / epsilon
+        switch_price = self.states.problem.switch_price_at / epsilon
         if self.fresh:
-            self._pass(epsilon, crossing, reverse=True, update=False)
+            self._pass(epsilon, switch_price, reverse=True, update=False)
             self.fresh = False
-        violation = self._pass(epsilon, crossing, reverse=False, update=True)
-        return max(violation, self._pass(epsilon, crossing, reverse=True, update=True))
+        violation = self._pass(epsilon, switch_price, reverse=False, update=True)
+        return max(violation, self._pass(epsilon, switch_price, reverse=True, update=True))
 
-    def _pass(self, epsilon: float, crossing: Floats, *, reverse: bool, update: bool) -> float:
+    def _pass(self, epsilon: float, switch_price: Floats, *, reverse: bool, update: bool) -> float:
         """One direction: renew its messages step by step, and the prices if asked."""
         ahead, behind = (self.backward, self.forward) if reverse else (self.forward, self.backward)
         none_ahead, none_behind = (
@@ -183,7 +184,7 @@ class Sweeps:
         )
         source = self.next if reverse else self.previous
         starts = self.last if reverse else self.first
-        hub = np.zeros(self.states.nodes)
+        unassigned_value = np.zeros(self.states.nodes)
         violation = 0.0
         order = range(len(self.steps))
         for k in reversed(order) if reverse else order:
@@ -195,14 +196,14 @@ class Sweeps:
             offsets = self.group[groups] - part.start
             group = self.group_of[part] - groups.start
             step = int(self.steps[k])
-            paid = crossing[step + 1] if reverse else crossing[step]
+            paid = switch_price[step + 1] if reverse else switch_price[step]
 
-            # Arrive: from the same pair (not through the hub), or from the hub.
+            # Arrive: from the same pair (not through being unassigned), or from that.
             came = ahead[source[part]]
             came = np.where(source[part] >= 0, came + _log_stay(paid), -np.inf)
-            arrive = np.logaddexp(came, hub[self.row[part]] - paid)
+            arrive = np.logaddexp(came, unassigned_value[self.row[part]] - paid)
             arrive = np.where(starts[part], 0.0, arrive)
-            none = hub[rows]
+            none = unassigned_value[rows]
             weight = (self.gain[part] - self.price[self.priced[part]]) / epsilon
             ahead[part] = arrive + weight
             none_ahead[groups] = none
@@ -219,8 +220,10 @@ class Sweeps:
                 violation = max(violation, change)
                 weight = (self.gain[part] - self.price[self.priced[part]]) / epsilon
                 ahead[part] = arrive + weight
-            leave = crossing[step] if reverse else crossing[step + 1]
-            hub[rows] = np.logaddexp(none, _log_sum(ahead[part], None, offsets, group) - leave)
+            leave = switch_price[step] if reverse else switch_price[step + 1]
+            unassigned_value[rows] = np.logaddexp(
+                none, _log_sum(ahead[part], None, offsets, group) - leave
+            )
         return violation
 
     def _reprice(self, k: int, part: slice, share: Floats, epsilon: float) -> float:

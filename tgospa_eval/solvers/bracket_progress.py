@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.kernels import alone_costs
+from tgospa_eval.solvers.block_costs import unassigned_costs
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.batches import Batch
@@ -23,7 +23,7 @@ MARGIN = 1e-12
 """Of the cost of leaving all unassigned: more than sums in solvers lose."""
 
 
-class Telling:
+class BracketProgress:
     """Adds up what is known of the batches; called from several threads.
 
     Parameters
@@ -33,27 +33,27 @@ class Telling:
     cuts : list of pair of int
         Blocks of each batch.
     progress : Progress
-        Who is told.
+        Where it is shown.
     """
 
     def __init__(self, states: States, cuts: list[tuple[int, int]], progress: Progress) -> None:
         self.states, self.cuts, self.progress = states, cuts, progress
         self.shares, self.lower, self.upper = np.zeros((3, len(cuts)))
         self.begun = np.zeros(len(cuts), bool)
-        self.alone: Floats | None = None
+        self.unassigned: Floats | None = None
 
-    def tell(self, number: int, share: float, lower: float, upper: float) -> None:
-        """Of a batch: how much is done, and bounds of its cost less that of being alone."""
+    def update(self, number: int, share: float, lower: float, upper: float) -> None:
+        """Of a batch: how much is done, and bounds of its cost less that of all unassigned."""
         self.shares[number], self.lower[number], self.upper[number] = share, lower, upper
         self.begun[number] = True
         if not self.progress.due:
             return
-        if self.alone is None:
-            alone = alone_costs(self.states)
-            self.alone = np.array([alone[slice(*cut)].sum() for cut in self.cuts])
+        if self.unassigned is None:
+            unassigned = unassigned_costs(self.states)
+            self.unassigned = np.array([unassigned[slice(*cut)].sum() for cut in self.cuts])
         problem = self.states.problem
         most = float(problem.truth_price.sum() + problem.estimate_price.sum())
-        lower = float(np.where(self.begun, self.lower, -self.alone).sum())
+        lower = float(np.where(self.begun, self.lower, -self.unassigned).sum())
         self.progress.prove(
             most * (1 - MARGIN) + lower, most * (1 + MARGIN) + float(self.upper.sum())
         )
@@ -68,70 +68,72 @@ class Telling:
         return sizes
 
 
-class BatchTelling:
+class BatchProgress:
     """What is known of one batch.
 
     Parameters
     ----------
-    whole : Telling
+    whole : BracketProgress
         Of all batches.
     number : int
         Of this one.
     """
 
-    def __init__(self, whole: Telling, number: int) -> None:
+    def __init__(self, whole: BracketProgress, number: int) -> None:
         self.whole, self.number = whole, number
         self.known: tuple[NDArray[np.bool_], Floats, Floats, Floats] | None = None
 
-    def __call__(
+    def update(
         self,
         batch: "Batch",
         blocks: NDArray[np.bool_],
         width: Floats,
         cost: Floats,
-        alone: Floats,
+        unassigned: Floats,
         share: float,
     ) -> None:
-        """Tell how much is done, and what is known of some blocks.
+        """How much is done, and what is known of some blocks.
 
-        Width of the bracket, cost, and cost of being alone are of all blocks, (B,). The blocks
-        that are not told of are trivial: their weights in the batch are the best.
+        Width of the bracket, cost, and cost of leaving all unassigned are of all blocks, (B,). The
+        blocks that are left out are trivial: their weights in the batch are the best.
         """
-        self.known = blocks, np.maximum(width, 0.0), cost, alone
+        self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:
-            self._tell(batch, share)
+            self._pass_on(batch, share)
 
-    def silent(self) -> "BatchTelling":
-        """One that tells nobody."""
+    def silent(self) -> "BatchProgress":
+        """One that nobody watches."""
         whole = self.whole
-        return BatchTelling(Telling(whole.states, whole.cuts, Progress()), self.number)
+        return BatchProgress(BracketProgress(whole.states, whole.cuts, Progress()), self.number)
 
-    def end(self, batch: "Batch") -> None:
+    def finish(self, batch: "Batch") -> None:
         """The batch is done."""
         if self.known is None:
             none = np.zeros(len(batch.wanted))
-            alone = alone_costs(batch.states) if batch.quickly.any() else none
-            self.known = none > 0, none, none, alone
-        self._tell(batch, 1.0)
+            unassigned = unassigned_costs(batch.states) if batch.quickly.any() else none
+            self.known = none > 0, none, none, unassigned
+        self._pass_on(batch, 1.0)
 
-    def _tell(self, batch: "Batch", share: float) -> None:
+    def _pass_on(self, batch: "Batch", share: float) -> None:
         assert self.known is not None
-        blocks, width, cost, alone = self.known
+        blocks, width, cost, unassigned = self.known
         gained = -_gains(batch.states, batch.weights)
-        upper = np.where(blocks, cost - alone, gained)
-        lower = np.where(blocks, cost - width - alone, np.where(batch.quickly, -alone, gained))
-        self.whole.tell(self.number, share, float(lower.sum()), float(upper.sum()))
+        upper = np.where(blocks, cost - unassigned, gained)
+        lower = np.where(
+            blocks, cost - width - unassigned, np.where(batch.quickly, -unassigned, gained)
+        )
+        self.whole.update(self.number, share, float(lower.sum()), float(upper.sum()))
 
 
 def _gains(states: States, weights: Floats) -> Floats:
     """What proposed weights gain in each block, (B,)."""
     block, blocks = states.pair_block[states.pair], len(states.block_begin)
     arc = np.flatnonzero(states.pair[1:] == states.pair[:-1]) + 1
-    paid = states.problem.crossing_price[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
+    paid = states.problem.switch_price_at[states.begin[arc]] * np.abs(np.diff(weights)[arc - 1])
     return sum_by(block, weights * states.gain, blocks) - sum_by(block[arc], paid, blocks)
 
 
-def near_the_end(width: float, cost: float, gap: float) -> float:
+def share_of_digits(width: float, cost: float, gap: float) -> float:
     """How far a bracket has come on its way from the cost to the gap, 0 to 1, by its digits."""
     if width <= gap * cost:
         return 1.0

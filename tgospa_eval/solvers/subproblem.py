@@ -13,7 +13,7 @@ from tgospa_eval.problem.states import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Piece:
+class Subproblem:
     """Part of a problem that is a problem itself, as far as its free states are concerned.
 
     Parameters
@@ -36,7 +36,7 @@ class Piece:
     slot: Ints
 
 
-def cut_out(states: States, free: Ints) -> Piece:
+def cut_out(states: States, free: Ints) -> Subproblem:
     """The piece of some states, which come in order."""
     pair = np.searchsorted(states.pair_first, free, side="right") - 1
     touched = np.zeros(states.nodes, bool)
@@ -84,7 +84,7 @@ def cut_out(states: States, free: Ints) -> Piece:
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
     at = np.arange(len(columns.step)) + np.repeat(base - columns.first[:-1], np.diff(columns.first))
     slot = np.clip(at, 0, max(len(states.columns.step) - 1, 0))
-    return Piece(states=piece, state=state, free=np.searchsorted(state, free), slot=slot)
+    return Subproblem(states=piece, state=state, free=np.searchsorted(state, free), slot=slot)
 
 
 def _ends(states: States, chosen: Ints, pair: Ints) -> Ints:

@@ -1,0 +1,98 @@
+"""What assignments cost block by block, and the largest switch price that matters."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.problem import Floats, sum_by
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, changes, repair
+
+DEAR = 1000.0
+"""At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
+
+THRESHOLDS = (1.0, 0.0, 3.0)
+"""Prices below these multiples of the temperature are tried at 0: nobody competes there."""
+
+
+def price_cap(states: States) -> Floats:
+    """Switch price of each block beyond which more cannot matter, (B,).
+
+    An assignment that is held for n steps gains at most n times the largest gain: at any higher
+    price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
+    """
+    first = states.pair_first[
+        np.searchsorted(states.pair_block, np.arange(len(states.block_begin)))
+    ]
+    most: Floats = np.maximum.reduceat(states.gain, first)
+    return 2.0 * (states.block_end - states.block_begin + 1) * most
+
+
+def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
+    """Average the weights over time for each pair of those blocks where every price was cut.
+
+    There an optimum has no switches, and what a solver leaves of them (1e-12, say) would be charged
+    at the true price. The average over time is as feasible as what it averages.
+    """
+    switch_price = states.problem.switch_price_at
+    if switch_price.max() < DEAR or not blocks.any():
+        return
+    spans = zip(states.block_begin.tolist(), states.block_end.tolist(), strict=True)
+    least = np.array([switch_price[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
+    held = blocks & (least > price_cap(states)) & np.isfinite(least)
+    if not held.any():
+        return
+    length = (states.end - states.begin + 1).astype(np.float64)
+    pair, pairs = states.pair, len(states.pair_row)
+    mean = sum_by(pair, weights * length, pairs) / sum_by(pair, length, pairs)
+    np.copyto(weights, mean[pair], where=held[states.pair_block[pair]])
+
+
+def unassigned_costs(states: States) -> Floats:
+    """Cost of each block if all its objects stay unassigned, (B,)."""
+    total = np.zeros(len(states.block_begin))
+    for track, alone in zip(
+        (states.pair_truth, states.pair_estimate), states.problem.unassigned_costs, strict=True
+    ):
+        block = np.full(len(alone), -1)
+        block[track] = states.pair_block
+        mine = np.flatnonzero(block >= 0)
+        total += sum_by(block[mine], alone[mine], len(total))
+    return total
+
+
+def block_costs(states: States, weights: Floats) -> Floats:
+    """Cost of each block under a proposed assignment, once that is made feasible, (B,).
+
+    In cost form: gains lose the digits of small costs. Objects without a pair are left out.
+    """
+    problem = states.problem
+    whole = repair(states, weights)
+    blocks = len(states.block_begin)
+    of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
+    used = np.flatnonzero((states.entry >= 0) & (whole > 0))
+    entry, block = states.entry[used], of_state[used]
+    total = sum_by(block, whole[used] / ONE * problem.cost[entry], blocks)
+    changed, amount = changes(states, whole)
+    paid = problem.switch_price_at[states.begin[changed]] * amount
+    total += sum_by(of_state[changed], paid, blocks)
+    for side, count in (("truth", problem.truths), ("estimate", problem.estimates)):
+        home = np.full(count, -1)
+        home[getattr(states, f"pair_{side}")] = states.pair_block
+        track = getattr(problem, f"{side}_track")
+        free = np.full(len(track), ONE)
+        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], whole[used])
+        at = home[track]
+        price = free / ONE * getattr(problem, f"{side}_price")
+        total += sum_by(at[at >= 0], price[at >= 0], blocks)
+    return total
+
+
+def better(states: States, first: Floats, second: Floats) -> Floats:
+    """Block by block the better of two proposed assignments."""
+    wins = block_costs(states, second) < block_costs(states, first)
+    return np.where(wins[states.pair_block[states.pair]], second, first)
+
+
+def is_wide(width: Floats, cost: Floats, gap: float) -> NDArray[np.bool_]:
+    """Whether the bracket of each block is wider than `gap`, relative."""
+    return width > gap * cost
