@@ -8,7 +8,7 @@ the mean totals may be another, and `opposed` says so.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +21,8 @@ from tgospa_eval.comparison.against import Against, against, against_document, d
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.records import FileRecord, Table
 from tgospa_eval.results.result import Result
-from tgospa_eval.results.summary import Table
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
@@ -61,7 +61,7 @@ class Outcome:
     occupied: NDArray[np.bool_]
     finished: bool
     status: str
-    input: dict[str, Any]
+    input: Mapping[str, FileRecord]
     against: Against | None = None
 
 
@@ -112,7 +112,7 @@ def durations(entrants: Sequence[Entrant]) -> list[int]:
 
 
 def document(
-    entrants: Sequence[Entrant], truths: Sequence[str], parameters: dict[str, Any]
+    entrants: Sequence[Entrant], truths: Sequence[str], parameters: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The JSON document, the estimates in the order of their values.
 

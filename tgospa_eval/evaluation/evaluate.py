@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
-from tgospa_eval.evaluation.prepare import FileInfo, Fitted, Prepared, fit, prepare
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.certificate import certify
@@ -21,6 +21,7 @@ from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.problem import Parameters, check_underflow
 from tgospa_eval.problem.solution import Bounds, Solution
 from tgospa_eval.problem.weights import ONE
+from tgospa_eval.results.records import FileInfo, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import Stamps
@@ -258,7 +259,7 @@ def _split(
 
 def _solver_record(
     solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
-) -> dict[str, Any]:
+) -> SolverRecord:
     """What the result says of the solver; the bracket of its history as costs."""
     finished, status = solution.finished, solution.status
     if met != finished and (met or solver.name == "certified"):
@@ -278,7 +279,7 @@ def _solver_record(
     }
 
 
-def solver_settings(solver: Solver) -> dict[str, Any]:
+def solver_settings(solver: Solver) -> dict[str, object]:
     """The settings of a solver that change the number."""
     changing = {
         name: value for name, value in vars(solver).items() if value is not None and name != "jobs"
@@ -286,9 +287,9 @@ def solver_settings(solver: Solver) -> dict[str, Any]:
     return {"solver": solver.name, **changing}
 
 
-def _nested(stopwatch: Stopwatch) -> dict[str, Any]:
+def _nested(stopwatch: Stopwatch) -> Timings:
     """Spans as a tree, with the names that are always there."""
-    timings: dict[str, Any] = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
+    timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}
     for name, seconds in stopwatch.spans.items():
         stage, _, part = name.partition("/")
@@ -298,4 +299,4 @@ def _nested(stopwatch: Stopwatch) -> dict[str, Any]:
             timings[stage] = seconds
     if stopwatch.work:
         timings["nanoseconds_per_state"] = stopwatch.nanoseconds
-    return {**timings, "solve": solve, "total": stopwatch.elapsed()}
+    return cast("Timings", {**timings, "solve": solve, "total": stopwatch.elapsed()})

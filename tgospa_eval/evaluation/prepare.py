@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,39 +16,10 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Parameters, Problem, tgospa_problem
 from tgospa_eval.problem.states import States
+from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Scene, sizes_of
-from tgospa_eval.results.summary import Labels
 from tgospa_eval.tracks.alignment import Alignment, align
 from tgospa_eval.tracks.trajectories import Trajectories
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileInfo:
-    """What a result says of the file of a side.
-
-    Parameters
-    ----------
-    rows : int
-        Rows of the file.
-    format : str, optional
-        How it was read.
-    left_out : mapping of str to int, optional
-        Rows that do not take part, by the rule or option that left them out.
-    """
-
-    rows: int
-    format: str | None = None
-    left_out: Mapping[str, int] = field(default_factory=dict)
-
-    def record(self, sha256: str, off_grid: int) -> dict[str, object]:
-        """The record of the JSON."""
-        by_grid = {"grid": off_grid} if off_grid else {}
-        return {
-            "rows": self.rows,
-            **({} if self.format is None else {"format": self.format}),
-            "left_out": {**self.left_out, **by_grid},
-            "sha256": sha256,
-        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,8 +73,8 @@ class Prepared:
     states: States
     labels: Labels
     moments: NDArray[Any]
-    settings: dict[str, Any]
-    input: dict[str, Any]
+    settings: Mapping[str, object]
+    input: Mapping[str, FileRecord]
     scene: Scene
 
     @property
@@ -126,8 +97,8 @@ class Measured:
     distance: Distance
     labels: Labels
     moments: NDArray[Any]
-    settings: dict[str, Any]
-    input: dict[str, Any]
+    settings: Mapping[str, object]
+    input: Mapping[str, FileRecord]
     scene: Scene
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:

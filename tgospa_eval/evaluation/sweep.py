@@ -19,13 +19,14 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
-from tgospa_eval.evaluation.prepare import FileInfo, Fitted, Measured, fit, measure
+from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Parameters
 from tgospa_eval.problem.states import States
+from tgospa_eval.results.records import FileInfo
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver

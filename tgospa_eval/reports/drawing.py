@@ -16,8 +16,9 @@ from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
 from tgospa_eval.reports.moments import EXACT, moments
 from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.records import Table
 from tgospa_eval.results.result import Result
-from tgospa_eval.results.summary import Summary, Table
+from tgospa_eval.results.summary import Summary
 
 VALUES = 800_000
 """Coordinates that are drawn; beyond, tracks are thinned."""

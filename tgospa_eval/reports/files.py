@@ -9,7 +9,8 @@ from pathlib import Path
 from tgospa_eval.common.files import named, patience
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
-from tgospa_eval.results.summary import Summary, Table
+from tgospa_eval.results.records import Table
+from tgospa_eval.results.summary import Summary
 
 
 def json_text(result: Summary) -> str:

@@ -5,7 +5,7 @@ passes through the autoescape of the template, or through `tojson` as data that 
 text.
 """
 
-from typing import Any
+from collections.abc import Mapping
 
 import jinja2
 
@@ -13,7 +13,8 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
 from tgospa_eval.reports.console import COUNTED, PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
-from tgospa_eval.results.summary import Summary, Table
+from tgospa_eval.results.records import Table
+from tgospa_eval.results.summary import Summary
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
@@ -115,7 +116,7 @@ def _classes(result: Summary) -> list[list[str]]:
     ]
 
 
-def _flat(record: dict[str, Any], before: str = "") -> dict[str, str]:
+def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:
     """A record as lines of text, nested names joined by a slash."""
     lines: dict[str, str] = {}
     for name, value in record.items():

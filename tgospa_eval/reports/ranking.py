@@ -17,7 +17,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.sheets import Page, Sheet
-from tgospa_eval.results.summary import Table
+from tgospa_eval.results.records import Table
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 

@@ -14,7 +14,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.sheets import Page, Sheet
-from tgospa_eval.results.summary import Table
+from tgospa_eval.results.records import Table
 
 
 def solvers_page(document: Document) -> Page:

@@ -13,7 +13,7 @@ from tgospa_eval.reports.phrases import (
     parameters_of,
 )
 from tgospa_eval.reports.sheets import Page, Sheet, as_markdown
-from tgospa_eval.results.summary import Table
+from tgospa_eval.results.records import Table
 
 
 def study_page(document: Document) -> Page:

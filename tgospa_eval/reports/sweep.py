@@ -9,7 +9,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
-from tgospa_eval.results.summary import Table
+from tgospa_eval.results.records import Table
 
 Document = dict[str, Any]
 

@@ -3,14 +3,23 @@
 import hashlib
 import math
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
+from tgospa_eval.results.records import (
+    Costs,
+    Document,
+    FileInfo,
+    FileRecord,
+    Labels,
+    Table,
+    Timings,
+)
 from tgospa_eval.results.result import Result
-from tgospa_eval.results.summary import Costs, Labels, Summary, Table
+from tgospa_eval.results.summary import Summary
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -69,7 +78,7 @@ class ByClass(Summary):
             name: [getattr(part, name) for part in parts] for name in names
         }
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The document of the sum, with those of the classes."""
         return super().to_dict() | {
             "by_class": {name: part.to_dict() for name, part in self._items()}
@@ -91,15 +100,15 @@ class ByClass(Summary):
         }
 
 
-def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: float) -> ByClass:
+def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: float) -> ByClass:
     """The sum of the results of all classes.
 
     Parameters
     ----------
     results : dict
         By class, at least one, all on the same steps and with the same settings.
-    about : dict
-        What the result says of the two files beside their digests.
+    files : pair of FileInfo
+        What the result says of the two files.
     read : float
         Seconds that reading took.
     """
@@ -140,10 +149,10 @@ def add_up(results: dict[str, Result], about: dict[str, dict[str, Any]], read: f
             "iterations": sum(part.solver["iterations"] for part in parts),
             "history": [],
         },
-        timings=_sum_of_times([{"read": read, "total": read}, *(part.timings for part in parts)]),
+        timings=_sum_of_times([part.timings for part in parts], read),
         input={
-            side: _joined_input(told, {k: v.input[side] for k, v in results.items()})
-            for side, told in about.items()
+            side: _joined_input(info, {name: part.input[side] for name, part in results.items()})
+            for side, info in zip(("truth", "estimate"), files, strict=True)
         },
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
@@ -165,16 +174,12 @@ def _sum_of_curves(curves: list[Curve | None]) -> Curve | None:
     return Curve(**sums)
 
 
-def _joined_input(told: dict[str, Any], inputs: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """What is told of a file, with the rows that the grid left out and a digest of its classes."""
+def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:
+    """The record of a file, with the rows that the grid left out and a digest of its classes."""
     # Those of the other file alone are left out: the digest of the truth tells of the truth.
     digests = [(name, part["sha256"]) for name, part in inputs.items() if part["rows"]]
     off_grid = sum(part["left_out"].get("grid", 0) for part in inputs.values())
-    return {
-        **told,
-        "left_out": told.get("left_out", {}) | ({"grid": off_grid} if off_grid else {}),
-        "sha256": hashlib.sha256(repr(digests).encode()).hexdigest(),
-    }
+    return info.record(hashlib.sha256(repr(digests).encode()).hexdigest(), off_grid)
 
 
 def _sum_of_splits(splits: list[tuple[float, float] | None]) -> tuple[float, float] | None:
@@ -182,13 +187,16 @@ def _sum_of_splits(splits: list[tuple[float, float] | None]) -> tuple[float, flo
     return None if None in splits else (sum(means), sum(spreads))
 
 
-def _sum_of_times(timings: list[dict[str, Any]]) -> dict[str, Any]:
+def _sum_of_times(parts: list[Timings], read: float) -> Timings:
     """Sums of seconds by name; the time per state is no sum and left out."""
-    total: dict[str, Any] = {}
-    for part in timings:
-        for name, value in part.items():
-            if isinstance(value, dict):
-                total[name] = _sum_of_times([total.get(name, {}), value])
-            elif name != "nanoseconds_per_state":
-                total[name] = total.get(name, 0.0) + value
-    return total
+    names = dict.fromkeys(name for part in parts for name in part)
+    stages = dict.fromkeys(name for part in parts for name in part["solve"])
+    total: dict[str, float] = {
+        name: math.fsum(cast("dict[str, float]", part).get(name, 0.0) for part in parts)
+        for name in names
+        if name not in ("solve", "nanoseconds_per_state")
+    }
+    total["read"] += read
+    total["total"] += read
+    solve = {name: math.fsum(part["solve"].get(name, 0.0) for part in parts) for name in stages}
+    return cast("Timings", {**total, "solve": solve})

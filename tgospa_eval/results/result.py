@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
-from tgospa_eval.results.summary import Costs, Summary, Table
+from tgospa_eval.results.records import Costs, Table
+from tgospa_eval.results.summary import Summary
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

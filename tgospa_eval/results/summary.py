@@ -1,116 +1,46 @@
-"""What reports see of an evaluation, or of a sum of several: names of the JSON, tables, words."""
+"""What a user does with an evaluation, or with a sum of several: read, show and save it.
+
+What draws and writes is imported when it is asked for.
+"""
 
 import math
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import NDArray
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted
-from tgospa_eval.problem.problem import POWER, Floats, Parameters
-from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
+from tgospa_eval.common.words import counted, install
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.notebook import card
-from tgospa_eval.results.showing import Shown
+from tgospa_eval.results.numbers import Numbers
+from tgospa_eval.results.records import PARTS, Document, Table, records
 
 if TYPE_CHECKING:
+    import os
+
     import pandas as pd
+    from matplotlib.figure import Figure
 
 SCHEMA = "tgospa-eval/result/1"
 
-
-Table = dict[str, list[Any]]
-"""Columns by name, all of one length, of plain Python values."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Labels:
-    """What the numbers of steps and tracks are called.
-
-    Parameters
-    ----------
-    times : list of int, float or str
-        Each step as it was read.
-    truths, estimates : list of str
-        Ids.
-    unit : str, optional
-        Unit of states and distances.
-    """
-
-    times: list[Any]
-    truths: list[str]
-    estimates: list[str]
-    unit: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Costs:
-    """What was proven.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Cutoff, order, switch penalty.
-    bounds : Bounds
-        The bracket.
-    breakdown : Breakdown
-        The cost of a feasible assignment by step.
-    """
-
-    parameters: Parameters
-    bounds: Bounds
-    breakdown: Breakdown
+PUBLIC = (
+    *("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified"),
+    *("within_rounding", "localisation", "localisation_mean", "localisation_spread", "missed"),
+    *("false", "switch", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
+    *("timings", "input", "version", "warnings", "files", "results"),
+    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
+    *("to_dict", "to_json", "to_html", "save"),
+    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_worst"),
+)
+"""What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Summary(Shown, ABC):
-    """What reports need: one evaluation, or the sum of several over the same steps.
-
-    Parameters
-    ----------
-    proof : Costs
-        Bounds and breakdown.
-    labels : Labels
-        Times and ids.
-    gap : float
-        Relative gap of the total that counts as exact.
-    settings : dict
-        Every option that changes the number.
-    solver : dict
-        Name, status, iterations, kernel, convergence history.
-    timings : dict
-        Seconds by stage.
-    input : dict
-        Rows and digest of either side.
-    version : str
-        Version of the package that made it.
-    split : pair of float, optional
-        Cost of localisation by means and by spreads, in state units to the power p = 2, if the
-        distance has such parts.
-    traced : Curve, optional
-        Costs of the steps up to each step, if they were asked for.
-    warnings : tuple of Notice
-        What looks wrong, with `code`, `text` and `remedy`.
-    files : dict
-        Paths of truth and estimate as they were given; None of what was no file.
-    """
-
-    proof: Costs
-    labels: Labels
-    gap: float
-    settings: dict[str, Any]
-    solver: dict[str, Any]
-    timings: dict[str, Any]
-    input: dict[str, Any]
-    version: str
-    split: tuple[float, float] | None = None
-    traced: Curve | None = None
-    warnings: tuple[Notice, ...] = ()
-    files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
+class Summary(Numbers, ABC):
+    """The numbers with all that can be made of them; attributes bear the names of the JSON."""
 
     def __repr__(self) -> str:
         return (
@@ -118,234 +48,10 @@ class Summary(Shown, ABC):
             f"certified={self.certified})"
         )
 
-    @cached_property
-    def scale(self) -> float:
-        """c^p: costs of one unit of the dimensionless problem."""
-        return float(self.proof.parameters.cutoff**self.proof.parameters.order)
+    def __dir__(self) -> list[str]:
+        return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
-    def _root(self, cost: float) -> float:
-        return self.proof.parameters.root(cost)
-
-    def _root_error(self, cost: Floats | float) -> Floats:
-        """How wrong a root is because 1/p is no double, relative."""
-        digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
-        return 2.0**-52 * digits / self.proof.parameters.order
-
-    @property
-    def total_bounds(self) -> tuple[float, float]:
-        """Proven bounds of the cost, rounded outward."""
-        bounds = self.proof.bounds
-        return outward(self.scale * bounds.lower, -1), outward(self.scale * bounds.upper, 1)
-
-    @property
-    def tgospa(self) -> float:
-        """The metric, in state units: of a feasible assignment, `upper_bound` but for rounding."""
-        return self._root(self.proof.breakdown.total)
-
-    @property
-    def total(self) -> float:
-        """``tgospa ** order``, the cost of that assignment."""
-        return self.scale * self.proof.breakdown.total
-
-    @property
-    def lower_bound(self) -> float:
-        """Proven lower bound of the metric, rounded down."""
-        lower = self.proof.bounds.lower
-        return outward(self._root(lower), -1, float(self._root_error(lower)))
-
-    @property
-    def upper_bound(self) -> float:
-        """Proven upper bound of the metric, rounded up."""
-        upper = self.proof.bounds.upper
-        return outward(self._root(upper), 1, float(self._root_error(upper)))
-
-    @property
-    def relative_gap(self) -> float:
-        """(upper - lower) / upper of the totals."""
-        return self.proof.bounds.relative_gap
-
-    @property
-    def certified(self) -> bool:
-        """Whether the value is exact: the bracket is met."""
-        return self.proof.bounds.met(self.gap)
-
-    @property
-    def within_rounding(self) -> bool:
-        """Whether the bracket is wider, but the value itself is one of the last places."""
-        return self.proof.bounds.within_rounding(self.gap)
-
-    @property
-    def finished(self) -> bool:
-        """Whether what was asked for is reached, at each step of the curve as well."""
-        if self.solver["name"] != "certified":
-            return bool(self.solver["finished"])
-        return self.certified and (self.traced is None or bool(self.traced.met(self.gap).all()))
-
-    @property
-    def localisation(self) -> float:
-        """Cost of localisation errors."""
-        return self.scale * float(self.proof.breakdown.localisation.sum())
-
-    @property
-    def localisation_mean(self) -> float | None:
-        """Its part by errors of means; None if the distance has no such part, or p is not 2."""
-        return None if self.split is None else self.split[0]
-
-    @property
-    def localisation_spread(self) -> float | None:
-        """Its part by differences of covariances; None as for means."""
-        return None if self.split is None else self.split[1]
-
-    @property
-    def missed(self) -> float:
-        """Cost of missed targets."""
-        return self.scale * float(self.proof.breakdown.missed.sum())
-
-    @property
-    def false(self) -> float:
-        """Cost of false targets."""
-        return self.scale * float(self.proof.breakdown.false.sum())
-
-    @property
-    def switch(self) -> float:
-        """Cost of track switches."""
-        return self.scale * float(self.proof.breakdown.switch.sum())
-
-    @property
-    def counts(self) -> dict[str, float]:
-        """Missed and false object-steps, and switches (halves and fractions are possible)."""
-        split = self.proof.breakdown
-        return {
-            "missed": float(split.missed_count.sum()),
-            "false": float(split.false_count.sum()),
-            "switch": float(split.switch_count.sum()),
-        }
-
-    @property
-    def normalised(self) -> dict[str, float]:
-        """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
-        occupied = int(np.count_nonzero(self.occupied))
-        return {"tgospa": self._root(self.proof.breakdown.total / occupied) if occupied else 0.0}
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """Every option that changes the number."""
-        return self.settings
-
-    def per_step_table(self) -> Table:
-        """Cost of each step by kind."""
-        split = self.proof.breakdown
-        parts = {
-            name: self.scale * getattr(split, name)
-            for name in ("localisation", "missed", "false", "switch")
-        }
-        table: Table = {"t": list(self.labels.times)}
-        table.update({name: part.tolist() for name, part in parts.items()})
-        table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
-        return table
-
-    def curve_table(self) -> Table:
-        """The normalised curve (docs/theory, "The curve"): no columns if it was not asked for.
-
-        At each step the metric of the `steps` up to it at which something exists, with its bounds,
-        (cost / steps) ** (1 / order), and the parts of the cost divided by the steps.
-        """
-        traced, p = self.traced, self.proof.parameters.order
-        if traced is None:
-            return {}
-        steps = np.cumsum(self.occupied)
-        each = np.maximum(steps, 1)
-        names = ("localisation", "missed", "false", "switch")
-        table: Table = {"t": list(self.labels.times), "steps": steps.tolist()}
-        for name, cost, sign in (
-            ("tgospa", traced.parts.sum(axis=0), 0),
-            ("lower_bound", traced.lower, -1),
-            ("upper_bound", traced.upper, 1),
-        ):
-            value = self.proof.parameters.cutoff * (cost / each) ** (1 / p)
-            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
-        for name, cost in zip(names, traced.parts, strict=True):
-            table[name] = (self.scale * cost / each).tolist()
-        return table
-
-    @property
-    @abstractmethod
-    def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
-
-    @property
-    @abstractmethod
-    def occupied(self) -> NDArray[np.bool_]:
-        """Steps at which something exists (T,)."""
-
-    @property
-    @abstractmethod
-    def objects(self) -> tuple[int, int]:
-        """States of the truth and of the estimate."""
-
-    @abstractmethod
-    def assignments_table(self) -> Table:
-        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
-
-    @abstractmethod
-    def switches_table(self) -> Table:
-        """Changes of each truth's assignment, from its largest loss to its largest gain."""
-
-    @abstractmethod
-    def per_truth_table(self) -> Table:
-        """Steps, costs and counts of each truth."""
-
-    @abstractmethod
-    def per_estimate_table(self) -> Table:
-        """Steps, costs and counts of each estimate."""
-
-    def per_class_table(self) -> Table:
-        """Value and costs of each class, where they were evaluated apart; else no columns."""
-        return {}
-
-    def worst(self, count: int = 5) -> dict[str, list[Any]]:
-        """The `count` dearest steps, truths and estimates, dearest first, free ones left out."""
-        per_step = self.per_step_table()
-        answer = {"steps": _dearest(per_step["t"], np.array(per_step["total"]), count)}
-        for name, kind, table in (
-            ("truth", "missed", self.per_truth_table()),
-            ("estimates", "false", self.per_estimate_table()),
-        ):
-            cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
-            answer[name] = _dearest(table["id"], np.asarray(cost), count)
-        return answer
-
-    @cached_property
-    def per_step(self) -> "pd.DataFrame":
-        """`per_step_table` as a DataFrame."""
-        return _frame(self.per_step_table())
-
-    @cached_property
-    def curve(self) -> "pd.DataFrame":
-        """`curve_table` as a DataFrame."""
-        return _frame(self.curve_table())
-
-    @cached_property
-    def switches(self) -> "pd.DataFrame":
-        """`switches_table` as a DataFrame."""
-        return _frame(self.switches_table())
-
-    @cached_property
-    def assignments(self) -> "pd.DataFrame":
-        """`assignments_table` as a DataFrame."""
-        return _frame(self.assignments_table())
-
-    @cached_property
-    def per_truth(self) -> "pd.DataFrame":
-        """`per_truth_table` as a DataFrame."""
-        return _frame(self.per_truth_table())
-
-    @cached_property
-    def per_estimate(self) -> "pd.DataFrame":
-        """`per_estimate_table` as a DataFrame."""
-        return _frame(self.per_estimate_table())
-
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Document:
         """The JSON document as plain Python values."""
         parts = {name: getattr(self, name) for name in ("localisation_mean", "localisation_spread")}
         curve = {} if self.traced is None else {"curve": records(self.curve_table())}
@@ -414,9 +120,9 @@ class Summary(Shown, ABC):
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
     def _repr_html_(self) -> str:
-        names, per_step = ("localisation", "missed", "false", "switch"), self.per_step_table()
+        per_step = self.per_step_table()
         sizes, parameters = self.sizes, self.proof.parameters
-        cost = {name: getattr(self, name) for name in names} | {"total": self.total}
+        cost = {name: getattr(self, name) for name in PARTS} | {"total": self.total}
         times = per_step["t"] or [""]
         return card(
             title=self.claim,
@@ -433,33 +139,108 @@ class Summary(Shown, ABC):
                 (name, number(value), self.share(value), _count(self.counts.get(name)))
                 for name, value in cost.items()
             ],
-            costs={name: per_step[name] for name in names},
+            costs={name: per_step[name] for name in PARTS},
             ends=(str(times[0]), str(times[-1])),
         )
 
+    @cached_property
+    def per_step(self) -> "pd.DataFrame":
+        """`per_step_table` as a DataFrame."""
+        return _frame(self.per_step_table())
 
-def outward(value: float, sign: int, error: float = 0.0) -> float:
-    """The value moved down (-1) or up (1) by more than a power and products are off by.
+    @cached_property
+    def curve(self) -> "pd.DataFrame":
+        """`curve_table` as a DataFrame."""
+        return _frame(self.curve_table())
 
-    `error` is a relative one beside these.
-    """
-    if not value:
-        return 0.0
-    return math.nextafter(value * (1 + sign * (2 * POWER + error)), sign * math.inf)
+    @cached_property
+    def switches(self) -> "pd.DataFrame":
+        """`switches_table` as a DataFrame."""
+        return _frame(self.switches_table())
+
+    @cached_property
+    def assignments(self) -> "pd.DataFrame":
+        """`assignments_table` as a DataFrame."""
+        return _frame(self.assignments_table())
+
+    @cached_property
+    def per_truth(self) -> "pd.DataFrame":
+        """`per_truth_table` as a DataFrame."""
+        return _frame(self.per_truth_table())
+
+    @cached_property
+    def per_estimate(self) -> "pd.DataFrame":
+        """`per_estimate_table` as a DataFrame."""
+        return _frame(self.per_estimate_table())
+
+    def plot_costs(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """Cost of each step, stacked: `tgospa_eval.plots.plot_costs`."""
+        return self._plot("plot_costs", style=style, components=components)
+
+    def plot_cumulative(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """Normalised cumulative cost: `tgospa_eval.plots.plot_cumulative`."""
+        return self._plot("plot_cumulative", style=style, components=components)
+
+    def plot_lanes(self, *, style: str = "screen") -> "Figure":
+        """Who followed whom: `tgospa_eval.plots.plot_lanes`."""
+        return self._plot("plot_lanes", style=style)
+
+    def plot_plane(
+        self, *, columns: tuple[str, str] | None = None, style: str = "screen"
+    ) -> "Figure":
+        """Trajectories in two of the state columns: `tgospa_eval.plots.plot_plane`."""
+        return self._plot("plot_plane", columns=columns, style=style)
+
+    def plot_worst(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """The costliest steps, truths and estimates: `tgospa_eval.plots.plot_worst`."""
+        return self._plot("plot_worst", style=style, components=components)
+
+    def _plot(self, name: str, **options: object) -> "Figure":
+        made: Figure = getattr(import_module("tgospa_eval.plots"), name)(self, **options)
+        return made
+
+    def to_html(self) -> str:
+        """The report as one page that loads nothing.
+
+        Raises
+        ------
+        ConfigError
+            The extra ``report`` is not installed.
+        """
+        from importlib.util import find_spec
+
+        if find_spec("jinja2") is None:
+            raise ConfigError(f"no page: it needs the extra report: {install('report')}")
+        return str(import_module("tgospa_eval.reports.html").page(self))
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write the result folder of ``-o``: JSON, tables, the page and the pictures.
+
+        The page is written with the extra ``report``, the pictures with ``plot``.
+
+        Parameters
+        ----------
+        folder : str or path
+            Where; a folder that an earlier result was saved to is written anew.
+        force : bool
+            Whether it may hold files of others.
+
+        Raises
+        ------
+        ConfigError
+            The folder cannot be written, or holds files of others.
+        """
+        import_module("tgospa_eval.plots.report").save(self, folder, force=force)
 
 
 def _count(amount: float | None) -> str:
     return "" if amount is None else number(amount)
-
-
-def records(table: Table) -> list[dict[str, Any]]:
-    """The rows of a table."""
-    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
-
-
-def _dearest(names: list[Any], cost: Floats, count: int) -> list[Any]:
-    order = np.argsort(-cost, kind="stable")[:count]
-    return [names[k] for k in order if cost[k] > 0]
 
 
 def _frame(table: Table) -> "pd.DataFrame":

@@ -1,12 +1,13 @@
 """What a sweep of a parameter holds: a row of plain numbers for each of its values."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.results.summary import Table
+from tgospa_eval.results.records import FileRecord, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,9 +80,9 @@ class Sweep:
 
     parameter: str
     points: tuple[Point, ...]
-    settings: dict[str, Any]
+    settings: Mapping[str, object]
     sizes: dict[str, int]
-    input: dict[str, Any]
+    input: Mapping[str, FileRecord]
     timings: dict[str, float]
     version: str
     warnings: tuple[Notice, ...] = ()

@@ -22,13 +22,14 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
-from tgospa_eval.evaluation.prepare import FileInfo, Fitted, fit
+from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.formats import ROLES, Reading
+from tgospa_eval.formats import Reading
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder
+from tgospa_eval.results.records import FileInfo
 from tgospa_eval.results.summary import Summary
 
 NARROWEST = 1e-12
@@ -171,8 +172,7 @@ def _evaluate_classes(
             fitted = fit(truth.of_class(name), estimate.of_class(name), request)
             results[name] = evaluate_fitted(fitted, request, stopwatch=part)
         stopwatch.absorb(part)
-    about_files = {role: vars(info) for role, info in zip(ROLES, infos(sides), strict=True)}
-    return add_up(results, about_files, read_s)
+    return add_up(results, infos(sides), read_s)
 
 
 def inspect_files(

@@ -1,0 +1,281 @@
+"""The numbers of an evaluation, or of a sum of several, and their tables. Knows no output."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.problem.problem import POWER, Floats
+from tgospa_eval.problem.solution import Curve
+from tgospa_eval.results.records import (
+    PARTS,
+    Costs,
+    FileRecord,
+    Labels,
+    SolverRecord,
+    Table,
+    Timings,
+)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Numbers(ABC):
+    """What is known: one evaluation, or the sum of several over the same steps.
+
+    Parameters
+    ----------
+    proof : Costs
+        Bounds and breakdown.
+    labels : Labels
+        Times and ids.
+    gap : float
+        Relative gap of the total that counts as exact.
+    settings : dict
+        Every option that changes the number.
+    solver : dict
+        Name, status, iterations, kernel, convergence history.
+    timings : dict
+        Seconds by stage.
+    input : dict
+        Rows and digest of either side.
+    version : str
+        Version of the package that made it.
+    split : pair of float, optional
+        Cost of localisation by means and by spreads, in state units to the power p = 2, if the
+        distance has such parts.
+    traced : Curve, optional
+        Costs of the steps up to each step, if they were asked for.
+    warnings : tuple of Notice
+        What looks wrong, with `code`, `text` and `remedy`.
+    files : dict
+        Paths of truth and estimate as they were given; None of what was no file.
+    """
+
+    proof: Costs
+    labels: Labels
+    gap: float
+    settings: Mapping[str, object]
+    solver: SolverRecord
+    timings: Timings
+    input: Mapping[str, FileRecord]
+    version: str
+    split: tuple[float, float] | None = None
+    traced: Curve | None = None
+    warnings: tuple[Notice, ...] = ()
+    files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
+
+    @cached_property
+    def scale(self) -> float:
+        """c^p: costs of one unit of the dimensionless problem."""
+        return float(self.proof.parameters.cutoff**self.proof.parameters.order)
+
+    def _root(self, cost: float) -> float:
+        return self.proof.parameters.root(cost)
+
+    def _root_error(self, cost: Floats | float) -> Floats:
+        """How wrong a root is because 1/p is no double, relative."""
+        digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
+        return 2.0**-52 * digits / self.proof.parameters.order
+
+    @property
+    def total_bounds(self) -> tuple[float, float]:
+        """Proven bounds of the cost, rounded outward."""
+        bounds = self.proof.bounds
+        return outward(self.scale * bounds.lower, -1), outward(self.scale * bounds.upper, 1)
+
+    @property
+    def tgospa(self) -> float:
+        """The metric, in state units: of a feasible assignment, `upper_bound` but for rounding."""
+        return self._root(self.proof.breakdown.total)
+
+    @property
+    def total(self) -> float:
+        """``tgospa ** order``, the cost of that assignment."""
+        return self.scale * self.proof.breakdown.total
+
+    @property
+    def lower_bound(self) -> float:
+        """Proven lower bound of the metric, rounded down."""
+        lower = self.proof.bounds.lower
+        return outward(self._root(lower), -1, float(self._root_error(lower)))
+
+    @property
+    def upper_bound(self) -> float:
+        """Proven upper bound of the metric, rounded up."""
+        upper = self.proof.bounds.upper
+        return outward(self._root(upper), 1, float(self._root_error(upper)))
+
+    @property
+    def relative_gap(self) -> float:
+        """(upper - lower) / upper of the totals."""
+        return self.proof.bounds.relative_gap
+
+    @property
+    def certified(self) -> bool:
+        """Whether the value is exact: the bracket is met."""
+        return self.proof.bounds.met(self.gap)
+
+    @property
+    def within_rounding(self) -> bool:
+        """Whether the bracket is wider, but the value itself is one of the last places."""
+        return self.proof.bounds.within_rounding(self.gap)
+
+    @property
+    def finished(self) -> bool:
+        """Whether what was asked for is reached, at each step of the curve as well."""
+        if self.solver["name"] != "certified":
+            return bool(self.solver["finished"])
+        return self.certified and (self.traced is None or bool(self.traced.met(self.gap).all()))
+
+    @property
+    def localisation(self) -> float:
+        """Cost of localisation errors."""
+        return self.scale * float(self.proof.breakdown.localisation.sum())
+
+    @property
+    def localisation_mean(self) -> float | None:
+        """Its part by errors of means; None if the distance has no such part, or p is not 2."""
+        return None if self.split is None else self.split[0]
+
+    @property
+    def localisation_spread(self) -> float | None:
+        """Its part by differences of covariances; None as for means."""
+        return None if self.split is None else self.split[1]
+
+    @property
+    def missed(self) -> float:
+        """Cost of missed targets."""
+        return self.scale * float(self.proof.breakdown.missed.sum())
+
+    @property
+    def false(self) -> float:
+        """Cost of false targets."""
+        return self.scale * float(self.proof.breakdown.false.sum())
+
+    @property
+    def switch(self) -> float:
+        """Cost of track switches."""
+        return self.scale * float(self.proof.breakdown.switch.sum())
+
+    @property
+    def counts(self) -> dict[str, float]:
+        """Missed and false object-steps, and switches (halves and fractions are possible)."""
+        split = self.proof.breakdown
+        return {
+            "missed": float(split.missed_count.sum()),
+            "false": float(split.false_count.sum()),
+            "switch": float(split.switch_count.sum()),
+        }
+
+    @property
+    def normalised(self) -> dict[str, float]:
+        """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
+        occupied = int(np.count_nonzero(self.occupied))
+        return {"tgospa": self._root(self.proof.breakdown.total / occupied) if occupied else 0.0}
+
+    @property
+    def parameters(self) -> Mapping[str, object]:
+        """Every option that changes the number."""
+        return self.settings
+
+    def per_step_table(self) -> Table:
+        """Cost of each step by kind."""
+        split = self.proof.breakdown
+        parts = {name: self.scale * getattr(split, name) for name in PARTS}
+        table: Table = {"t": list(self.labels.times)}
+        table.update({name: part.tolist() for name, part in parts.items()})
+        table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
+        return table
+
+    def curve_table(self) -> Table:
+        """The normalised curve (docs/theory, "The curve"): no columns if it was not asked for.
+
+        At each step the metric of the `steps` up to it at which something exists, with its bounds,
+        (cost / steps) ** (1 / order), and the parts of the cost divided by the steps.
+        """
+        traced, p = self.traced, self.proof.parameters.order
+        if traced is None:
+            return {}
+        steps = np.cumsum(self.occupied)
+        each = np.maximum(steps, 1)
+        table: Table = {"t": list(self.labels.times), "steps": steps.tolist()}
+        for name, cost, sign in (
+            ("tgospa", traced.parts.sum(axis=0), 0),
+            ("lower_bound", traced.lower, -1),
+            ("upper_bound", traced.upper, 1),
+        ):
+            value = self.proof.parameters.cutoff * (cost / each) ** (1 / p)
+            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
+        for name, cost in zip(PARTS, traced.parts, strict=True):
+            table[name] = (self.scale * cost / each).tolist()
+        return table
+
+    @property
+    @abstractmethod
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+
+    @property
+    @abstractmethod
+    def occupied(self) -> NDArray[np.bool_]:
+        """Steps at which something exists (T,)."""
+
+    @property
+    @abstractmethod
+    def objects(self) -> tuple[int, int]:
+        """States of the truth and of the estimate."""
+
+    @abstractmethod
+    def assignments_table(self) -> Table:
+        """Pairs that both exist, are nearer than the cutoff, and are assigned."""
+
+    @abstractmethod
+    def switches_table(self) -> Table:
+        """Changes of each truth's assignment, from its largest loss to its largest gain."""
+
+    @abstractmethod
+    def per_truth_table(self) -> Table:
+        """Steps, costs and counts of each truth."""
+
+    @abstractmethod
+    def per_estimate_table(self) -> Table:
+        """Steps, costs and counts of each estimate."""
+
+    def per_class_table(self) -> Table:
+        """Value and costs of each class, where they were evaluated apart; else no columns."""
+        return {}
+
+    def worst(self, count: int = 5) -> Table:
+        """The `count` costliest steps, truths and estimates, in order, free ones left out."""
+        per_step = self.per_step_table()
+        answer = {"steps": _costliest(per_step["t"], np.array(per_step["total"]), count)}
+        for name, kind, table in (
+            ("truth", "missed", self.per_truth_table()),
+            ("estimates", "false", self.per_estimate_table()),
+        ):
+            cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
+            answer[name] = _costliest(table["id"], np.asarray(cost), count)
+        return answer
+
+
+def outward(value: float, sign: int, error: float = 0.0) -> float:
+    """The value moved down (-1) or up (1) by more than a power and products are off by.
+
+    `error` is a relative one beside these.
+    """
+    if not value:
+        return 0.0
+    return math.nextafter(value * (1 + sign * (2 * POWER + error)), sign * math.inf)
+
+
+def _costliest(names: list[T], cost: Floats, count: int) -> list[T]:
+    order = np.argsort(-cost, kind="stable")[:count]
+    return [names[k] for k in order if cost[k] > 0]

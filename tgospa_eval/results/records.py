@@ -1,0 +1,125 @@
+"""The plain records of a result: tables, labels, costs, and the parts of its JSON document."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NotRequired, TypeAlias, TypedDict
+
+from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.solution import Bounds, Breakdown
+
+PARTS = ("localisation", "missed", "false", "switch")
+"""The parts of the cost, in the order of every output."""
+
+Document: TypeAlias = dict[str, Any]
+"""A JSON object of plain Python values."""
+
+Table: TypeAlias = dict[str, list[Any]]
+"""Columns by name, all of one length, of plain Python values."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    """What the numbers of steps and tracks are called.
+
+    Parameters
+    ----------
+    times : list of int, float or str
+        Each step as it was read.
+    truths, estimates : list of str
+        Ids.
+    unit : str, optional
+        Unit of states and distances.
+    """
+
+    times: list[int | float | str]
+    truths: list[str]
+    estimates: list[str]
+    unit: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Costs:
+    """What was proven.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Cutoff, order, switch penalty.
+    bounds : Bounds
+        The bracket.
+    breakdown : Breakdown
+        The cost of a feasible assignment by step.
+    """
+
+    parameters: Parameters
+    bounds: Bounds
+    breakdown: Breakdown
+
+
+class SolverRecord(TypedDict):
+    """What a result says of its solver."""
+
+    name: str
+    status: str
+    finished: bool
+    iterations: int
+    kernel: str
+    history: list[dict[str, float]]
+
+
+class FileRecord(TypedDict):
+    """What a result says of the file of a side."""
+
+    rows: int
+    left_out: dict[str, int]
+    sha256: str
+    format: NotRequired[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileInfo:
+    """What a result says of the file of a side.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of the file.
+    format : str, optional
+        How it was read.
+    left_out : mapping of str to int, optional
+        Rows that do not take part, by the rule or option that left them out.
+    """
+
+    rows: int
+    format: str | None = None
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def record(self, sha256: str, off_grid: int) -> FileRecord:
+        """The record of the JSON; `off_grid` rows are at steps that do not count."""
+        by_grid = {"grid": off_grid} if off_grid else {}
+        found: FileRecord = {
+            "rows": self.rows,
+            "left_out": {**self.left_out, **by_grid},
+            "sha256": sha256,
+        }
+        if self.format is not None:
+            found["format"] = self.format
+        return found
+
+
+class Timings(TypedDict):
+    """Seconds by stage; those of solving by part."""
+
+    read: float
+    distances: float
+    solve: dict[str, float]
+    certify: float
+    report: float
+    total: float
+    curve: NotRequired[float]
+    nanoseconds_per_state: NotRequired[float]
+
+
+def records(table: Table) -> list[Document]:
+    """The rows of a table."""
+    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
