@@ -17,7 +17,7 @@ from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_shift
 from tgospa_eval.evaluation.diagnosis.costs import StepCosts
 from tgospa_eval.problem.problem import Parameters
-from tgospa_eval.tracks.alignment import GRIDS, Stamps, align, nearest
+from tgospa_eval.tracks.alignment import GRIDS, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -53,7 +53,7 @@ def test_joining_is_one_to_one_and_in_order(
             expected.append((i, j))
     assert list(zip(pairs.first.tolist(), pairs.second.tolist(), strict=True)) == expected
     assert (np.diff(pairs.second) > 0).all()
-    done = align(side(a.tolist()), side(b.tolist()), Stamps(tolerance=tolerance * scale))
+    done = align(side(a.tolist()), side(b.tolist()), TimeMatching(tolerance=tolerance * scale))
     close = [(i, j) for i, j in expected if abs(a[i] - b[j]) <= tolerance * scale]
     assert done.common == len(close)
     assert done.union == len(a) + len(b) - len(close)
@@ -66,15 +66,15 @@ def test_joining_is_one_to_one_and_in_order(
 def test_stamps_are_exact() -> None:
     low, high = -(2**63), 2**63 - 1
     base = 1_700_000_000_123_456_789
-    far = align(side([low, base]), side([base + 1, high]), Stamps(tolerance=1))
+    far = align(side([low, base]), side([base + 1, high]), TimeMatching(tolerance=1))
     assert (far.common, far.joined, far.union) == (1, 1, 3)
     assert align(side([base]), side([base + 1])).common == 0
-    assert align(side([1.0]), side([1.05]), Stamps(tolerance=0.05)).common == 1  # as written
-    assert align(side([1.0]), side([1.0500001]), Stamps(tolerance=0.05)).common == 0
+    assert align(side([1.0]), side([1.05]), TimeMatching(tolerance=0.05)).common == 1  # as written
+    assert align(side([1.0]), side([1.0500001]), TimeMatching(tolerance=0.05)).common == 0
     iso = side([0], "zoned"), side([290_000_000], "zoned")
-    assert align(*iso, Stamps(tolerance=0.29)).common == 1
-    assert align(*iso, Stamps(tolerance=0.289999999)).common == 0
-    assert align(*iso, Stamps(tolerance=1e300)).common == 1
+    assert align(*iso, TimeMatching(tolerance=0.29)).common == 1
+    assert align(*iso, TimeMatching(tolerance=0.289999999)).common == 0
+    assert align(*iso, TimeMatching(tolerance=1e300)).common == 1
 
 
 @pytest.mark.parametrize(
@@ -210,9 +210,10 @@ def test_remarks_on_empty_sides() -> None:
     parameters = Parameters(cutoff=1, order=2, switch_penalty=0)
     for sides in ((empty, empty), (side([1, 2]), empty), (empty, side([1]))):
         aligned = align(*sides)
-        assert alignment_notices(aligned, Stamps())[0].startswith("0 of ")
+        assert alignment_notices(aligned, TimeMatching())[0].startswith("0 of ")
         codes = [
-            notice.code for notice in diagnose(sides, aligned, Stamps(), parameters, EUCLIDEAN)
+            notice.code
+            for notice in diagnose(sides, aligned, TimeMatching(), parameters, EUCLIDEAN)
         ]
         assert codes[: sum(not len(one.step) for one in sides)] == ["empty-side"] * len(
             codes[: 2 if sides[0] is sides[1] else 1]

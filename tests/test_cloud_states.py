@@ -33,7 +33,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import ReadOptions, read
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.sensors.association import associate
-from tgospa_eval.tracks.alignment import Stamps, align
+from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.clouds import Clouds
 from tgospa_eval.tracks.covariances import unpack
 
@@ -235,7 +235,7 @@ def test_chosen_rows_keep_their_particles() -> None:
     for k, row in enumerate(rows):
         assert np.array_equal(part.clouds[k][0], side.clouds[row][0])
     other = Trajectories.from_array(np.zeros((2, 1, 2)), side.columns)
-    aligned = align(side, other, Stamps(grid="common"))
+    aligned = align(side, other, TimeMatching(grid="common"))
     assert len(aligned.truth.clouds) == len(aligned.truth.step) == 12
 
 

@@ -15,7 +15,7 @@ from tgospa_eval.distances import DISTANCES
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
-from tgospa_eval.tracks.alignment import Stamps, align
+from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -32,7 +32,7 @@ def sample(quickstart: tuple[str, str]) -> Sides:
 def found(truth: Trajectories, estimate: Trajectories, cutoff: float = 10.0) -> list[Notice]:
     parameters = Parameters(cutoff=cutoff, order=2, switch_penalty=5)
     aligned = align(truth, estimate)
-    return diagnose((truth, estimate), aligned, Stamps(), parameters, DISTANCES["euclidean"])
+    return diagnose((truth, estimate), aligned, TimeMatching(), parameters, DISTANCES["euclidean"])
 
 
 def moved(side: Trajectories, change: Callable[[np.ndarray], Any]) -> Trajectories:

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import Reading, ReadOptions, bulk, read
-from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats import Reading, ReadOptions, read
+from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.text import bulk
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]

@@ -18,7 +18,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
-from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, bulk, read, table, text
+from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, read
+from tgospa_eval.formats.text import bulk, convert, table
 
 MEMORY = 50_000_000
 """Bytes beyond what the largest of these files, some kilobytes, may ever need."""
@@ -312,7 +313,7 @@ def test_memory_per_byte(
     # A row takes 32 bytes as numbers, some 80 with keys and their order: two or three times its
     # text. A list of fields would take twenty times.
     monkeypatch.setattr(bulk, "SIZE", size)
-    monkeypatch.setattr(text, "CHUNK", 1 << 12)
+    monkeypatch.setattr(convert, "CHUNK", 1 << 12)
     monkeypatch.setattr(table, "ROWS", 1 << 7)
     format_ = "csv" if name == "quoted" else name
     lines = SEEDS[name].splitlines()

@@ -30,7 +30,7 @@ from tgospa_eval.formats.frames import from_frame
 from tgospa_eval.formats.write import csv_text
 from tgospa_eval.inspection import describe
 from tgospa_eval.simulation import Scene, Tracker, simulate, tracker
-from tgospa_eval.tracks.alignment import Stamps, align
+from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.covariances import factor, pack, project, unpack
 
 Invoke = Callable[..., Any]
@@ -788,7 +788,7 @@ def test_all_ways_of_reading_agree(write: Write, tmp_path: Path) -> None:
 
 
 def test_large_files(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tgospa_eval.formats import bulk as module
+    from tgospa_eval.formats.text import bulk as module
 
     careful = read_trajectories(ROOT[1])
     monkeypatch.setattr(module, "SIZE", 1)
@@ -807,7 +807,7 @@ def test_trajectories_carry_covariances() -> None:
         side.covariance[0, 0] = 1
     other = Trajectories.from_array(states + 1)
     moved = Trajectories(**{**vars(other), "times": np.array([1, 2, 9])})
-    aligned = align(side, moved, Stamps(grid="estimate")).truth
+    aligned = align(side, moved, TimeMatching(grid="estimate")).truth
     assert np.array_equal(aligned.covariance, side.covariance[2:])
     assert digest(side) != digest(Trajectories.from_array(states))
     one = Trajectories.from_array(states, covariance=np.eye(2))

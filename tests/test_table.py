@@ -14,7 +14,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ReadOptions, bulk, read, read_trajectories
+from tgospa_eval.formats import ReadOptions, read, read_trajectories
+from tgospa_eval.formats.text import bulk
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Write = Callable[[str, str | bytes], str]

@@ -39,7 +39,7 @@ def inspect(
     request : EvaluationRequest
         What would be evaluated.
     """
-    stamps, parameters = request.stamps, request.parameters
+    time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
     document: dict[str, Any] = {
         "schema": SCHEMA,
@@ -49,8 +49,8 @@ def inspect(
             "order": parameters.order,
             "distance": distance.name,
             **distance.settings(files[0][1].trajectories.columns),
-            "grid": stamps.grid,
-            "time_tolerance": stamps.tolerance,
+            "grid": time_matching.grid,
+            "time_tolerance": time_matching.tolerance,
             **request.recorded,
             "unit": request.unit,
         },
@@ -60,7 +60,7 @@ def inspect(
         document[name] = {"path": path, **describe(reading)}
     if sides is not None:
         document["both"] = compare(sides, parameters.cutoff)
-        warnings += diagnose(sides.read, sides.alignment, stamps, parameters, distance)
+        warnings += diagnose(sides.read, sides.alignment, time_matching, parameters, distance)
     return {**document, "warnings": [notice.record() for notice in warnings]}
 
 
@@ -239,7 +239,7 @@ def nearest_estimates(
             for side in (aligned.truth, aligned.estimate)
         )
         a = a[:: -(-len(a) // SAMPLE)]
-        found.append(distance.rough(a[:, None], b[None, :]).min(axis=1))
+        found.append(distance.lower_bound(a[:, None], b[None, :]).min(axis=1))
     near = np.sort(np.concatenate(found))
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
     quantiles = np.interp(at, np.arange(len(near)), near).tolist()

@@ -1,5 +1,6 @@
-"""Words of messages and reports: counts with their nouns, what to install."""
+"""Words of messages and reports: counts with their nouns, what to install, their order."""
 
+import re
 import sys
 
 
@@ -31,3 +32,10 @@ def install(*extras: str) -> str:
     """
     python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
     return f'{python} -m pip install "tgospa-eval[{",".join(extras)}]"'
+
+
+def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
+    """Sort key: digits in a text compare as numbers."""
+    parts = re.findall(r"[0-9]+|[^0-9]+", text)
+    keys = [(0, len(p.lstrip("0")), p.lstrip("0")) if p[0].isdigit() else (1, 0, p) for p in parts]
+    return keys, text

@@ -107,7 +107,7 @@ class Distance(ABC):
         return None
 
     @property
-    def rough(self) -> "Distance":
+    def lower_bound(self) -> "Distance":
         """A distance of states alone that costs little and is no larger: for looking around."""
         return self
 

@@ -113,7 +113,7 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
 
     None if no step has both. Both sides must be on the same times.
     """
-    distance = distance.rough
+    distance = distance.lower_bound
     starts = [_starts(side) for side in (truth, estimate)]
     both = np.flatnonzero(np.diff(starts[0]) * np.diff(starts[1]))
     if not len(both):

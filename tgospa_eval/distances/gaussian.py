@@ -1,4 +1,4 @@
-"""The Wasserstein distance of order 2 between normal laws."""
+"""The Wasserstein distance of order 2 between Gaussians."""
 
 import math
 import warnings
@@ -26,12 +26,12 @@ Pair = tuple[Floats, Floats]
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianWasserstein(Distance):
-    """W2 of normal laws, ``sqrt(|a - b|^2 + B^2)``: of the means, and B of the covariances.
+    """W2 of Gaussians, ``sqrt(|a - b|^2 + B^2)``: of the means, and B of the covariances.
 
     B, the Bures distance, is least ``||F - G Q||`` over rotations and reflections Q, where the
-    covariances are F F' and G G'. A metric on laws; states without covariance are points. Means are
-    compared as by the Euclidean norm, with its scales and periods; with a periodic component it
-    still is a metric, but no longer the distance of laws on a circle.
+    covariances are F F' and G G'. A metric on Gaussians; states without covariance are points.
+    Means are compared as by the Euclidean norm, with its scales and periods; with a periodic
+    component it still is a metric, but no longer the distance of Gaussians on a circle.
 
     Called with arrays, their last axis holds the d components of the mean and the d (d + 1) / 2 of
     a lower factor of the covariance, row by row; see `gaussian_wasserstein` for covariances.
@@ -43,7 +43,7 @@ class GaussianWasserstein(Distance):
     period : sequence of float, optional
         Period of each column, > 0 in its unit; inf where it is not periodic.
     mixed : {"error", "moments"}
-        What becomes of particle clouds: refused, or replaced by the normal law of their mean and
+        What becomes of particle clouds: refused, or replaced by the Gaussian of their mean and
         covariance. Clouds with equal moments are then at the distance 0: no metric on clouds, but a
         lower bound of the Wasserstein distance.
 
@@ -68,12 +68,12 @@ class GaussianWasserstein(Distance):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Normal laws, and clouds if their moments will do."""
+        """Gaussians, and clouds if their moments will do."""
         return ("gaussian", "cloud") if self.mixed == "moments" else ("gaussian",)
 
     @property
     def tree_power(self) -> float:
-        """That of the means, which are nowhere further apart than the laws."""
+        """That of the means, which are nowhere further apart than the Gaussians."""
         return self._means.tree_power
 
     @property
@@ -100,7 +100,7 @@ class GaussianWasserstein(Distance):
         return found
 
     def between(self, components: Iterable[Pair]) -> Floats:
-        """Distance of laws that are given component by component: means, then factors."""
+        """Distance of Gaussians that are given component by component: means, then factors."""
         return np.hypot(*self._parts(components))
 
     def parts(self, pairs: Pairs, truth: Trajectories, estimate: Trajectories) -> Pair:
@@ -118,7 +118,7 @@ class GaussianWasserstein(Distance):
         return self._means.embed(axes[: _dimension(len(axes))])
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
-        """That of the means, which are nowhere further apart than the laws."""
+        """That of the means, which are nowhere further apart than the Gaussians."""
         return self._means.reach(cutoff, axes[: _dimension(len(axes))])
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
@@ -138,7 +138,7 @@ def gaussian_wasserstein(
     *,
     period: ArrayLike | None = None,
 ) -> Floats:
-    """Wasserstein distance of order 2 between normal laws; all arguments broadcast.
+    """Wasserstein distance of order 2 between Gaussians; all arguments broadcast.
 
     Parameters
     ----------

@@ -151,7 +151,7 @@ class PairMahalanobis(Distance):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Normal laws."""
+        """Gaussians."""
         return ("gaussian",)
 
     def fitted(self, truth: Trajectories, estimate: Trajectories) -> "PairMahalanobis":
@@ -179,7 +179,7 @@ class PairMahalanobis(Distance):
         return found
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
-        """Distance of laws given component by component; 0 where the covariance is singular."""
+        """Distance of Gaussians, component by component; 0 where the covariance is singular."""
         rows = [np.broadcast_arrays(a, b) for a, b in components]
         d = covariances.size_of(len(rows) + 1) - 1
         apart = [(a - b).ravel() for a, b in rows[:d]]

@@ -24,7 +24,7 @@ from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.records import FileInfo, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
-from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def evaluate(
         parameters=parameters,
         distance=base,
         solver=as_solver(solver),
-        stamps=Stamps(tolerance=time_tolerance, grid=grid),
+        time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
         unit=unit,
         curve=curve,
         defaults=defaults,
@@ -129,7 +129,9 @@ def evaluate(
 def look(sides: Fitted, request: EvaluationRequest) -> list[Notice]:
     """Warnings about two sides, in the words of Python."""
     aligned, parameters = sides.alignment, request.parameters
-    found = diagnose(sides.read, aligned, request.stamps, parameters, sides.distance, as_argument)
+    found = diagnose(
+        sides.read, aligned, request.time_matching, parameters, sides.distance, as_argument
+    )
     if request.defaults:
         notice = default_notice(
             aligned, sides.distance, parameters, request.defaults, as_argument,

@@ -162,7 +162,7 @@ def measure(
 
     `files` are what the result says of the two sides beside their digests; by default their rows.
     """
-    distance, aligned, stamps = sides.distance, sides.alignment, request.stamps
+    distance, aligned, time_matching = sides.distance, sides.alignment, request.time_matching
     # What is digested is what counts.
     with stopwatch.span("report"):
         infos = files or [FileInfo(rows=len(side.step)) for side in sides.read]
@@ -189,8 +189,8 @@ def measure(
             "distance": distance.name,
             **distance.settings(truth.columns),
             "columns": list(truth.columns),
-            "grid": stamps.grid,
-            "time_tolerance": stamps.tolerance,
+            "grid": time_matching.grid,
+            "time_tolerance": time_matching.tolerance,
             "unit": request.unit,
             **request.recorded,
         },
@@ -220,14 +220,14 @@ def fit(
     InputError
         Columns, states or times do not fit each other or the distance; `names` are for messages.
     """
-    distance, stamps = request.distance, request.stamps
+    distance, time_matching = request.distance, request.time_matching
     check_columns(truth, estimate, names)
     check_states(truth, estimate, distance, names)
-    aligned = align(truth, estimate, stamps, names)
+    aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
-            f"--grid {stamps.grid}: no step is left, none of {aligned.union:,} counts; if the "
-            "clocks differ, see --time-tolerance"
+            f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "
+            "the clocks differ, see --time-tolerance"
         )
     fitted = distance.fitted(aligned.truth, aligned.estimate)
     return Fitted(read=(truth, estimate), alignment=aligned, distance=fitted)

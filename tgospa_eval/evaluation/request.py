@@ -7,7 +7,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.solvers import Solver
-from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.tracks.alignment import TimeMatching
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class EvaluationRequest:
         Base distance.
     solver : Solver
         Record of settings.
-    stamps : Stamps
+    time_matching : TimeMatching
         Which stamps are one step, and which steps count.
     unit : str, optional
         Of the states, for printing.
@@ -42,7 +42,7 @@ class EvaluationRequest:
     parameters: Parameters
     distance: Distance
     solver: Solver
-    stamps: Stamps = field(default_factory=Stamps)
+    time_matching: TimeMatching = field(default_factory=TimeMatching)
     unit: str | None = None
     curve: bool = False
     recorded: Mapping[str, object] = field(default_factory=dict)

@@ -8,7 +8,7 @@ import numpy as np
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import ROLES
-from tgospa_eval.formats.asked import BOX
+from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted

@@ -32,7 +32,7 @@ from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
-from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.tracks.alignment import TimeMatching
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
@@ -108,7 +108,7 @@ def sweep(
         parameters=parameters[len(parameters) // 2],
         distance=chosen,
         solver=as_solver(solver),
-        stamps=Stamps(tolerance=time_tolerance, grid=grid),
+        time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
         unit=unit,
     )
     fitted = fit(*sides, request)

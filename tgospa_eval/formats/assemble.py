@@ -1,8 +1,5 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
-import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -11,68 +8,19 @@ from numpy.typing import NDArray
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import Reading
-from tgospa_eval.formats.columns import Roles
 from tgospa_eval.formats.filters import Flags
-from tgospa_eval.formats.times import Times, more
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.times import more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
-    from tgospa_eval.formats.spread import Spread
-
-Numbered = tuple[NDArray[np.object_], Ints]
-"""Distinct texts in natural order, and the number of each row's."""
+    from tgospa_eval.formats.columns.spread import Spread
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
-    """The rows of a file before anything is left out; what every reader yields.
-
-    Parameters
-    ----------
-    name : str
-        What the file is called in messages.
-    roles : Roles
-        Which column is what.
-    ids : Numbered
-        Ids.
-    times : Times
-        Time of each row.
-    numbers : (R, n) float array
-        The columns `Roles.numbers`, finite, NaN where blank.
-    where : callable
-        Says where a row is, for messages.
-    classes : Numbered, optional
-        Classes, if the roles ask for them.
-    weight_fault : str, optional
-        What is wrong with the texts of the weights, for those who need them.
-    apart : dict of str to (R,) bool array and str
-        Rows that the format itself leaves out, by its rule, and what to say of them.
-    """
-
-    name: str
-    roles: Roles
-    ids: Numbered
-    times: Times
-    numbers: Floats
-    where: Callable[[int], str]
-    classes: Numbered | None = None
-    weight_fault: str | None = None
-    apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
-
-    def called(self, row: int) -> str:
-        """Id of a row, for messages."""
-        return quoted(self.ids[0][self.ids[1][row]])
-
-    def moment(self, row: int) -> Any:
-        """Time of a row as read."""
-        times = self.times
-        return times.text[row].strip() if times.text is not None else times.value[row].item()
-
-
-def assemble(rows: Rows, options: "ReadOptions", format: str) -> Reading:
+def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     """Trajectories of the rows that take part, with counts of the others.
 
     A row counts under the first rule that leaves it out. Steps of the file stay steps, even where
@@ -221,7 +169,7 @@ class _Choice:
         return not self.left_out
 
 
-def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions") -> None:
+def _check_states(rows: Rows, state: Floats, mask: Flags, options: ReadOptions) -> None:
     """Sizes of boxes, sums that are no doubles, and what the distance cannot compare."""
     if rows.roles.centres or options.boxes:
         wrong = np.flatnonzero(mask & ~np.isfinite(state).all(axis=1))
@@ -247,10 +195,10 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: "ReadOptions"
 
 
 def _covariances(
-    rows: Rows, taken: Ints, spread: "Spread", options: "ReadOptions"
+    rows: Rows, taken: Ints, spread: "Spread", options: ReadOptions
 ) -> tuple[Floats, list[Notice]]:
     """The covariances of some rows, and what to say of them."""
-    from tgospa_eval.formats.spread import Cells, covariances_of
+    from tgospa_eval.formats.columns.spread import Cells, covariances_of
 
     numbers = rows.roles.numbers
     cells = Cells(
@@ -288,22 +236,3 @@ def _number_times(value: NDArray[Any]) -> tuple[NDArray[Any], Ints]:
             return np.flatnonzero(seen) + low, (np.cumsum(seen) - 1)[value - low]
     moments, step = np.unique(value, return_inverse=True)
     return moments, step
-
-
-def number_ids(ids: Sequence[str]) -> Numbered:
-    """Distinct ids in natural order (2 before 10), and the number of each row's."""
-    seen: dict[str, int] = {}
-    number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
-    order = sorted(seen, key=natural)
-    rank = np.empty(len(order), np.int64)
-    rank[[seen[text] for text in order]] = np.arange(len(order))
-    table = np.empty(len(order), dtype=object)
-    table[:] = order
-    return table, rank[number] if len(number) else number
-
-
-def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
-    """Sort key: digits in a text compare as numbers."""
-    parts = re.findall(r"[0-9]+|[^0-9]+", text)
-    keys = [(0, len(p.lstrip("0")), p.lstrip("0")) if p[0].isdigit() else (1, 0, p) for p in parts]
-    return keys, text

@@ -12,11 +12,13 @@ import pandas as pd
 from pandas.errors import OutOfBoundsDatetime
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import Reading, ReadOptions
-from tgospa_eval.formats.assemble import Numbered, Rows, assemble, number_ids
-from tgospa_eval.formats.columns import Roles, find_roles
+from tgospa_eval.formats.assemble import assemble
+from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
-from tgospa_eval.formats.text import blanks, coded_times, numbers
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.rows import Numbered, Rows, number_ids
+from tgospa_eval.formats.text.convert import blanks, coded_times, numbers
 from tgospa_eval.formats.times import TimeError, Times, more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats

@@ -3,21 +3,19 @@
 import io
 import struct
 import zipfile
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.room import TABLE, check_room
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
+from tgospa_eval.formats.rows import Rows
 
 
-def read_npz(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
+def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of an npz file, the same in either role.
 
     Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or ``x`` alone

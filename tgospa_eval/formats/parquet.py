@@ -2,22 +2,20 @@
 
 from dataclasses import replace
 from datetime import date
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.asked import parse_columns
-from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import Roles, find_roles
+from tgospa_eval.formats.columns.asked import parse_columns
+from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.room import TABLE, check_room
+from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
 
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
 
-
-def read_parquet(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
+def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of a Parquet file, the same in either role; only the columns in use are read.
 
     Raises

@@ -1,21 +1,17 @@
 """Rows with weights as particles: the rows of one (id, t) are one cloud."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import BLANK, more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, Clouds, are_normalised
 from tgospa_eval.tracks.trajectories import Floats, Ints
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats.assemble import Rows
-
 
 RULE = "weights must be >= 0 and not all zero"
 
@@ -50,7 +46,7 @@ class Particles:
         return np.asarray(np.column_stack(sums)[self.cloud], np.float64)
 
     def clouds(
-        self, rows: "Rows", state: Floats, taken: Ints, ordered: Ints
+        self, rows: Rows, state: Floats, taken: Ints, ordered: Ints
     ) -> tuple[Clouds, Ints, Ints]:
         """The clouds of some rows, the first row of each, and its key; rows sorted by key.
 
@@ -94,7 +90,7 @@ class Particles:
         return found
 
 
-def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles | None:
+def gather(rows: Rows, key: Ints, mask: Flags, *, always: bool) -> Particles | None:
     """Clouds of the rows that take part; None if none has two particles, unless `always`.
 
     Raises
@@ -149,7 +145,7 @@ def gather(rows: "Rows", key: Ints, mask: Flags, *, always: bool) -> Particles |
     )
 
 
-def _name(rows: "Rows", row: int) -> str:
+def _name(rows: Rows, row: int) -> str:
     times = rows.times
     moment = times.text[row].strip() if times.text is not None else times.value[row].item()
     return f"id {quoted(rows.ids[0][rows.ids[1][row]])}, t {moment}"

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.asked import BOX
-from tgospa_eval.formats.spread import spelt
+from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.spread import spelt
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 

@@ -1,7 +1,8 @@
 """Association of the states of two sensors, step by step. Knows no file.
 
 At every step the pairs are chosen whose distances, with half a cutoff for everything that stays
-alone, have the smallest sum: a pair is worth ``c - d``, and none at the cutoff or beyond is taken.
+unassigned, have the smallest sum: a pair is worth ``c - d``, and none at the cutoff or
+beyond is taken.
 """
 
 from dataclasses import dataclass
@@ -53,16 +54,16 @@ class Association:
     @property
     def total(self) -> float:
         """The sum that was minimised."""
-        alone = len(self.first.step) + len(self.second.step) - 2 * int(self.chosen.sum())
-        return float(self.pairs.distance[self.chosen].sum() + 0.5 * self.cutoff * alone)
+        unassigned = len(self.first.step) + len(self.second.step) - 2 * int(self.chosen.sum())
+        return float(self.pairs.distance[self.chosen].sum() + 0.5 * self.cutoff * unassigned)
 
     def associations_table(self) -> Table:
-        """Each state once: pairs by step, with None for the partner of one that stays alone."""
+        """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         i, j = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
         values = zip(self.pairs.distance[pairs].tolist(), self.apart[pairs].tolist(), strict=True)
         steps = self.first.step, self.second.step
-        alone = [
+        unassigned = [
             np.setdiff1d(np.arange(len(step)), taken).tolist()
             for step, taken in zip(steps, (i, j), strict=True)
         ]
@@ -71,8 +72,8 @@ class Association:
                 (int(steps[0][a]), 0, a, self._names(a, b, *value))
                 for a, b, value in zip(i.tolist(), j.tolist(), values, strict=True)
             ),
-            *((int(steps[0][a]), 1, a, self._names(a, None, None, None)) for a in alone[0]),
-            *((int(steps[1][b]), 2, b, self._names(None, b, None, None)) for b in alone[1]),
+            *((int(steps[0][a]), 1, a, self._names(a, None, None, None)) for a in unassigned[0]),
+            *((int(steps[1][b]), 2, b, self._names(None, b, None, None)) for b in unassigned[1]),
         ]
         rows.sort(key=lambda row: row[:3])
         names = ("t", "id_a", "id_b", "distance", "mean_distance")
@@ -89,7 +90,7 @@ class Association:
         Raises
         ------
         InputError
-            No side has clouds, or one has normal laws.
+            No side has clouds, or one has Gaussians.
         """
         kinds = {self.first.kind, self.second.kind}
         if "cloud" not in kinds or "gaussian" in kinds:

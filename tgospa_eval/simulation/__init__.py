@@ -84,7 +84,7 @@ class Tracker:
     Parameters
     ----------
     noise : float
-        Standard deviation of each coordinate, in state units; of normal laws the scale of their
+        Standard deviation of each coordinate, in state units; of Gaussians the scale of their
         errors (`tgospa_eval.simulation.tracker.add_noise_of_a_radar`).
     detection : float
         Probability that a target is reported at a step.
@@ -186,8 +186,8 @@ def simulate(
     if scene.state == "box":
         false = _with_sizes(false, scene.area, streams[7])
     if scene.state == "gaussian":
-        law = errors.covariance_of_a_radar(false, tracker.noise, scene.area)
-        false = np.concatenate((false, law), axis=-1)
+        packed = errors.covariance_of_a_radar(false, tracker.noise, scene.area)
+        false = np.concatenate((false, packed), axis=-1)
     estimate = np.concatenate((real, false), axis=1)
     scale = min(scene.area, 200 * tracker.noise or np.inf)
     decimals = min(5 - math.floor(math.log10(scale)), 12)
@@ -232,9 +232,9 @@ def _trajectories(
     columns = COLUMNS[scene.state]
     covariance = None
     if states.shape[2] == len(columns) + 3:
-        states, law = states[..., :2], states[..., 2:]
+        states, packed = states[..., :2], states[..., 2:]
         digits = 5 - math.floor(math.log10(tracker.noise or 1.0)) * 2
-        covariance = np.round(law, digits)[..., [[0, 1], [1, 2]]]
+        covariance = np.round(packed, digits)[..., [[0, 1], [1, 2]]]
     if scene.state == "box":
         size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)

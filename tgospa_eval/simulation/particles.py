@@ -8,7 +8,7 @@ from tgospa_eval.tracks.clouds import Clouds
 Floats = NDArray[np.float64]
 
 WIDER = 1.5
-"""Standard deviation from which particles are drawn, in units of that of the law they stand for."""
+"""Standard deviation from which particles are drawn, over that of the Gaussian they stand for."""
 
 FARTHEST = 2.6
 """Of the coordinates drawn, in standard deviations: beyond, weights would be next to nothing."""
@@ -17,10 +17,10 @@ FARTHEST = 2.6
 def particle_clouds(
     centres: Floats, noise: float, count: int, decimals: int, rng: np.random.Generator
 ) -> Clouds:
-    """Clouds that stand for normal laws around the centres (R, d), with a deviation of `noise`.
+    """Clouds that stand for Gaussians around the centres (R, d), with a deviation of `noise`.
 
-    Particles are drawn from a wider law and weighted with the ratio of the densities. Positions are
-    rounded to so many decimals; weights are short decimals that sum to 1.
+    Particles are drawn from a wider Gaussian and weighted with the ratio of the densities.
+    Positions are rounded to so many decimals; weights are short decimals that sum to 1.
     """
     rows, size = centres.shape
     drawn = rng.standard_normal((rows, count, size)).clip(-FARTHEST, FARTHEST) * WIDER

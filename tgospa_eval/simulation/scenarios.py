@@ -1,4 +1,4 @@
-"""Ground truth of made-up scenes. Knows no tracker and no file.
+"""Ground truth of synthetic scenes. Knows no tracker and no file.
 
 Every scenario is a function ``(targets, steps, area, rng) -> (T, m, 2)`` of positions in the square
 [0, A]^2, NaN where a target does not exist; A is `area`, the side of the square.

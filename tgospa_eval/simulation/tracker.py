@@ -65,9 +65,9 @@ def covariance_of_a_radar(states: Floats, deviation: float, area: float) -> Floa
 def add_noise_of_a_radar(
     states: Floats, deviation: float, area: float, rng: np.random.Generator
 ) -> Floats:
-    """Positions (T, n, 2) to normal laws (T, n, 5): the mean off by a draw from its covariance."""
-    law = covariance_of_a_radar(states, deviation, area)
-    xx, xy, yy = np.moveaxis(law, -1, 0)
+    """Positions (T, n, 2) to Gaussians (T, n, 5): the mean off by a draw from its covariance."""
+    packed = covariance_of_a_radar(states, deviation, area)
+    xx, xy, yy = np.moveaxis(packed, -1, 0)
     draw = rng.normal(0, 1, states.shape)
     first = np.sqrt(xx)
     below = np.divide(xy, first, out=np.zeros_like(xy), where=first > 0)
@@ -78,7 +78,7 @@ def add_noise_of_a_radar(
         ),
         axis=-1,
     )
-    return np.concatenate((states + error, law), axis=-1)
+    return np.concatenate((states + error, packed), axis=-1)
 
 
 def miss(states: Floats, detection: float, rng: np.random.Generator) -> Floats:

@@ -23,7 +23,7 @@ Times = NDArray[Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stamps:
+class TimeMatching:
     """What makes two stamps one step, and which steps count.
 
     Parameters
@@ -100,7 +100,7 @@ class Nearest:
 def align(
     truth: Trajectories,
     estimate: Trajectories,
-    stamps: Stamps | None = None,
+    matching: TimeMatching | None = None,
     names: tuple[str, str] = ("truth", "estimate"),
 ) -> Alignment:
     """Put both on one grid; `names` are for messages.
@@ -110,7 +110,7 @@ def align(
     InputError
         The kinds of time differ, or integer stamps cannot be compared with decimal ones exactly.
     """
-    stamps = stamps or Stamps()
+    matching = matching or TimeMatching()
     first, second = _comparable(truth, estimate, names)
     clock = truth.clock if len(truth.times) else estimate.clock
     if first.dtype == second.dtype and np.array_equal(first, second) and len(first):
@@ -119,9 +119,9 @@ def align(
             truth=truth, estimate=estimate, union=steps, common=steps, joined=0, left_out=(0, 0)
         )
     joined = 0
-    if stamps.tolerance and len(first) and len(second):
+    if matching.tolerance and len(first) and len(second):
         pairs = nearest(first, second)
-        close = (pairs.apart > 0) & within(pairs.apart, stamps.tolerance, (first, second), clock)
+        close = (pairs.apart > 0) & within(pairs.apart, matching.tolerance, (first, second), clock)
         joined = int(np.count_nonzero(close))
         second = second.astype(np.result_type(first, second))
         second[pairs.second[close]] = first[pairs.first[close]]
@@ -137,7 +137,7 @@ def align(
     for mine, at in zip(has, on, strict=True):
         mine[at] = True
     counted = {"union": has.any(axis=0), "truth": has[0], "estimate": has[1]}.get(
-        stamps.grid, has.all(axis=0)
+        matching.grid, has.all(axis=0)
     )
     sides = [
         _on(side, at, counted, times, clock, labels)

@@ -151,11 +151,11 @@ class Trajectories:
 
     def __repr__(self) -> str:
         particles = "" if self.clouds is None else f", {len(self.clouds.points)} particles"
-        laws = "" if self.covariance is None else ", with covariances"
+        covariances = "" if self.covariance is None else ", with covariances"
         return (
             f"Trajectories({counted(len(self.ids), 'track')}, {counted(len(self.times), 'step')}, "
             f"{counted(len(self.step), 'row')}"
-            f"{particles}, columns {','.join(self.columns)}{laws})"
+            f"{particles}, columns {','.join(self.columns)}{covariances})"
         )
 
     def dense(self) -> Floats:
@@ -224,7 +224,7 @@ class Trajectories:
         Parameters
         ----------
         states : (T, k, d) array
-            States, NaN or masked where absent; of normal laws the means.
+            States, NaN or masked where absent; of Gaussians the means.
         columns : tuple of str, optional
             Names of the d columns; x, y, z by default.
         covariance : (T, k, d, d) array, optional

@@ -20,7 +20,7 @@ from tgospa_eval.cli.simulate.command import command as simulate
 from tgospa_eval.cli.simulate.run import settings as scene_settings
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, natural
 from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
 from tgospa_eval.comparison.ranking import document as ranking
@@ -32,7 +32,6 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.formats import ROLES, Reading
-from tgospa_eval.formats.assemble import natural
 from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, study_pictures
 from tgospa_eval.reports.comparison import json_text, render
 from tgospa_eval.reports.files import csv_text

@@ -159,7 +159,7 @@ def _evaluate_classes(
     sides: tuple[Reading, ...], request: EvaluationRequest, stopwatch: Stopwatch
 ) -> Summary:
     """One evaluation for each class, and their sum."""
-    from tgospa_eval.formats.assemble import natural
+    from tgospa_eval.common.words import natural
     from tgospa_eval.results.by_class import add_up
 
     truth, estimate = sides
@@ -239,9 +239,9 @@ def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> 
             yield Notice(text=text)
     if pixels:
         yield from unit_notices(request.unit)
-    for text in alignment_notices(aligned, request.stamps):
+    for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
-    found = diagnose(sides.read, aligned, request.stamps, parameters, distance)
+    found = diagnose(sides.read, aligned, request.time_matching, parameters, distance)
     yield from found
     if request.defaults:
         yield default_notice(

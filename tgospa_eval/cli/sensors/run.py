@@ -71,8 +71,8 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
                 "distance": distance.name,
                 **distance.settings(aligned.truth.columns),
                 "columns": list(aligned.truth.columns),
-                "grid": settings.stamps.grid,
-                "time_tolerance": settings.stamps.tolerance,
+                "grid": settings.time_matching.grid,
+                "time_tolerance": settings.time_matching.tolerance,
                 **settings.recorded,
             },
             "counts": {

@@ -12,8 +12,8 @@ from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.asked import BOX, parse_columns
-from tgospa_eval.formats.headers import METRES
+from tgospa_eval.formats.columns.asked import BOX, parse_columns
+from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.text import quoted
 
 
@@ -148,7 +148,7 @@ def _with(distance: Any, **settings: Any) -> Distance:
 
 def _mahalanobis(path: str, decimal: str) -> Distance:
     from tgospa_eval.distances.mahalanobis import Mahalanobis
-    from tgospa_eval.formats.matrix import read_matrix
+    from tgospa_eval.formats.text.matrix import read_matrix
 
     matrix = read_matrix(path, decimal)
     try:

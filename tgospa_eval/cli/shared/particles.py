@@ -63,7 +63,7 @@ def cloud_distance(options: EvaluationOptions) -> "CloudWasserstein":
         The file of a covariance is missing or wrong.
     """
     from tgospa_eval.distances import CloudWasserstein, PairCloudWasserstein
-    from tgospa_eval.formats.matrix import read_matrix
+    from tgospa_eval.formats.text.matrix import read_matrix
 
     inner = options.inner or "euclidean"
     pairwise = options.pairwise

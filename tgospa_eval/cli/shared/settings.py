@@ -12,11 +12,11 @@ from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
-from tgospa_eval.formats.asked import columns_of_each
+from tgospa_eval.formats.columns.asked import columns_of_each
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.alignment import Stamps
+from tgospa_eval.tracks.alignment import TimeMatching
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class Settings:
         Cutoff, order, switch penalty; those of the distance where none is given.
     measure : DistanceOptions
         The distance, as far as it is known without the columns of the files.
-    stamps : Stamps
+    time_matching : TimeMatching
         Which stamps are one step, and which steps count.
     reading : ReadOptions
         How to read both files.
@@ -49,7 +49,7 @@ class Settings:
 
     parameters: Parameters
     measure: DistanceOptions
-    stamps: Stamps
+    time_matching: TimeMatching
     reading: ReadOptions
     each: tuple[ReadOptions, ReadOptions]
     formats: tuple[str | None, str | None]
@@ -158,7 +158,7 @@ class Settings:
             parameters=self.parameters,
             distance=self.measure.distance(columns),
             solver=self.solver,
-            stamps=self.stamps,
+            time_matching=self.time_matching,
             unit=self.unit,
             curve=self.curve,
             recorded=self.recorded,
@@ -219,7 +219,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         parameters=parameters,
         defaults=defaults,
         measure=measure,
-        stamps=Stamps(tolerance=options.time_tolerance, grid=options.grid),
+        time_matching=TimeMatching(tolerance=options.time_tolerance, grid=options.grid),
         reading=reading,
         each=_each(reading, measure, options),
         formats=(options.truth_format, options.estimate_format),

@@ -1,4 +1,4 @@
-"""``tgospa-eval simulate DIR``: a made-up scene as files, with the command to evaluate it."""
+"""``tgospa-eval simulate DIR``: a synthetic scene as files, with the command to evaluate it."""
 
 from functools import partial
 from typing import Any

@@ -71,8 +71,8 @@ class CloudWasserstein(Distance):
             raise ConfigError("a covariance of particles needs the inner distance mahalanobis")
         # Checks scale and covariance, and keeps them as tuples.
         for name in ("scale", "covariance"):
-            if hasattr(self.rough, name):
-                object.__setattr__(self, name, getattr(self.rough, name))
+            if hasattr(self.lower_bound, name):
+                object.__setattr__(self, name, getattr(self.lower_bound, name))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -80,7 +80,7 @@ class CloudWasserstein(Distance):
         return ("cloud",)
 
     @property
-    def rough(self) -> Distance:
+    def lower_bound(self) -> Distance:
         """The inner distance of the means, a lower bound."""
         if self.covariance is not None:
             return Mahalanobis(covariance=self.covariance, scale=self.scale)
@@ -88,15 +88,15 @@ class CloudWasserstein(Distance):
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:
         """Distance of points, as states alone are; of clouds the distance of their means."""
-        return self.rough.between(components)
+        return self.lower_bound.between(components)
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """That of the distance of the means."""
-        return self.rough.reach(cutoff, axes)
+        return self.lower_bound.reach(cutoff, axes)
 
     def check_columns(self, columns: tuple[str, ...], name: str) -> None:
         """Whether covariance and scale are for so many columns."""
-        self.rough.check_columns(columns, name)
+        self.lower_bound.check_columns(columns, name)
 
     def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
         """Order, inner distance and reduction by the names of the options."""

@@ -1,7 +1,7 @@
 """Near pairs of particle clouds that are Euclidean already: bounds first, transport for the rest.
 
 Two bounds cost next to nothing: the distance of the means, ``|m_a - m_b| <= W_q`` for every q, and
-of order 2 the Gelbrich bound, the Wasserstein distance of the normal laws with the same moments,
+of order 2 the Gelbrich bound, the Wasserstein distance of the Gaussians with the same moments,
 
     |m_a - m_b|^2 + B(P_a, P_b)^2  <=  W_2^2,
 
@@ -247,7 +247,7 @@ def _while_shown(done: Iterator[int], effort: Effort) -> Iterator[int]:
 def estimated_seconds(first: Ints, second: Ints, *, is_line: bool = False) -> float:
     """Of transports between clouds of so many particles: about 2 ms for 100, and N^2.1.
 
-    On a line they are sorted alone.
+    On a line they are sorted by their place.
     """
     if is_line:
         return float(np.sum(1e-4 + 2e-7 * (first + second)))

@@ -350,8 +350,8 @@ def _kmeans(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> I
             nearest = apart.argmin(axis=1)
             cost = weights * apart[np.arange(len(points)), nearest]
             for empty in np.flatnonzero(np.bincount(nearest, minlength=len(x)) == 0):
-                alone = np.bincount(nearest, minlength=len(x))[nearest] == 1
-                worst = int(np.argmax(np.where(alone, -1.0, cost)))
+                only_one = np.bincount(nearest, minlength=len(x))[nearest] == 1
+                worst = int(np.argmax(np.where(only_one, -1.0, cost)))
                 nearest[worst], cost[worst] = empty, 0.0
             mass = np.bincount(nearest, weights, len(x))
             sums = [np.bincount(nearest, weights * each, len(x)) for each in points.T]

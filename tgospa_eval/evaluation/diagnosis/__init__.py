@@ -14,7 +14,7 @@ from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
 from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
 from tgospa_eval.problem.problem import Parameters
-from tgospa_eval.tracks.alignment import Alignment, Stamps
+from tgospa_eval.tracks.alignment import Alignment, TimeMatching
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
@@ -22,7 +22,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 def diagnose(
     sides: tuple[Trajectories, Trajectories],
     aligned: Alignment,
-    stamps: Stamps,
+    matching: TimeMatching,
     parameters: Parameters,
     distance: Distance,
     spell: Spelling = as_option,
@@ -35,7 +35,7 @@ def diagnose(
         Truth and estimate as read.
     aligned : Alignment
         The same, aligned.
-    stamps : Stamps
+    matching : TimeMatching
         How.
     parameters : Parameters
         Cutoff and order of the per-step GOSPA cost.
@@ -44,32 +44,35 @@ def diagnose(
     spell : callable
         How settings are written in remedies: `as_option` or `as_argument`.
     """
-    rough = distance.rough
+    lower_bound = distance.lower_bound
     found = side_warnings(sides)
-    clock = clock_warnings(sides, aligned, stamps, parameters, rough, spell)
+    clock = clock_warnings(sides, aligned, matching, parameters, lower_bound, spell)
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
-        found += state_warnings((aligned.truth, aligned.estimate), parameters, rough, spell)
+        found += state_warnings((aligned.truth, aligned.estimate), parameters, lower_bound, spell)
     return found
 
 
-def alignment_notices(aligned: Alignment, stamps: Stamps, spell: Spelling = as_option) -> list[str]:
+def alignment_notices(
+    aligned: Alignment, matching: TimeMatching, spell: Spelling = as_option
+) -> list[str]:
     """What aligning two sides took: steps of both, stamps that were joined, rows left out."""
     alone = aligned.union - aligned.common
     at = "what exists at the other is missed or false"
     if alone > 1:
         at = f"what exists at the other {alone:,} is missed or false"
-    costly = stamps.grid == "union" and alone and aligned.common
+    costly = matching.grid == "union" and alone and aligned.common
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")
         notices.append(
-            f"{pairs} joined, at most {stamps.tolerance:.15g} apart ({spell('time_tolerance', '')})"
+            f"{pairs} joined, at most {matching.tolerance:.15g} apart "
+            f"({spell('time_tolerance', '')})"
         )
     if any(aligned.left_out):
         steps = aligned.union - len(aligned.truth.times)
         notices.append(
-            f"{counted(steps, 'step')} left out ({spell('grid', stamps.grid)}), with "
+            f"{counted(steps, 'step')} left out ({spell('grid', matching.grid)}), with "
             f"{counted(aligned.left_out[0], 'row')} of the truth and {aligned.left_out[1]} of the "
             "estimate"
         )

@@ -29,7 +29,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving_of_tracks,
 )
 from tgospa_eval.problem.problem import Floats, Parameters
-from tgospa_eval.tracks.alignment import SECOND, Alignment, Stamps, nearest, within
+from tgospa_eval.tracks.alignment import SECOND, Alignment, TimeMatching, nearest, within
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 FEW = 0.9
@@ -79,14 +79,14 @@ class Shift:
 def clock_warnings(
     sides: tuple[Trajectories, Trajectories],
     aligned: Alignment,
-    stamps: Stamps,
+    matching: TimeMatching,
     parameters: Parameters,
     distance: Distance,
     spell: Spelling,
 ) -> list[Notice]:
     """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
-    near = _near_misses((sides[0].times, sides[1].times), aligned, stamps, spell)
-    found = [_few_common(sides, aligned, stamps, spell), near]
+    near = _near_misses((sides[0].times, sides[1].times), aligned, matching, spell)
+    found = [_few_common(sides, aligned, matching, spell), near]
     if near is None:  # else the next step is the same moment: no shift
         shift = find_shift(aligned, parameters, distance)
         clock = _find_clock(sides, aligned, parameters, distance)
@@ -98,10 +98,13 @@ def clock_warnings(
 
 
 def _few_common(
-    sides: tuple[Trajectories, Trajectories], aligned: Alignment, stamps: Stamps, spell: Spelling
+    sides: tuple[Trajectories, Trajectories],
+    aligned: Alignment,
+    matching: TimeMatching,
+    spell: Spelling,
 ) -> Notice | None:
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
-    if stamps.grid == "common":  # of two rates the lower one may be wholly in the other
+    if matching.grid == "common":  # of two rates the lower one may be wholly in the other
         steps, meaning = min(len(side.times) for side in sides), "the others are left out"
     if not steps or aligned.common >= FEW * steps:
         return None
@@ -116,7 +119,7 @@ def _few_common(
 def _near_misses(
     times: tuple[NDArray[Any], NDArray[Any]],
     aligned: Alignment,
-    stamps: Stamps,
+    matching: TimeMatching,
     spell: Spelling,
 ) -> Notice | None:
     """Stamps that are not the same, and closer than 1 % of the median step."""
@@ -127,7 +130,7 @@ def _near_misses(
         return None
     clock = aligned.truth.clock
     apart = nearest(*times).apart
-    is_close = (apart < NEARLY * min(steps)) & ~within(apart, stamps.tolerance, times, clock)
+    is_close = (apart < NEARLY * min(steps)) & ~within(apart, matching.tolerance, times, clock)
     close = apart[is_close & (apart > 0)]
     if not len(close):
         return None

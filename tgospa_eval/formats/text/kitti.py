@@ -4,17 +4,13 @@ The image box is given by its edges; sizes and places in space are in metres, in
 the camera. Truth and results are read alike.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.plain import leave_out_unknown, read_plain
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
 
 NAMES = (
     *("frame", "id", "class", "truncated", "occluded", "alpha"),
@@ -29,7 +25,7 @@ UNKNOWN = -1000.0
 """Each coordinate of a place in space that is not known."""
 
 
-def read_kitti(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
+def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of a KITTI file, the same in either role.
 
     Raises

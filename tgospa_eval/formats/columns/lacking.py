@@ -1,21 +1,17 @@
 """What to say of headers that a table lacks."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.asked import PREFIXES, ask
-from tgospa_eval.formats.headers import Headers
+from tgospa_eval.formats.columns.asked import PREFIXES, ask
+from tgospa_eval.formats.columns.headers import Headers, Mix
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
-    from tgospa_eval.formats.columns import Mix
 
 DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 
 
-def without_maps(headers: Headers, options: "ReadOptions") -> dict[str, str]:
+def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
     """Take back what is mapped to headers that another file may have; what to say if none has.
 
     Raises
@@ -47,7 +43,7 @@ def without_maps(headers: Headers, options: "ReadOptions") -> dict[str, str]:
 def absent(
     headers: Headers,
     needed: tuple[int | None, int | None],
-    states: dict[str, "Mix | None"],
+    states: dict[str, Mix | None],
     sample: Sequence[str],
 ) -> str:
     """What to say of columns that are missing, with what to type."""
@@ -75,7 +71,7 @@ def absent(
     return f"{lost}; try {ask(headers.option, items)}{also}"
 
 
-def no_class(headers: Headers, options: "ReadOptions", *, fixed: bool) -> str:
+def no_class(headers: Headers, options: ReadOptions, *, fixed: bool) -> str:
     """What to say where there are no classes."""
     option = "--class" if options.classes is not None else "--by class"
     remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"

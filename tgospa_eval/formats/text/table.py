@@ -2,7 +2,7 @@
 
 Parsed here and not by pandas, for exact floats, exact integers, messages that name the line, and a
 start without importing pandas; only large regular files take the quick way of
-`formats.bulk`. Text without quotes, the common case, is split in one call a piece after
+`formats.text.bulk`. Text without quotes, the common case, is split in one call a piece after
 the delimiters of every line were counted; other text goes through the csv module.
 """
 
@@ -13,19 +13,16 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import bulk
-from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import Roles, find_roles
+from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.guess import COMMENTS, foreign
-from tgospa_eval.formats.text import Block, check_text, chunks, convert, decode
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.text import bulk
+from tgospa_eval.formats.text.convert import Block, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
 
 DELIMITERS = ",;\t"
 
@@ -43,7 +40,7 @@ ROWS = 1 << 13
 """Rows of a block from the csv module."""
 
 
-def read_table(path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool) -> Rows:  # noqa: ARG001
+def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of a CSV file, the same in either role.
 
     Raises

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.asked import BOX, PREFIXES, WEIGHT, parse_columns
+from tgospa_eval.formats.columns.asked import BOX, PREFIXES, WEIGHT, parse_columns
+from tgospa_eval.formats.columns.headers import Headers, Mix
+from tgospa_eval.formats.columns.lacking import absent, no_class, without_maps
 from tgospa_eval.formats.fields import is_number
-from tgospa_eval.formats.headers import Headers
-from tgospa_eval.formats.lacking import absent, no_class, without_maps
+from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import Floats
 
 if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
-    from tgospa_eval.formats.spread import Spread
-
-Mix = tuple[tuple[int, float], ...]
-"""A quantity as columns times factors: the centre of a box is left + 0.5 width."""
+    from tgospa_eval.formats.columns.spread import Spread
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +134,7 @@ class Roles:
 
     def _covariances(self) -> list[list[str]]:
         """Headers that the entries of the covariance may have."""
-        from tgospa_eval.formats.spread import spelt  # here: most states are points
+        from tgospa_eval.formats.columns.spread import spelt  # here: most states are points
 
         return [
             spelt(first, second, deviations=deviations)
@@ -161,7 +158,7 @@ class Roles:
 
 def find_roles(
     header: Sequence[str],
-    options: "ReadOptions",
+    options: ReadOptions,
     where: str,
     *,
     fixed: bool = False,
@@ -240,7 +237,7 @@ def find_roles(
             lacking["class"] = fault
     spread = None
     if options.covariance:
-        from tgospa_eval.formats.spread import find_spread
+        from tgospa_eval.formats.columns.spread import find_spread
 
         for naming in _namings(wanted, state, headers):
             spread = spread or find_spread(naming, find, where)

@@ -4,9 +4,12 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.asked import ask
+from tgospa_eval.formats.columns.asked import ask
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.text import listed, quoted
+
+Mix = tuple[tuple[int, float], ...]
+"""A quantity as columns times factors: the centre of a box is left + 0.5 width."""
 
 FIRST = {
     "id": ("id", "track_id", "target_id", "object_id"),
@@ -117,7 +120,7 @@ class Headers:
     mapped : dict of str to str
         Headers of columns that the user has named.
     option : str
-        How the user names them, see `formats.asked.ask`.
+        How the user names them, see `formats.columns.asked.ask`.
     where : str
         Begins every message.
     """

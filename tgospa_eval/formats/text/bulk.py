@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import Roles
+from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, floats
-from tgospa_eval.formats.text import blanks, coded_times, numbered
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.text.convert import blanks, coded_times, numbered
 from tgospa_eval.formats.times import EXACT, TimeError, Times
 
 SIZE = 4_000_000

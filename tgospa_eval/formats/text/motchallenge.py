@@ -5,19 +5,16 @@ follows depends on the number of fields: class and visibility (8 or 9), or a pla
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.asked import BOX
-from tgospa_eval.formats.assemble import Rows
+from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.formats.fields import Coded
-from tgospa_eval.formats.plain import leave_out_unknown, read_plain
-from tgospa_eval.formats.text import Places, numbers
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.text.convert import Places, numbers
+from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
 from tgospa_eval.tracks.trajectories import Floats
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
 
 FLAG = 6
 UNKNOWN = -1.0
@@ -26,7 +23,7 @@ NOT_CONSIDERED = "not considered"
 
 
 def read_motchallenge(
-    path: str, data: bytes, options: "ReadOptions", role: str, *, given: bool
+    path: str, data: bytes, options: ReadOptions, role: str, *, given: bool
 ) -> Rows:
     """The rows of a MOTChallenge file.
 

@@ -2,7 +2,7 @@
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import floats
-from tgospa_eval.formats.text import check_text, decode, load
+from tgospa_eval.formats.text.convert import check_text, decode, load
 from tgospa_eval.text import quoted
 
 DELIMITERS = ";\t,"

@@ -4,28 +4,25 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats import bulk
-from tgospa_eval.formats.assemble import Rows
-from tgospa_eval.formats.columns import find_roles
+from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.guess import split as split_line
-from tgospa_eval.formats.text import Block, Places, check_text, chunks, convert, decode
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.text import bulk
+from tgospa_eval.formats.text.convert import Block, Places, check_text, chunks, convert, decode
 from tgospa_eval.formats.times import more
-
-if TYPE_CHECKING:
-    from tgospa_eval.formats import ReadOptions
 
 
 def read_plain(
     path: str,
     data: bytes,
-    options: "ReadOptions",
+    options: ReadOptions,
     header: Callable[[list[str], str], list[str]],
     *,
     commas: bool,

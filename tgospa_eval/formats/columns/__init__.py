@@ -1,0 +1,1 @@
+"""Which column is what: headers, as they are asked for and found, to roles."""

@@ -1,0 +1,150 @@
+"""Path to `Reading`: the format of a file, its reader, and the rows that take part.
+
+A member is one file, one line in `FORMATS` and one docs page. A reader yields `formats.rows.Rows`,
+the rows before anything is left out; `formats.assemble` makes a `Reading` of them.
+"""
+
+import os
+from dataclasses import replace
+from importlib import import_module
+
+from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.options import ReadOptions, one_of
+from tgospa_eval.formats.reading import Reading
+from tgospa_eval.tracks.trajectories import Trajectories
+
+FORMATS = {
+    "csv": ("tgospa_eval.formats.text.table", "read_table"),
+    "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
+    "motchallenge": ("tgospa_eval.formats.text.motchallenge", "read_motchallenge"),
+    "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
+    "npz": ("tgospa_eval.formats.npz", "read_npz"),
+}
+"""Module and function that read each format; imported when used."""
+
+PACKED = ("parquet", "npz")
+"""Formats whose readers know what a file unpacks to."""
+
+ROLES = ("truth", "estimate")
+
+
+def read(
+    path: str | os.PathLike[str],
+    options: ReadOptions | None = None,
+    role: str = "truth",
+    format: str | None = None,
+) -> Reading:
+    """Read a file of trajectories, with its notices.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    options : ReadOptions, optional
+        How, and which rows.
+    role : {"truth", "estimate"}
+        What the file is; formats of challenges mean different things by one column.
+    format : str, optional
+        A key of `FORMATS`; by default guessed by name and content.
+
+    Raises
+    ------
+    InputError
+        The file is missing, unreadable or wrong; the message names line and column.
+    ConfigError
+        An option is none of those allowed, or the package that reads the format is missing.
+    """
+    from tgospa_eval.formats.assemble import assemble
+    from tgospa_eval.formats.guess import guess
+    from tgospa_eval.formats.room import TEXT, check_room, most_bytes
+    from tgospa_eval.formats.text.convert import load
+
+    one_of("role", role, ROLES)
+    if format is not None:
+        one_of("format", format, tuple(FORMATS))
+    try:
+        name = os.fsdecode(path)
+    except TypeError:
+        tables = "; evaluate takes DataFrames themselves" if hasattr(path, "columns") else ""
+        kind = type(path).__name__
+        raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
+    options = options or ReadOptions()
+    data = load(name, most_bytes(options.max_input))
+    chosen = format or guess(name, data)
+    if chosen not in PACKED:
+        size = len(data)
+        check_room(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")
+    module, function = FORMATS[chosen]
+    reader = getattr(import_module(module), function)
+    rows = reader(name, data, options, role, given=format is not None)
+    del data
+    reading: Reading = assemble(rows, options, chosen)
+    if format is None and chosen != "csv":
+        notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
+        reading = replace(reading, notices=(notice, *reading.notices))
+    return reading
+
+
+@spoken_in_python()
+def read_trajectories(
+    path: str | os.PathLike[str],
+    *,
+    role: str = "truth",
+    format: str | None = None,
+    columns: tuple[str, ...] | None = None,
+    decimal: str = ".",
+    on_duplicate: str = "error",
+    boxes: bool = False,
+    time: str | None = None,
+    classes: tuple[str, ...] | None = None,
+    region: str | None = None,
+    covariance: bool = True,
+    fix_covariance: bool = False,
+    missing_covariance: str = "error",
+    clouds: bool = False,
+    max_input: float | None = None,
+) -> Trajectories:
+    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
+
+    Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
+    Covariances that are not quite such are told of by a warning.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    role : {"truth", "estimate"}
+        What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
+    format : {"csv", "parquet", "motchallenge", "kitti", "npz"}, optional
+        Guessed by name and content if not given.
+    covariance : bool
+        Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
+        std_y, rho_xy``; the distance says whether they are compared.
+    columns, decimal, on_duplicate, boxes, time, classes, region
+        As in `formats.ReadOptions`.
+    fix_covariance, missing_covariance, clouds, max_input
+        Likewise.
+
+    Raises
+    ------
+    InputError
+        The file is missing, unreadable or wrong; the message names line and column.
+    ConfigError
+        An option is none of those allowed, or the package that reads the format is missing.
+    """
+    options = ReadOptions(
+        columns=columns,
+        decimal=decimal,
+        on_duplicate=on_duplicate,
+        boxes=boxes,
+        time=time,
+        classes=classes,
+        region=region,
+        covariance=covariance,
+        fix_covariance=fix_covariance,
+        missing_covariance=missing_covariance,
+        clouds=clouds,
+        max_input=max_input,
+    )
+    return read(path, options, role, format).warn()

@@ -1,0 +1,128 @@
+"""How to read a file, and which rows of it. Knows no format."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """How to read a file, and which rows of it.
+
+    Parameters
+    ----------
+    columns : tuple of str, optional
+        State columns in order; an item ``"name=header"`` says under which header a name is found
+        (``"id=trk"``, ``"t=clock"``, ``"x=px"``). By default x, y, z as far as present, else
+        lat, lon, else the centres of boxes.
+    decimal : {".", ","}
+        Decimal mark.
+    on_duplicate : {"error", "first", "last"}
+        What to do with a repeated (id, t).
+    boxes : bool
+        The states are the boxes themselves, left, top, width, height.
+    time : str, optional
+        ``"A:B"``: steps from A to B, both included; either end may be blank.
+    classes : tuple of str, optional
+        Rows of these classes.
+    region : str, optional
+        ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
+    by_class : bool
+        The reading says which row is of which class.
+    covariance : bool
+        Read covariances, if there are columns of such.
+    fix_covariance : bool
+        Replace what is no covariance by the nearest matrix that is.
+    missing_covariance : {"error", "zero"}
+        What a row with blank covariance is, where there are columns: wrong, or a point.
+    clouds : bool
+        A column of weights makes rows particles, also where no (id, t) is repeated.
+    fault : callable, optional
+        Of names of state columns and states (d, R): the first that is out of range, its column, and
+        what is wrong with it.
+    max_input : float, optional
+        GB of memory that reading may take, 0 for any; by default 4, or what is available.
+    shared : tuple of str
+        Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
+        header, it is read by the usual names, and without a filter by class.
+    option : str
+        What messages call `columns`, see `formats.columns.asked.ask`.
+
+    Raises
+    ------
+    ConfigError
+        A value is none of these.
+    """
+
+    columns: tuple[str, ...] | None = None
+    decimal: str = "."
+    on_duplicate: str = "error"
+    boxes: bool = False
+    time: str | None = None
+    classes: tuple[str, ...] | None = None
+    region: str | None = None
+    by_class: bool = False
+    covariance: bool = False
+    fix_covariance: bool = False
+    missing_covariance: str = "error"
+    clouds: bool = False
+    fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
+    max_input: float | None = None
+    shared: tuple[str, ...] = ()
+    option: str = "columns"
+
+    def __post_init__(self) -> None:
+        for name in ("columns", "classes"):
+            if isinstance(getattr(self, name), str):
+                raise ConfigError(f"{name} is {getattr(self, name)!r}: must be a tuple of names")
+        for name, allowed in (
+            ("decimal", (".", ",")),
+            ("on_duplicate", ("error", "first", "last")),
+            ("missing_covariance", ("error", "zero")),
+        ):
+            one_of(name.replace("_", "-"), getattr(self, name), allowed)
+        if self.classes is not None and not all(name.strip() for name in self.classes):
+            raise ConfigError("class: a name is blank; name classes, --class car,van")
+        parse_moments(self.time)
+        parse_region(self.region)
+
+    @property
+    def moments(self) -> Moments | None:
+        """`time`, understood."""
+        return parse_moments(self.time)
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """`region`, understood."""
+        return parse_region(self.region)
+
+    def filters(self) -> Iterator[tuple[str, str | list[str]]]:
+        """The filters in use, by the names of their options."""
+        for name, value in (("time", self.time), ("class", self.classes), ("region", self.region)):
+            if value is not None:
+                yield name, list(value) if isinstance(value, tuple) else value
+        if self.by_class:
+            yield "by", "class"
+
+    def covariances(self) -> Iterator[tuple[str, bool | str]]:
+        """What is done about covariances, by the names of the options."""
+        if self.covariance:
+            yield "fix_cov", self.fix_covariance
+            yield "missing_cov", self.missing_covariance
+
+
+def one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
+    """Whether a value is one of those allowed.
+
+    Raises
+    ------
+    ConfigError
+        It is another one.
+    """
+    if value not in allowed:
+        options = ", ".join(f'"{item}"' for item in allowed)
+        raise ConfigError(f"{name} is {quoted(value)}: must be one of {options}")

@@ -1,0 +1,75 @@
+"""The rows of a file before anything is left out: what every reader yields."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.words import natural
+from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.times import Times
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Floats, Ints
+
+Numbered = tuple[NDArray[np.object_], Ints]
+"""Distinct texts in natural order, and the number of each row's."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """The rows of a file before anything is left out; what every reader yields.
+
+    Parameters
+    ----------
+    name : str
+        What the file is called in messages.
+    roles : Roles
+        Which column is what.
+    ids : Numbered
+        Ids.
+    times : Times
+        Time of each row.
+    numbers : (R, n) float array
+        The columns `Roles.numbers`, finite, NaN where blank.
+    where : callable
+        Says where a row is, for messages.
+    classes : Numbered, optional
+        Classes, if the roles ask for them.
+    weight_fault : str, optional
+        What is wrong with the texts of the weights, for those who need them.
+    apart : dict of str to (R,) bool array and str
+        Rows that the format itself leaves out, by its rule, and what to say of them.
+    """
+
+    name: str
+    roles: Roles
+    ids: Numbered
+    times: Times
+    numbers: Floats
+    where: Callable[[int], str]
+    classes: Numbered | None = None
+    weight_fault: str | None = None
+    apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
+
+    def called(self, row: int) -> str:
+        """Id of a row, for messages."""
+        return quoted(self.ids[0][self.ids[1][row]])
+
+    def moment(self, row: int) -> str | float:
+        """Time of a row as read."""
+        times = self.times
+        return times.text[row].strip() if times.text is not None else times.value[row].item()
+
+
+def number_ids(ids: Sequence[str]) -> Numbered:
+    """Distinct ids in natural order (2 before 10), and the number of each row's."""
+    seen: dict[str, int] = {}
+    number = np.array([seen.setdefault(text, len(seen)) for text in ids], np.int64)
+    order = sorted(seen, key=natural)
+    rank = np.empty(len(order), np.int64)
+    rank[[seen[text] for text in order]] = np.arange(len(order))
+    table = np.empty(len(order), dtype=object)
+    table[:] = order
+    return table, rank[number] if len(number) else number

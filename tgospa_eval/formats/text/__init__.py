@@ -1,0 +1,1 @@
+"""Files of text: lines to fields, fields to the rows of a table."""
