@@ -12,12 +12,13 @@ test: .venv/installed-test
 
 # What runs where there is no C compiler.
 test-fallback: .venv/installed-test
-	TGOSPA_EVAL_KERNEL=numpy $(BIN)/python -m pytest tests/test_solver_contract.py tests/test_properties.py tests/test_golden.py
+	TGOSPA_EVAL_KERNEL=numpy $(BIN)/python -m pytest -n auto tests/contract/test_solver_contract.py \
+		tests/contract/test_metric_properties.py tests/golden/test_known_values.py
 
 # Properties with new seeds, for about this long.
 SECONDS := 600
 fuzz: .venv/installed-test
-	$(BIN)/python tests/fuzz.py --seconds $(SECONDS)
+	$(BIN)/python tests/fuzz --seconds $(SECONDS)
 
 bench: .venv/installed
 	$(BIN)/python tests/benchmarks

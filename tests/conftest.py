@@ -9,11 +9,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 import browser
 import pytest
+from answer import Answer
 from browser import PATIENCE, Browser
+from checkout import SAMPLES
 from hypothesis import HealthCheck, settings
 
 import tgospa_eval
@@ -44,18 +45,23 @@ for module in pkgutil.walk_packages(tgospa_eval.__path__, "tgospa_eval."):
         with suppress(ImportError):  # of an extra
             importlib.import_module(module.name)
 
-QUICKSTART = Path(__file__).parents[1] / "sample_data" / "quickstart"
+QUICKSTART = SAMPLES / "quickstart"
 
 NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
-"""They take longer than what most tests are about; tests/test_pictures.py draws them."""
+"""They take longer than what most tests are about; tests/unit/plots draws them."""
 
 
-class Answer(NamedTuple):
-    """What a command line left behind."""
+NEEDS = {"chromium": "browser", "environment": "process"}
+"""Marks that follow from the fixtures of a test."""
 
-    status: int
-    out: str
-    err: str
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give every test the marks of what it needs."""
+    for item in items:
+        for fixture, mark in NEEDS.items():
+            if fixture in getattr(item, "fixturenames", ()):
+                item.add_marker(mark)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ import click
 import numpy as np
 from store import Store, Values
 
-sys.path.append(str(Path(__file__).parents[1]))  # the referee is that of the tests
+sys.path.append(str(Path(__file__).parents[1] / "support"))  # the referee is that of the tests
 
 from claims import GAP, claim, judge, reference_of
 from far_scenes import FAMILIES, RANDOM, WALKS, far_scene

@@ -1,0 +1,147 @@
+"""What a terminal gets: the table in colours, with graphs; and what a pipe goes on getting."""
+
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import termios
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import PATIENCE
+
+from tgospa_eval import evaluate
+from tgospa_eval.reports.console import table
+from tgospa_eval.reports.terminal import BLOCKS, SIGNS, report, sparkline
+
+COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def on_terminal(
+    arguments: list[str], folder: Path, env: dict[str, str], stream: str = "stdout"
+) -> str:
+    """What the command shows on a terminal of its own, of 60 columns."""
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 60))
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tgospa_eval", *arguments],
+        **streams | {stream: theirs}, cwd=folder, env=env,
+    )  # fmt: skip
+    os.close(theirs)
+    shown = b""
+    while select.select([ours], [], [], PATIENCE)[0]:
+        try:
+            part = os.read(ours, 1 << 16)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        shown += part
+    os.close(ours)
+    assert process.wait(PATIENCE) == 0
+    return shown.decode().replace("\r\n", "\n")
+
+
+def test_a_terminal_gets_graphs_of_80_columns(
+    quickstart: tuple[str, str], tmp_path: Path, environment: dict[str, str]
+) -> None:
+    shown = on_terminal([*quickstart, "-c", "10", "-g", "5"], tmp_path, environment)
+    assert "\x1b[1;32mTGOSPA = 42.5352" in shown
+    lines = COLOUR.sub("", shown).splitlines()
+    assert max(map(len, lines)) <= 80
+    graph = next(line for line in lines if line.startswith("  switch  ") and "▁" in line)
+    assert graph[18:].rstrip() == "     ▁   ▁                        ▄"  # steps 8, 12, 37 from 3
+    assert any(re.fullmatch(r" +8 +112\.5 +2 +0 +0\.5", line) for line in lines)
+    assert any("1: 101 -> 103" in line for line in lines)
+
+
+def test_long_stamps_lose_no_digit_that_tells_them_apart(
+    invoke: Callable, write: Callable[[str, str], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stamps = [f"2014-06-24T19:03:{k:02}.163556123Z" for k in range(9)]
+    truth = write("t.csv", "id,t,x\n" + "".join(f"a,{t},0\n" for t in stamps))
+    estimate = write(
+        "e.csv", "id,t,x\n" + "".join(f"{k // 5},{t},{k / 9}\n" for k, t in enumerate(stamps))
+    )
+    given = (truth, estimate, "-q", "--curve")
+    plain = invoke(*given).out
+    assert all(stamp in plain for stamp in stamps[4:])  # the worst steps, whole
+    assert " ...19:03:05.163556123Z  a: 0 -> 1\n" in plain  # the switch
+    assert re.search(r"\n +\.\.\.03:08\.163556123Z +", plain)  # the curve
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    lively = COLOUR.sub("", invoke(*given).out)
+    assert re.search(r"\n +\.\.\.[-T0-9]*19:03:08\.163556123Z +[\d.]+ +0 +0 +0\n", lively)
+    assert max(map(len, (plain + lively).splitlines())) <= 80
+
+
+def test_notices_are_wrapped_on_a_terminal_alone(
+    quickstart: tuple[str, str], run: Callable, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    shown = on_terminal([*quickstart], tmp_path, environment, "stderr").splitlines()
+    piped = run(*quickstart).err.splitlines()
+    assert max(map(len, piped)) > 60
+    wide = [line for line in shown if len(line) > 60]
+    assert all(" " not in line.strip() for line in wide)  # but for paths, which stay whole
+    assert " ".join(line.strip() for line in shown) == " ".join(piped)
+    assert any(line.startswith("  ") for line in shown)
+
+
+@pytest.mark.parametrize("name", ["NO_COLOR", "TERM"])
+def test_colours_can_be_declined(
+    quickstart: tuple[str, str], tmp_path: Path, environment: dict[str, str], name: str
+) -> None:
+    env = environment | ({"NO_COLOR": "1"} if name == "NO_COLOR" else {"TERM": "dumb"})
+    shown = on_terminal(list(quickstart), tmp_path, env)
+    assert not re.search(r"\x1b\[[0-9;]*3[0-7]m", shown)
+
+
+def test_a_pipe_gets_the_plain_table(run: Callable, quickstart: tuple[str, str]) -> None:
+    out = run(*quickstart, env={"FORCE_COLOR": ""}).out
+    assert out.isascii()
+    assert "cost of each step" not in out
+
+
+def test_ascii_stands_in(run: Callable, quickstart: tuple[str, str]) -> None:
+    out = run(*quickstart, env={"FORCE_COLOR": "1", "PYTHONIOENCODING": "ascii"}).out
+    assert out.isascii()
+    assert "=#=##" in out
+
+
+@pytest.mark.process
+def test_rich_is_for_terminals_alone(quickstart: tuple[str, str]) -> None:
+    code = (
+        "import sys; from tgospa_eval.cli import main\n"
+        f"try: main({[*quickstart, '-q']!r})\n"
+        "except SystemExit: print('rich' in sys.modules)"
+    )
+    env = {k: v for k, v in os.environ.items() if k != "FORCE_COLOR"}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
+    assert done.stdout.endswith("False\n")
+
+
+def test_sparkline() -> None:
+    assert sparkline([0, 1e-9, 4, 8], 8, BLOCKS) == " ▁▄█"
+    assert sparkline([0, 1e-9, 4, 8], 8, SIGNS) == " .=@"
+    assert sparkline([1, 8, 0, 2, 0], 8, BLOCKS, width=3) == "█▂ "  # the largest of two
+
+
+def test_ids_are_no_markup_and_lines_are_those_of_the_table() -> None:
+    pandas = pytest.importorskip("pandas")
+    rows = pandas.DataFrame(
+        {"id": ["[red]x[/red]", "[/]"] * 2, "t": [0, 0, 1, 1], "x": [0.0, 9.0, 0.0, 9.0]}
+    )
+    result = evaluate(rows, rows.iloc[:0], cutoff=2.0, order=1)
+    shown = COLOUR.sub("", report(result, "utf-8"))
+    assert "[/]  [red]x[/red]" in shown
+    kept = [line for line in table(result).splitlines() if not line.startswith("  worst steps")]
+    assert set(kept) <= set(shown.splitlines())
+
+
+def test_nothing_has_no_graph() -> None:
+    nothing = np.zeros((0, 0, 2))
+    assert "cost of each step" not in report(evaluate(nothing, nothing, cutoff=1.0), "utf-8")

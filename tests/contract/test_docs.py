@@ -1,0 +1,115 @@
+"""Whoever follows a page of README and docs, from its top, gets what it shows.
+
+A page begins in a folder that has the sample data, as a checkout has, and nothing else: what its
+commands read comes with that, or from an earlier block of the page.
+"""
+
+import math
+import os
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+from checkout import ROOT
+
+from tgospa_eval.cli import main
+from tgospa_eval.cli.shared import progress
+
+README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Language and text of what a reader runs, in their order."""
+    text = page.read_text(encoding="utf-8")
+    found = re.findall(r"^```(python|console)\n(.*?)^```", text, re.M | re.S)
+    return [block for block in found if page != README or block[0] == "python"]
+
+
+def runs(block: str) -> list[tuple[str, list[str]]]:
+    """Commands of a console block, with the lines that the page shows of their output."""
+    found = []
+    for part in re.split(r"^\$ ", re.sub(r"(?<!\\)\\\n", "", block), flags=re.M)[1:]:
+        command, *lines = part.splitlines()
+        found.append((command, lines))
+    return found
+
+
+def shown(lines: list[str]) -> list[str]:
+    """What of an output is the same each time."""
+    return [line for line in lines if "seconds  " not in line and "compiled kernels" not in line]
+
+
+def check_shown(lines: list[str], printed: list[str]) -> None:
+    """`...` stands for lines that are left out."""
+    at, printed = 0, shown(printed)
+    for part in re.split(r"^\.\.\.$", "\n".join(shown(lines)), flags=re.M):
+        expected = part.strip("\n").splitlines()
+        if expected:
+            at = printed.index(expected[0], at)
+            assert expected == printed[at : at + len(expected)]
+
+
+class Shell:
+    """What the pages need of one."""
+
+    def __init__(self, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        self.capfd, self.monkeypatch = capfd, monkeypatch
+        self.status: object = None
+
+    def run(self, command: str, lines: list[str]) -> None:
+        program, *arguments = shlex.split(command)
+        if program == "tgospa-eval":
+            self.capfd.readouterr()
+            with pytest.raises(SystemExit) as ended:
+                main(arguments)
+            self.status = ended.value.code
+            out, err = self.capfd.readouterr()
+            check_shown(lines, (err + out).splitlines())
+        elif program == "cd":
+            self.monkeypatch.chdir(arguments[0])
+        elif program == "cat" and arguments[0] == ">":
+            assert lines[-1] == "EOF"
+            Path(arguments[1]).write_text("\n".join(lines[:-1]) + "\n", encoding="utf-8")
+        elif program in ("cat", "head"):
+            text = Path(arguments[-1]).read_text(encoding="utf-8").splitlines()
+            assert lines == text[: int(arguments[0][1:]) if program == "head" else None]
+        elif program == "ls":
+            assert " ".join(lines).split() == sorted(
+                name for name in os.listdir(arguments[0]) if name[0] != "."
+            )
+        elif command == "echo $?":
+            assert lines == [str(self.status)]
+        else:
+            raise AssertionError(f"the page has a command that is not tried: {command}")
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if blocks(p)], ids=lambda p: p.relative_to(ROOT).as_posix()
+)
+def test_a_page_from_its_top(
+    page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(ROOT / "sample_data", tmp_path / "sample_data")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(progress, "FIRST", math.inf)  # a busy machine would show how far it is
+    shell, names = Shell(capfd, monkeypatch), dict[str, object]()
+    for language, text in blocks(page):
+        if language == "python":
+            exec(compile(text, str(page), "exec"), names)
+        else:
+            for command, lines in runs(text):
+                shell.run(command, lines)
+
+
+def test_readme_has_an_example() -> None:
+    assert "evaluate(" in "".join(text for _, text in blocks(README))
+
+
+def test_readme_prints_what_the_start_page_does() -> None:
+    _, _, text = README.read_text(encoding="utf-8").partition("## What it prints\n\n```\n")
+    printed = text.partition("```")[0]
+    assert printed
+    assert printed in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")

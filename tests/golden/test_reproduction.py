@@ -1,0 +1,67 @@
+"""The script behind docs/theory/reproduction.md runs, and prints what the page shows of it."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from checkout import ROOT
+
+from tgospa_eval.distances import cloud_wasserstein
+
+pytest.importorskip("ot")
+pytest.importorskip("matplotlib")
+
+SCRIPT = ROOT / "docs" / "theory" / "reproduction"
+PAGE = ROOT / "docs" / "theory" / "reproduction.md"
+
+
+def labels(text: str) -> set[str]:
+    """What lines begin with, up to their numbers."""
+    return {re.split(r"\s{2,}|[-+\[\d]", line.strip())[0] for line in text.splitlines()}
+
+
+@pytest.mark.process
+def test_quick_run_prints_and_draws_what_the_page_shows(tmp_path: Path) -> None:
+    run = subprocess.run(
+        [sys.executable, str(SCRIPT), "--quick", "--output", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert run.returncode == 0, run.stderr
+    page = PAGE.read_text(encoding="utf-8")
+    tables = re.findall(r"^```text\n(.*?)^```", page, re.M | re.S)
+    assert len(tables) == 5
+    assert labels("".join(tables)) <= labels(run.stdout)
+    pictures = set(re.findall(r"\(reproduction/(\w+\.png)\)", page))
+    assert pictures == {path.name for path in tmp_path.iterdir()}
+    assert pictures == {path.name for path in SCRIPT.glob("*.png")}
+
+
+def test_what_the_script_computes_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SCRIPT)
+    import convergence
+    import crossing
+    import prossel
+
+    rng = np.random.default_rng(0)
+    x, points = rng.standard_normal((10, 2)), rng.standard_normal((40, 2))
+    squares = [cloud_wasserstein(x @ v, None, points @ v, None) ** 2 for v in prossel.DIRECTIONS.T]
+    assert prossel.sliced(x, points) == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-12)
+    for scene in crossing.scenes(0):
+        for side, means in zip(scene.clouds, scene.means, strict=True):
+            for cloud, mean in zip(side, means, strict=True):
+                found, covariance = crossing.moments(cloud)
+                apart = found - mean
+                assert apart @ np.linalg.solve(scene.covariance, apart) < 1
+                assert np.trace(covariance) == pytest.approx(np.trace(scene.covariance), rel=0.5)
+        pair = [(side[0][0], side[0][1]) for side in scene.clouds]
+        for name in ("means", "W2", convergence.TRUE):
+            limit = convergence.limit(name, scene, 0)
+            few = [crossing.WAYS["sliced"](cloud, 100, rng) for cloud in pair]
+            found = convergence.value(name, *few, scene.covariance)
+            assert found == pytest.approx(limit, rel=0.35)

@@ -1,0 +1,39 @@
+"""Near pairs against all pairs, and the ways in which the search is made to go."""
+
+import numpy as np
+
+from tgospa_eval.distances import Distance, near_pairs
+from tgospa_eval.tracks.trajectories import Trajectories
+
+WAYS = {
+    "as it is": {},
+    "small pieces": {"ROWS": 11, "PIECE": 30},
+    "all axes": {"FEW": 0, "ROWS": 50, "PIECE": 64},
+    "trees": {"FEW": 0, "MANY": 1e-9, "PIECE": 30},
+    "divided": {"FEW": 0, "MANY": 1, "PIECE": 5, "EQUAL": 1.001},
+}
+
+
+def table(step: np.ndarray, state: np.ndarray, steps: int) -> Trajectories:
+    """Rows with the steps given, sorted, each with a track of its own."""
+    return Trajectories(
+        step=np.sort(step),
+        track=np.arange(len(step)),
+        state=state,
+        ids=np.array([str(k) for k in range(len(step))], dtype=object),
+        times=np.arange(steps),
+        columns=tuple(f"x{k}" for k in range(state.shape[1])),
+    )
+
+
+def assert_as_by_brute_force(
+    truth: Trajectories, estimate: Trajectories, cutoff: float, norm: Distance
+) -> None:
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = norm(truth.state[:, None], estimate.state[None])
+    i, j = np.nonzero((distance < cutoff) & (truth.step[:, None] == estimate.step[None]))
+    pairs = near_pairs(truth, estimate, cutoff, norm)
+    assert np.array_equal(pairs.truth_row, i)
+    assert np.array_equal(pairs.estimate_row, j)
+    assert np.array_equal(pairs.distance, distance[i, j])
+    assert pairs.truth_row.dtype == pairs.estimate_row.dtype == np.int32

@@ -1,0 +1,191 @@
+"""Long recordings: what grows with them, and pieces of them that are solved apart."""
+
+import numpy as np
+import pytest
+from fallback import without_kernels
+from strategies import scene
+
+import tgospa_eval.solvers.active_set as active_set_module
+import tgospa_eval.solvers.certified as certified_module
+import tgospa_eval.solvers.exact as exact_module
+import tgospa_eval.solvers.restricted_lp as restricted_lp_module
+from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
+from tgospa_eval.common.progress import LATE
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.states import States
+from tgospa_eval.solvers.block_costs import price_cap
+from tgospa_eval.solvers.certified import _groups, _windows
+from tgospa_eval.solvers.dual_ascent import Ascent
+from tgospa_eval.solvers.fallback.dual_ascent import NumpyAscent
+from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
+from tgospa_eval.solvers.subproblem import cut_out
+
+compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
+
+
+def states_of(seed: int = 1, m: int = 8, steps: int = 60, side: float = 10.0) -> States:
+    truth, estimate = scene(seed, m, m, steps, side=side, noise=1.0)
+    return evaluate(truth, estimate, 5.0, 2, 2.0).proof.states
+
+
+def ascent_of(states: States, kind: type[Ascent] = Ascent) -> Ascent:
+    """After one cold stage, far from the optimum."""
+    wanted = states.block_begin < states.block_end
+    weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
+    ascent = kind(states, wanted, 1e-9, weights, prices)
+    ascent.stage(0.05, 8, 1.0, lambda: False)
+    return ascent
+
+
+@compiled_only
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
+    states = states_of(seed)
+    ascent = ascent_of(states)
+    ascent.survey(ascent.prices, 0.2)
+    begin = states.begin
+    for low, high in ((0, 9), (20, 30), (50, 60)):
+        free = np.flatnonzero(ascent.has(1) & (begin >= low) & (states.end < high))
+        given = ascent.weights, ascent.prices
+        whole = solve_restricted_lp(states, free, *given, ascent.switch_price, 0.05, None)
+        piece = cut_out(states, free)
+        assert len(piece.state) < len(begin)
+        assert np.array_equal(piece.state[piece.free], free)
+        part = solve_restricted_lp(
+            piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
+            ascent.switch_price, 0.05, None,
+        )  # fmt: skip
+        assert np.array_equal(piece.slot[part.slot], whole.slot)
+        np.testing.assert_allclose(part.weights, whole.weights, atol=1e-12)
+        np.testing.assert_allclose(part.prices, whole.prices, atol=1e-12)
+
+
+@compiled_only
+def test_losses_by_step_are_the_width_of_the_bracket() -> None:
+    ascent = ascent_of(states_of())
+    lost = ascent.losses(ascent.prices)
+    assert lost.min() >= 0
+    assert lost.sum() == pytest.approx(ascent.gap[ascent.open].sum(), rel=1e-10)
+
+
+@compiled_only
+def test_losses_of_fractions_too() -> None:
+    states = states_of(5, m=12, side=8.0)
+    ascent = ascent_of(states)
+    ascent.weights *= 0.5
+    ascent.primal = ascent._values(ascent.weights)
+    lost = ascent.losses(ascent.prices)
+    assert lost.sum() == pytest.approx(ascent.gap[ascent.open].sum(), rel=1e-10)
+
+
+@compiled_only
+def test_numpy_says_of_prices_what_the_kernels_say() -> None:
+    states = states_of(4)
+    one = ascent_of(states)
+    other = ascent_of(states, NumpyAscent)
+    for reach in (0.0, 0.1):
+        assert other.survey(one.prices, reach) + other.taken_off == pytest.approx(
+            one.survey(one.prices, reach) + one.taken_off, rel=1e-12
+        )
+        for flag in (2, 4, 16):
+            assert np.mean(one.has(flag) != other.has(flag)) < 1e-3  # ties of rounding
+
+
+@compiled_only
+def test_windows_and_groups_give_the_same_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    truth, estimate = scene(3, 12, 12, 400, side=25.0, noise=1.0)
+    plain = evaluate(truth, estimate, 5.0, 2, 2.0)
+    sizes = []
+
+    def noting(states: States, free: np.ndarray, *rest: object, **told: object) -> object:
+        sizes.append(len(free))
+        return solve_restricted_lp(states, free, *rest, **told)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(restricted_lp_module, "solve_restricted_lp", noting)
+    for name, value in (("MANY", 100), ("MODEL", 100), ("LARGE", 500), ("FEW", 400)):
+        monkeypatch.setattr(certified_module, name, value)
+    parted = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
+    assert plain.solver["status"] == parted.solver["status"] == "solved"
+    assert parted.proof.bounds.upper == pytest.approx(plain.proof.bounds.upper, rel=1e-9)
+    assert len(sizes) > 5, sizes
+    assert np.median(sizes) < 1000
+
+
+def test_groups_are_whole_components_in_time() -> None:
+    states = states_of()
+    free = np.arange(len(states.begin))
+    component = states.begin // 3
+    groups = _groups(states, free, component, None)
+    assert np.array_equal(np.sort(np.concatenate(groups)), free)
+    largest = np.bincount(component).max()
+    assert len(groups) == 1 or max(map(len, groups)) <= certified_module.MODEL + largest
+    assert all(np.all(np.diff(group) > 0) for group in groups)
+    assert _groups(states, free, component, 0) == []
+
+
+def test_windows_leave_out_what_is_allowed() -> None:
+    lost = np.zeros(100)
+    lost[[10, 50, 51]] = 1.0, 0.01, 0.02
+    assert np.flatnonzero(_windows(lost, 0.03, 2)).tolist() == [8, 9, 10, 11, 12]
+    assert not _windows(lost, 2.0, 2).any()
+
+
+@compiled_only
+def test_bounds_keep_their_digits_over_many_steps() -> None:
+    """Width of a bracket at optimal prices: rounding, however long the recording is."""
+    steps = 60_000
+    rng = np.random.default_rng(0)
+    truth = np.zeros((steps, 2, 1)) + np.array([0.0, 3.0])[:, None]
+    estimate = truth + rng.normal(0, 0.5, truth.shape)
+    estimate[rng.random((steps, 2)) < 0.3] = np.nan
+    result = evaluate(truth, estimate, 5.0, 2, 0.5, solver=Certified(jobs=1))
+    states = result.proof.states
+    solution = Certified(jobs=1)(states, Stopwatch())
+    wanted = np.ones(len(states.block_begin), bool)
+    ascent = Ascent(
+        states, wanted, 0.0, np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
+    )
+    ascent.weights[:], ascent.prices[:] = solution.weights, solution.prices
+    ascent.primal = ascent._values(ascent.weights)
+    ascent.dual = ascent.look(ascent.prices)
+    assert ascent.losses(ascent.prices).sum() <= 1e-12 * ascent.cost.sum()
+    assert ascent.gap.sum() <= 1e-12 * ascent.cost.sum()
+    assert price_cap(states).max() > 0
+    assert certify(states, solution)[0].relative_gap < 1e-9
+
+
+def test_exact_does_not_begin_what_it_cannot_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: States) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(exact_module, "_build", refuse)
+    truth, estimate = scene(1, 8, 8, 20, side=8.0)
+    result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Exact(time_limit=1e-3))
+    assert result.solver["status"].startswith(LATE)
+    assert not result.solver["finished"]
+    assert 0 <= result.proof.bounds.lower <= result.proof.bounds.upper
+
+
+def test_without_kernels_large_components_are_ascended(monkeypatch: pytest.MonkeyPatch) -> None:
+    truth, estimate = scene(2, 10, 10, 30, side=10.0, noise=1.0)
+    expected = evaluate(truth, estimate, 5.0, 2, 2.0)
+    without_kernels(monkeypatch)
+    monkeypatch.setattr(active_set_module, "LARGE", 50)
+    result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
+    assert result.solver["status"] == "solved"
+    assert result.proof.bounds.upper == pytest.approx(expected.proof.bounds.upper, rel=1e-9)
+
+
+@pytest.mark.parametrize("solver", [Certified(), Sinkhorn(epsilon=1e-5)])
+@pytest.mark.parametrize("penalty", [0.0, 1e-12, 1.0, 1e100])
+@pytest.mark.parametrize(("cutoff", "order"), [(1e80, 2.9), (3.0, 10.0), (1e5, 2.0)])
+def test_extremes_raise_no_warning(
+    solver: Certified | Sinkhorn, penalty: float, cutoff: float, order: float
+) -> None:
+    for steps in (1, 12):
+        truth, estimate = scene(1, 4, 4, steps, side=4.0)
+        with np.errstate(over="raise", divide="raise", invalid="raise"):
+            result = evaluate(truth, estimate, cutoff, order, penalty, solver=solver)
+        assert result.proof.bounds.lower <= result.proof.bounds.upper
