@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-fallback fuzz bench lint docs clean
+.PHONY: demo test test-fallback coverage fuzz bench lint docs lock clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
@@ -14,6 +14,13 @@ test: .venv/installed-test
 test-fallback: .venv/installed-test
 	TGOSPA_EVAL_KERNEL=numpy $(BIN)/python -m pytest -n auto tests/contract/test_solver_contract.py \
 		tests/contract/test_metric_properties.py tests/golden/test_known_values.py
+
+# Lines and branches that the tests reach, the processes that they start included.
+coverage: .venv/installed-dev
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest -n auto
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report
 
 # Properties with new seeds, for about this long.
 SECONDS := 600
@@ -32,8 +39,14 @@ lint: .venv/installed-dev
 docs: .venv/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
+# The versions that development uses: the newest that pyproject.toml allows.
+lock: .venv/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	$(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \
+		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
+
 clean:
-	rm -rf .venv build dist docs/_build *.egg-info tgospa_eval/problem/_kernels.c tgospa_eval/problem/_kernels.*.so
+	rm -rf .venv build dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/problem/_kernels.*.so
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
@@ -43,10 +56,10 @@ clean:
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
-.venv/installed-test: .venv/installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'tgospa-eval[test]'
+.venv/installed-test: .venv/installed requirements-dev.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.txt 'tgospa-eval[test]'
 	touch $@
 
 .venv/installed-dev: .venv/installed-test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'tgospa-eval[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.txt 'tgospa-eval[dev]'
 	touch $@
