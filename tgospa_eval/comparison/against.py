@@ -128,15 +128,15 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
     )
     for rule, name in RULES.items():
         made, halves = step[rule]["switches"], step[rule]["halves"]
-        told = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.4g}"
+        text = f"{name} counts {_count(made, 'switch')} afterwards, TGOSPA {own:.4g}"
         if made:
-            told += ": it charges what the cheapest assignments happen to need"
+            text += ": it charges what the cheapest assignments happen to need"
         if halves:
-            told += (
+            text += (
                 f", and {halves / 2:.4g} for {_count(halves, 'change')} from a track to none or "
                 "back, as at every miss; TGOSPA keeps the pair through a miss at no cost"
             )
-        yield told
+        yield text
     if step["stone_soup"] != step["mathworks"]:
         if step["stone_soup"]["switches"] != step["mathworks"]["switches"]:
             yield (

@@ -39,7 +39,7 @@ def equal(first: Bracket, second: Bracket) -> bool:
 
 
 def narrowest(brackets: Sequence[Bracket]) -> Bracket:
-    """What all brackets of one value say together: the largest lower and the least upper bound."""
+    """The intersection of brackets of one value: the largest lower and the least upper bound."""
     return Bracket(
         lower=max(bracket.lower for bracket in brackets),
         upper=min(bracket.upper for bracket in brackets),
@@ -70,7 +70,7 @@ def places(
     brackets : sequence of Bracket
         Of the values.
     alike : callable, optional
-        Whether two of them, by their numbers, are equal; by default if their brackets say so.
+        Whether two of them, by their numbers, are equal; by default if their brackets prove it.
     """
     size = range(len(brackets))
     alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))

@@ -20,7 +20,7 @@ from tgospa_eval.comparison.runs import PARTS
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.compiled import KERNEL
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 Key = tuple[int, int, int]
 
 SCHEMA = "tgospa-eval/study/1"
@@ -79,7 +79,7 @@ class Log:
         or cannot be read or written.
     """
 
-    def __init__(self, folder: str, settings: Document) -> None:
+    def __init__(self, folder: str, settings: Json) -> None:
         self.path = Path(folder) / NAME
         header = {
             "schema": SCHEMA,
@@ -88,7 +88,7 @@ class Log:
             "settings": settings,
         }
         self.header = json.loads(json.dumps(header))
-        self.known: dict[Key, Document] = {}
+        self.known: dict[Key, Json] = {}
         with named(str(self.path), ConfigError, "cannot be opened"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("a+b")
@@ -113,10 +113,10 @@ class Log:
 
     def close(self) -> None:
         """Let others use the file."""
-        with suppress(OSError):  # what could not be written was told
+        with suppress(OSError):  # what could not be written is known
             self._file.close()
 
-    def keep(self, record: Document) -> None:
+    def keep(self, record: Json) -> None:
         """Add a record; it is on the disk when this returns."""
         line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
         with named(str(self.path), ConfigError, "cannot be written"):
@@ -212,9 +212,9 @@ def _has(document: Any, fields: dict[str, Any]) -> bool:
     )
 
 
-def _flat(document: Document, prefix: str = "") -> Document:
+def _flat(document: Json, prefix: str = "") -> Json:
     """Values by dotted names."""
-    found: Document = {}
+    found: Json = {}
     for name, value in document.items():
         if isinstance(value, dict):
             found |= _flat(value, f"{prefix}{name}.")

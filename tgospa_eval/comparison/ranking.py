@@ -4,7 +4,7 @@ With several runs of each (Monte Carlo) costs are averaged over the runs, and ro
 ``tgospa`` is (mean total)^(1/p), its normalised form (mean of total / T)^(1/p), for p = 2 the root
 of the mean square over runs. Averages of brackets bracket the averages. Ranked is the normalised
 form, in which each run counts the same however long it is; where runs differ in length the order of
-the mean totals may be another, and `opposed` says so.
+the mean totals may be another, and `opposed` marks it.
 """
 
 import itertools
@@ -21,7 +21,7 @@ from tgospa_eval.comparison.against import Against, against, against_document, d
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import FileRecord, Table
+from tgospa_eval.results.records import Columns, FileRecord
 from tgospa_eval.results.result import Result
 
 RANKED = "normalised.tgospa"
@@ -265,7 +265,7 @@ def _pair(
     }
 
 
-def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
+def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
     """Costs of each step, run, and estimate, and the differences to the best estimate's.
 
     A step that an estimate's evaluation has not, because nothing is there, costs nothing.
@@ -274,7 +274,7 @@ def steps_table(entrants: Sequence[Entrant], best: str) -> Table:
     with_rules = entrants[0].outcomes[0].against is not None
     differences = ["difference", *(f"difference_{name}" for name in PARTS)]
     names = ["run", "t", "estimate", *PARTS, "total", *differences, *(extra if with_rules else [])]
-    table: Table = {name: [] for name in names}
+    table: Columns = {name: [] for name in names}
     leader = next(entrant for entrant in entrants if entrant.name == best)
     for entrant in entrants:
         for run, (item, first) in enumerate(zip(entrant.outcomes, leader.outcomes, strict=True)):

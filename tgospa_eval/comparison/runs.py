@@ -26,7 +26,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 PARTS = ("localisation", "missed", "false", "switch")
 
 APART: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
-"""Ctrl-C reaches the one who asked, who tells the process."""
+"""Ctrl-C reaches the one who asked, who stops the process."""
 
 EXACT_STATES = 15_000
 """Where the referee takes about a minute: states of one component.
@@ -87,7 +87,7 @@ class Run:
 
 
 def called(solver: str, epsilon: float | None) -> str:
-    """Solver and temperature, in as many digits as tell it from others."""
+    """Solver and temperature, in as many digits as it takes to differ from others."""
     if epsilon is None:
         return solver
     short = f"{epsilon:g}"
@@ -110,13 +110,13 @@ def failed(solver: Solver, error: BaseException) -> Run:
 
 
 def reason(error: BaseException) -> str:
-    """Why something failed; what nobody expected is told as such."""
+    """Why something failed; what nobody expected is called an error of ours."""
     if isinstance(error, TgospaError):
         return str(error)
     if isinstance(error, MemoryError):
         return "out of memory"
-    told = " ".join(f"{type(error).__name__}: {error}".split())
-    return f"{told}; this is an error of this program, please report it"
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return f"{text}; this is an error of this program, please report it"
 
 
 def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = None) -> Run:
@@ -187,8 +187,8 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
 def _listen(
     target: IO[bytes], source: IO[bytes], progress: Progress
 ) -> Run | tuple[type[TgospaError], str]:
-    """What the process answers in the end; it is told to stop where the work is."""
-    told = False
+    """What the process answers in the end; it is stopped where the work is."""
+    stopped = False
     with io.BufferedReader(cast("io.RawIOBase", source)) as words:
         while True:
             found = pickle.load(words)
@@ -196,8 +196,8 @@ def _listen(
                 return cast("Run | tuple[type[TgospaError], str]", found)
             share, progress.bracket = found
             progress.done(share)
-            if progress.stop.is_set() and not told:
-                told = True
+            if progress.stop.is_set() and not stopped:
+                stopped = True
                 target.write(b"s")
 
 

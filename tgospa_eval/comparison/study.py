@@ -1,4 +1,4 @@
-"""The scaling study: solvers on made-up scenes of many sizes, several of each.
+"""The scaling study: solvers on synthetic scenes of many sizes, several of each.
 
 After figures 2 and 3 of Nevelius Wernholm, Wärnsäter and Ringh: error over temperature, time and
 error over the number of targets and over the number of steps. Every scene has a seed of its own,
@@ -30,7 +30,7 @@ from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 Size = tuple[int, int]
 
 
@@ -87,7 +87,7 @@ class Study:
         return [(targets, steps) for targets in self.targets for steps in self.steps]
 
     @property
-    def settings(self) -> Document:
+    def settings(self) -> Json:
         """Everything that a record depends on, but for its own size and number."""
         scene = asdict(self.scene)
         return {
@@ -111,10 +111,10 @@ class Study:
 
 def carry_out(
     study: Study,
-    known: dict[tuple[int, int, int], Document],
-    keep: Callable[[Document], None],
-    say: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
-) -> list[Document]:
+    known: dict[tuple[int, int, int], Json],
+    keep: Callable[[Json], None],
+    notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
+) -> list[Json]:
     """The records of all scenes that are wanted; those that are not known are made.
 
     Parameters
@@ -125,8 +125,8 @@ def carry_out(
         Records by targets, steps and number.
     keep : callable
         Gets every new record at once.
-    say : callable
-        Told what is next, and the share that is done.
+    notify : callable
+        Gets what is next, and the share that is done.
     """
     if any(key not in known for key in study.wanted()):
         for solver in study.solvers:
@@ -138,18 +138,18 @@ def carry_out(
         if key not in known:
             targets, steps, run = key
             size = f"{counted(targets, 'target')}, {counted(steps, 'step')}"
-            say(f"{size}, run {run} ({done} of {count})", done / count)
+            notify(f"{size}, run {run} ({done} of {count})", done / count)
             known[key] = measure(study, *key)
             keep(known[key])
         records.append(known[key])
     return records
 
 
-def measure(study: Study, targets: int, steps: int, run: int) -> Document:
+def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     """One scene through all solvers; what fails is recorded, and does not stop the study."""
     rng = np.random.default_rng([study.seed, targets, steps, run])
     stopwatch = Stopwatch()
-    record: Document = {"targets": targets, "steps": steps, "run": run}
+    record: Json = {"targets": targets, "steps": steps, "run": run}
     request = EvaluationRequest(
         parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
     )
@@ -172,7 +172,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Document:
     }
 
 
-def _recorded(made: Run) -> Document:
+def _recorded(made: Run) -> Json:
     """What a record keeps of a run."""
     bracket, seconds = made.bracket, made.seconds
     return {
@@ -189,9 +189,9 @@ def _recorded(made: Run) -> Document:
     }
 
 
-def document(study: Study, records: Sequence[Document], machine: str) -> Document:
+def document(study: Study, records: Sequence[Json], machine: str) -> Json:
     """The JSON document: mean and spread of each size and solver."""
-    by_size: dict[Size, list[tuple[Document, Comparison]]] = {size: [] for size in study.sizes}
+    by_size: dict[Size, list[tuple[Json, Comparison]]] = {size: [] for size in study.sizes}
     for record in records:
         comparison = Comparison(runs=[_run(made) for made in record["runs"]])
         by_size[record["targets"], record["steps"]].append((record, comparison))
@@ -212,7 +212,7 @@ def document(study: Study, records: Sequence[Document], machine: str) -> Documen
     }
 
 
-def _size(size: Size, scenes: Sequence[tuple[Document, Comparison]], study: Study) -> Document:
+def _size(size: Size, scenes: Sequence[tuple[Json, Comparison]], study: Study) -> Json:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
     sound = [(record, comparison) for record, comparison in scenes if not comparison.contradictions]
     made = [record for record, _ in scenes if record["sizes"] is not None]
@@ -240,10 +240,10 @@ def _size(size: Size, scenes: Sequence[tuple[Document, Comparison]], study: Stud
 
 
 def _solver(
-    scenes: Sequence[tuple[Document, Comparison]],
-    sound: Sequence[tuple[Document, Comparison]],
+    scenes: Sequence[tuple[Json, Comparison]],
+    sound: Sequence[tuple[Json, Comparison]],
     k: int,
-) -> Document:
+) -> Json:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
     every = [record["runs"][k] for record, _ in scenes]
     made = [record["runs"][k] for record, _ in sound if record["runs"][k]["upper"] is not None]
@@ -269,7 +269,7 @@ def _solver(
     }
 
 
-def spread(values: Sequence[float]) -> Document:
+def spread(values: Sequence[float]) -> Json:
     """Mean, standard deviation (divisor n - 1) and largest; null where there is none."""
     if not len(values):
         return {"mean": None, "deviation": None, "max": None}
@@ -281,7 +281,7 @@ def spread(values: Sequence[float]) -> Document:
     }
 
 
-def _run(made: Document) -> Run:
+def _run(made: Json) -> Run:
     bracket = None
     if made["upper"] is not None:
         bracket = Bracket(lower=made["lower"], upper=made["upper"])

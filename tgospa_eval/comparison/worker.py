@@ -1,7 +1,7 @@
 """The process that runs one solver: ``python -m tgospa_eval.comparison.worker``.
 
 Reads a pickled (problem, solver) from stdin. Writes pickles to stdout: what is known on the way,
-and in the end a `Run`. A byte after the question tells it to stop with what it has. It ends when
+and in the end a `Run`. A byte after the question asks it to stop with what it has. It ends when
 stdin is closed, so that it does not outlive the one who asked.
 """
 
@@ -28,7 +28,7 @@ BEAT = 0.2
 
 
 def main() -> None:
-    """Answer one question, and tell how far it is until then."""
+    """Answer one question, and report progress until then."""
     source, target = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # nothing else may write into the answer
     prepared, solver = pickle.load(source)
@@ -37,8 +37,8 @@ def main() -> None:
     threading.Thread(target=_listen, args=(source, progress), daemon=True).start()
     task = Task(lambda: _answer(prepared, solver, stopwatch))
     while not task.wait(BEAT):
-        _tell(target, (progress.share, progress.bracket))
-    _tell(target, task.answer())
+        _send(target, (progress.share, progress.bracket))
+    _send(target, task.answer())
     target.close()
     os._exit(0)
 
@@ -61,8 +61,8 @@ def _answer(prepared: Prepared, solver: Solver, stopwatch: Stopwatch) -> object:
     return run
 
 
-def _tell(target: BinaryIO, told: object) -> None:
-    pickle.dump(told, target, protocol=pickle.HIGHEST_PROTOCOL)
+def _send(target: BinaryIO, message: object) -> None:
+    pickle.dump(message, target, protocol=pickle.HIGHEST_PROTOCOL)
     target.flush()
 
 
@@ -77,7 +77,7 @@ def memory(field: str) -> int | None:
 
 
 def _listen(source: BinaryIO, progress: Progress) -> None:
-    """A byte tells to stop; the end, that nobody waits any more."""
+    """A byte asks it to stop; the end, that nobody waits any more."""
     if source.read(1):
         progress.stop.set()
         source.read()

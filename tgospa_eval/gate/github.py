@@ -47,8 +47,8 @@ def _error(outcome: Outcome) -> tuple[str, str]:
 
 def _warning(outcome: Outcome) -> tuple[str, str]:
     broken = ", ".join(f"{finding.rule.text}" for finding in outcome.warned)
-    said = [f"broken or undecided, for a warning only: {broken}"] if broken else []
-    return title(outcome), "\n".join((*said, *(notice.sentence for notice in outcome.warnings)))
+    lines = [f"broken or undecided, for a warning only: {broken}"] if broken else []
+    return title(outcome), "\n".join((*lines, *(notice.sentence for notice in outcome.warnings)))
 
 
 def _command(kind: str, heading: str, text: str) -> str:

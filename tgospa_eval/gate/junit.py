@@ -7,7 +7,7 @@ Written by hand: to import a library for XML takes as long as a small evaluation
 from collections.abc import Iterable, Iterator
 
 from tgospa_eval.gate.outcome import Outcome, Report, texts
-from tgospa_eval.gate.report import said, title
+from tgospa_eval.gate.report import shown_verdict, title
 from tgospa_eval.gate.rules import Verdict
 from tgospa_eval.reports.escape import xml
 
@@ -43,7 +43,7 @@ def _cases(outcome: Outcome) -> Iterator[str]:
         result = _result("error", outcome.verdict, text) if outcome.status else ""
         yield _case(outcome, "gate", outcome.seconds, result + _output(warnings))
     for number, finding in enumerate(outcome.findings):
-        verdict = said(finding)
+        verdict = shown_verdict(finding)
         mark = "" if finding.now.proven else " (split, not proven)"
         lower, upper, limit = texts(finding.now.lower, finding.now.upper, finding.limit)
         about = f"{finding.rule.path} is between {lower} and {upper}, allowed is {limit}{mark}"

@@ -1,4 +1,4 @@
-"""What a gate found: one outcome for each pair, and what it says to the user."""
+"""What a gate found: one outcome for each pair, and what the user should know."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -176,7 +176,7 @@ def _notes(
 
 
 def _against(findings: list[Finding], values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
-    """What there is to say of the baseline."""
+    """What the user should know of the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
     if moved and values["total"].lower <= entry.values["total"] * (1 + 1e-9):
         yield (
@@ -214,7 +214,7 @@ def _sentences(finding: Finding) -> Iterator[str]:
 
 
 def _parts(values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
-    """Where the cost went, as far as the split tells."""
+    """Where the cost went, as far as the split shows."""
     moved = [
         f"{path} {number(entry.values[path], 7)} -> {number(values[path].upper, 7)}"
         for path in COSTS

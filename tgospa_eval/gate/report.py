@@ -33,7 +33,7 @@ def headline(report: Report) -> str:
 
 
 def table(report: Report) -> str:
-    """The rules of all pairs, then what there is to say about them."""
+    """The rules of all pairs, then notes about them."""
     updated = report.verdict is Verdict.UPDATED
     rows = [_head(*(("value", "old", "new", "") if updated else ("rule", *LIMITS)))]
     for outcome in report.outcomes:
@@ -76,7 +76,7 @@ def _row(pair: str, rule: str, *columns: str) -> str:
 
 
 def _fit(text: str, width: int) -> str:
-    """The end of a text, which tells names apart, in its column."""
+    """The end of a text, in which names differ, in its column."""
     text = visible(text)
     return f"{text if len(text) < width else '...' + text[4 - width :]:<{width}}"
 
@@ -92,11 +92,11 @@ def _findings(outcome: Outcome) -> Iterator[str]:
                 "" if k else title(outcome), rule, base, number_of(finding.limit),
                 number_of(deciding(finding)),
             )
-            + f" {said(finding)}"
+            + f" {shown_verdict(finding)}"
         )  # fmt: skip
 
 
-def said(finding: Finding) -> str:
+def shown_verdict(finding: Finding) -> str:
     """The verdict of a rule; one that only warns and is not known to be kept is a warning."""
     return "warning" if finding.warning else finding.verdict
 
@@ -206,7 +206,7 @@ def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
     for finding in outcome.findings:
         base = "" if finding.base is None or finding.rule.maximum else number(finding.base, 7)
         mark = "" if finding.now.proven else ", split, not proven"
-        verdict = said(finding)
+        verdict = shown_verdict(finding)
         shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
         yield (
             f"| {name} | {markdown_code(finding.rule.text)} | {base} | {_cell(finding.limit)} | "

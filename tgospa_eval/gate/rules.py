@@ -181,7 +181,7 @@ class Finding:
 
 
 def judge(rule: Rule, now: Value, base: float | None) -> Finding:
-    """Whether the value keeps the rule, as far as its bracket tells.
+    """Whether the value keeps the rule, as far as its bracket proves it.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def judge(rule: Rule, now: Value, base: float | None) -> Finding:
 
 
 def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
-    """The rule that ``PATH:+N`` or ``PATH:+N%`` says.
+    """The rule of ``PATH:+N`` or ``PATH:+N%``.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
 
 
 def parse_maximum(text: str) -> Rule:
-    """The rule that ``NAME=VALUE`` says.
+    """The rule of ``NAME=VALUE``.
 
     Raises
     ------

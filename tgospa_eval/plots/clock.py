@@ -1,4 +1,4 @@
-"""Ticks of an axis of time at round times, and their names; what all share is said once."""
+"""Ticks of an axis of time at round times, and their names; what all share stands once."""
 
 import math
 from collections.abc import Sequence
@@ -70,8 +70,8 @@ class Clock:
             " ".join(filter(None, (day.strftime(form), _of_day(at % DAY, size))))
             for at, day in zip(places, days, strict=False)
         ]
-        said = f", {origin:%Y-%m-%d}" if one_day else f", {origin:%Y}" if one_year else ""
-        return places, names, f"time{said}"
+        suffix = f", {origin:%Y-%m-%d}" if one_day else f", {origin:%Y}" if one_year else ""
+        return places, names, f"time{suffix}"
 
     def _steps(self, low: float, high: float, count: int) -> tuple[list[float], list[str], str]:
         """Steps at round distances, evenly spaced."""
@@ -81,8 +81,8 @@ class Clock:
         else:
             steps = [round(at) for at in nice(first, last, count) if at == round(at)]
         names = [self.labels[step][len(self.shared) :] for step in steps]
-        said = f"time {self.shared}…" if self.shared else "time"
-        return [float(step) for step in steps], names, f"{said}, steps evenly spaced"
+        title = f"time {self.shared}…" if self.shared else "time"
+        return [float(step) for step in steps], names, f"{title}, steps evenly spaced"
 
 
 def words(times: Sequence[Any]) -> list[str]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 
 FLOOR = 1e-9
 """Errors below count as none; they are drawn here."""
@@ -25,7 +25,7 @@ FLOOR = 1e-9
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
-def solver_pictures(document: Document) -> "dict[str, Figure]":
+def solver_pictures(document: Json) -> "dict[str, Figure]":
     """By file name, those pictures that have something to show; none if there is no true value."""
     if document["referee"] is None:
         return {}
@@ -45,7 +45,7 @@ def _seen(errors: Iterable[float | None]) -> bool:
     return any(error is not None and error > FLOOR for error in errors)
 
 
-def error_over_epsilon(document: Document) -> "Figure":
+def error_over_epsilon(document: Json) -> "Figure":
     """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
     made, ((axis,),) = figure(5.2, 3.6)
     runs = sorted(_temperatures(document), key=lambda run: run["epsilon"])
@@ -65,7 +65,7 @@ def error_over_epsilon(document: Document) -> "Figure":
     return made
 
 
-def time_over_error(document: Document) -> "Figure":
+def time_over_error(document: Json) -> "Figure":
     """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
     runs = [run for run in document["runs"] if run["seconds"] is not None]
     if not _seen(run["error"] for run in runs):
@@ -85,7 +85,7 @@ def time_over_error(document: Document) -> "Figure":
     return made
 
 
-def _times(runs: Sequence[Document]) -> "Figure":
+def _times(runs: Sequence[Json]) -> "Figure":
     made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
     place, spent = range(len(runs)), [_spent(run) for run in runs]
     axis.barh(place, spent, 0.6, color=COLOURS[0])
@@ -102,12 +102,12 @@ def _times(runs: Sequence[Document]) -> "Figure":
     return made
 
 
-def _spent(run: Document) -> float:
+def _spent(run: Json) -> float:
     seconds: float = run["seconds"]["solve"] + run["seconds"]["certify"]
     return seconds
 
 
-def convergence(document: Document) -> "Figure":
+def convergence(document: Json) -> "Figure":
     """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
     made, ((axis,),) = figure(5.2, 3.6)
     referee = document["referee"]["total"]
@@ -170,7 +170,7 @@ def _relative(difference: float, referee: dict[str, float]) -> float:
     return max(difference / referee["upper"], FLOOR) if referee["upper"] > 0 else FLOOR
 
 
-def _temperatures(document: Document) -> Sequence[Document]:
+def _temperatures(document: Json) -> Sequence[Json]:
     return [
         run for run in document["runs"] if run["epsilon"] is not None and run["seconds"] is not None
     ]
@@ -179,7 +179,7 @@ def _temperatures(document: Document) -> Sequence[Document]:
 # --- study ----------------------------------------------------------------------------------------
 
 
-def study_pictures(document: Document) -> "dict[str, Figure]":
+def study_pictures(document: Json) -> "dict[str, Figure]":
     """By file name, those pictures that have something to show."""
     sizes = document["sizes"]
     made = {}
@@ -196,7 +196,7 @@ def study_pictures(document: Document) -> "dict[str, Figure]":
     return made
 
 
-def study_errors(document: Document) -> "Figure":
+def study_errors(document: Json) -> "Figure":
     """Error over temperature, a line for each number of targets, at the largest number of steps."""
     made, ((axis,),) = figure(5.2, 3.6)
     longest = max(size["steps"] for size in document["sizes"])
@@ -222,7 +222,7 @@ def study_errors(document: Document) -> "Figure":
     return made
 
 
-def scaling(document: Document) -> "Figure":
+def scaling(document: Json) -> "Figure":
     """Time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
     most = {name: max(size[name] for size in sizes) for name in ("targets", "steps")}
@@ -251,8 +251,8 @@ def scaling(document: Document) -> "Figure":
         label(left, name, "seconds, solving and proof", f"Time, {where}")
         if with_errors:
             exact = _errors(panels[1], varied, chosen)
-            told = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
-            label(panels[1], name, "relative error, at most", f"Error, {where}{told}")
+            below = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
+            label(panels[1], name, "relative error, at most", f"Error, {where}{below}")
         for axis in panels:
             _sizes(axis, [size[varied] for size in chosen])
     if not with_errors:
@@ -265,7 +265,7 @@ def scaling(document: Document) -> "Figure":
     return made
 
 
-def _errors(axis: "Axes", varied: str, chosen: Sequence[Document]) -> list[str]:
+def _errors(axis: "Axes", varied: str, chosen: Sequence[Json]) -> list[str]:
     """Lines of the errors of those that have any; returns the names of the others."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
@@ -290,7 +290,7 @@ def _sizes(axis: "Axes", x: Sequence[int]) -> None:
 
 
 def _line(
-    axis: "Axes", x: Sequence[float], values: Sequence[Document], k: int, name: str, least: float
+    axis: "Axes", x: Sequence[float], values: Sequence[Json], k: int, name: str, least: float
 ) -> None:
     """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
     kept = [(at, value) for at, value in zip(x, values, strict=True) if value["mean"] is not None]

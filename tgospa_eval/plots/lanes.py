@@ -84,7 +84,7 @@ def plot_lanes(result: Summary, *, style: str = "screen") -> "Figure":
     """A lane for each truth with the estimates that follow it, and lanes of false tracks below.
 
     A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error as
-    a share of the cutoff. Of more trajectories than have room the dearest have lanes, and the
+    a share of the cutoff. Of more trajectories than have room the costliest have lanes, and the
     others share one, in which a height says how many of them are missed, or false.
 
     Parameters
@@ -145,7 +145,7 @@ def draw_lanes(seen: View, style: Style) -> "Figure":
 
 
 def arranged(side: Side, tracks: Ints, most: int, first: int) -> Lanes:
-    """Lanes in the order of the files; of too many the dearest."""
+    """Lanes in the order of the files; of too many the costliest."""
     if len(tracks) <= most:
         return Lanes(side=side, tracks=tracks, others=tracks[:0], first=first)
     cost = np.asarray(side.table["total"], float)[tracks]
@@ -182,7 +182,7 @@ def _bars(
     """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
 
     Where there are more steps than can be told apart, `whole` is false, and those that are not
-    are told by `_shares`.
+    are shown by `_shares`.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
     place = lanes.place(run["track"])
@@ -202,15 +202,18 @@ def _bars(
         if truth:
             handles["assigned, foot: error / c"] = bars
     kind = "missed" if truth else "false"
-    alone = ~np.isnan(place) & (run["other"] == NONE)
-    if whole and alone.any():
-        short = np.maximum(pixel - (end - begin), 0)[alone] / 2
+    unassigned = ~np.isnan(place) & (run["other"] == NONE)
+    if whole and unassigned.any():
+        short = np.maximum(pixel - (end - begin), 0)[unassigned] / 2
         boxes = _boxes(
-            begin[alone] - short, end[alone] + short, place[alone] - 0.3, place[alone] + 0.3
+            begin[unassigned] - short,
+            end[unassigned] + short,
+            place[unassigned] - 0.3,
+            place[unassigned] + 0.3,
         )
         name = f"{lanes.side.name}/{kind}"
         handles[kind] = _put(axis, boxes, name, linewidths=thin, **FILLS[kind])
-    elif alone.any():
+    elif unassigned.any():
         from matplotlib.patches import Patch
 
         handles[f"share of steps {kind}"] = Patch(facecolor=MISSED if truth else FALSE)

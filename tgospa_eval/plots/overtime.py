@@ -25,7 +25,7 @@ def plot_costs(
 ) -> "Figure":
     """Cost of each step, stacked: localisation, missed, false, switch.
 
-    Where there are more steps than can be told apart each bar is the dearest of several, and the
+    Where there are more steps than can be told apart each bar is the costliest of several, and the
     axis says of how many.
 
     Parameters
@@ -69,21 +69,21 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_costs` of a view."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
-    first, dearest = binned(sum(costs.values(), np.zeros(seen.steps)), style.bars)
+    first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), style.bars)
     begin, end = seen.edges
     begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
     base = np.zeros(len(first))
     handles = []
     for name, cost in costs.items() if seen.steps else ():
         # What costs nothing has no outline either.
-        height = np.where(cost[dearest] > 0, cost[dearest], np.nan)
+        height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
         bars = axis.stairs(
             top, places, baseline=foot, fill=True, linewidth=_thin(style, len(first)),
             label=name, **FILLS[name],
         )  # fmt: skip
         handles.append(bars)
-        base = base + cost[dearest]
+        base = base + cost[costliest]
     axis.set_ylim(0, float(base.max(initial=0.0)) * 1.03 or 1.0)
     time_axis(axis, seen, style)
     together = first[1] - first[0] if len(first) > 1 else 1

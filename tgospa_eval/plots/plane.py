@@ -150,8 +150,8 @@ def _lines(
     thin = style.settings.get("lines.linewidth", 1.3)
     apart = (np.diff(row["track"]) != 0) | (np.diff(row["step"]) > seen.data["stride"])
     breaks = np.flatnonzero(apart) + 1
-    alone = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
-    alone[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(alone)]])) == 1]] = True
+    single = np.zeros(len(row["track"]), bool)  # a stretch of one state is no line
+    single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
     colour = np.insert(row["track"] % len(TRACKS), breaks, -1)
@@ -169,7 +169,7 @@ def _lines(
             alpha=faint * (0.7 if many else 1),
             zorder=2 if truth else 2.1, rasterized=many, label=f"{side.name}/{turn}", **looks,
         )[0]  # fmt: skip
-        dots = alone & (truth | (row["track"] % len(TRACKS) == turn))
+        dots = single & (truth | (row["track"] % len(TRACKS) == turn))
         if dots.any():
             axis.plot(
                 *(values[dots] for values in place), ".", color=looks["color"],

@@ -73,11 +73,11 @@ class Pictures:
 def result_pictures(
     result: Summary,
     wanted: Pictures,
-    tell: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
+    notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
 ) -> dict[str, bytes]:
     """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
 
-    `tell` takes the name of each before it is drawn, and the share that is done.
+    `notify` takes the name of each before it is drawn, and the share that is done.
     """
     if not wanted.formats:
         return {}
@@ -98,7 +98,7 @@ def result_pictures(
         }
         for name, make in draw.items():  # one after the other: a figure holds memory
             for kind in wanted.formats:  # each anew: a layout remembers the one before
-                tell(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
+                notify(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
                 files[f"{name}.{kind}"] = written(make(), kind, style.dots)
     return files
 

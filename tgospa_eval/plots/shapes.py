@@ -57,10 +57,10 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
 
 
 def ellipses(seen: View, side: Side, across: str, up: str) -> tuple[Ints, Floats]:
-    """Rows that are told with a spread, and outlines (K, CORNERS, 2), of those that have any.
+    """Rows that are drawn with a spread, and outlines (K, CORNERS, 2), of those that have any.
 
     Of two components with deviations s, t and correlation r the n-sigma outline is
-    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi; `reports.spreads` says how these are told.
+    (n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi; `reports.spreads` says how these are encoded.
     """
     how, names = seen.data["spread"], seen.data["columns"]
     if "row" not in side.spread:
@@ -69,8 +69,8 @@ def ellipses(seen: View, side: Side, across: str, up: str) -> tuple[Ints, Floats
 
     def deviation(k: int) -> Floats:
         level = side.spread[str(k * (k + 3) // 2)]
-        told = how["largest"][k] * np.exp(-level / how["fine"])
-        return np.asarray(np.where(level >= how["faint"], 0.0, told), float)
+        deviation = how["largest"][k] * np.exp(-level / how["fine"])
+        return np.asarray(np.where(level >= how["faint"], 0.0, deviation), float)
 
     s, t = (deviation(k) for k in chosen)
     i, j = max(chosen), min(chosen)

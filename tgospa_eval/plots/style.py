@@ -30,7 +30,7 @@ class Style:
     titles : bool
         Whether a picture says what it shows; papers have captions.
     bars : int
-        Most bars beside each other; of more steps the dearest stand for several.
+        Most bars beside each other; of more steps the costliest stand for several.
     lanes : int
         Most truths with a lane of their own, and half as many estimates.
     worst : int

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 
 NAMES = {
     "cutoff": "cutoff $c$",
@@ -21,12 +21,12 @@ CROWDED = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
 
 
-def sweep_pictures(document: Document) -> "dict[str, Figure]":
+def sweep_pictures(document: Json) -> "dict[str, Figure]":
     """By file name."""
     return {"sweep": sweep_figure(document)}
 
 
-def sweep_figure(document: Document) -> "Figure":
+def sweep_figure(document: Json) -> "Figure":
     """Small multiples: the value and the four costs above, counts below the costs.
 
     A grey band is where the counts of missed and false targets do not change.
@@ -66,7 +66,7 @@ def plain(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text).replace("$", r"\$")
 
 
-def _value(axis: "Axes", x: list[float], points: list[Document]) -> None:
+def _value(axis: "Axes", x: list[float], points: list[Json]) -> None:
     """TGOSPA; its bracket where it is seen."""
     upper = [point["tgospa"] for point in points]
     lower = [point["lower_bound"] for point in points]

@@ -160,8 +160,8 @@ def plane_columns(
     if asked is not None:
         odd = [name for name in asked if name not in names]
         if odd or len(asked) != 2 or isinstance(asked, str):
-            said = asked if isinstance(asked, str) else ",".join(asked)
-            raise ConfigError(f"plane {quoted(said)}: must be two of {', '.join(names)}")
+            text = asked if isinstance(asked, str) else ",".join(asked)
+            raise ConfigError(f"plane {quoted(text)}: must be two of {', '.join(names)}")
         return asked[0], asked[1]
     if boxes:
         return "centre x", "centre y"
@@ -176,7 +176,7 @@ def is_box(columns: Sequence[str]) -> bool:
 
 
 def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
-    """First steps of at most so many bins of equal length, and of each its dearest step."""
+    """First steps of at most so many bins of equal length, and of each its costliest step."""
     together = max(1, -(-len(total) // most))
     first = np.arange(0, len(total), together)
     padded = np.full(len(first) * together, -1.0)

@@ -23,7 +23,7 @@ KINDS = {"truth": "missed", "estimate": "false"}
 def plot_worst(
     result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
 ) -> "Figure":
-    """The dearest steps, truths and estimates, and what they cost.
+    """The costliest steps, truths and estimates, and what they cost.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_worst` of a view."""
     shared = seen.time.shared
     lists = {
-        "steps": _dearest(
+        "steps": _costliest(
             seen.data["costs"], [t[len(shared) :] for t in seen.labels], style.worst, parts
         ),
-        "truths": _dearest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
-        "estimates": _dearest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
+        "truths": _costliest(_costs(seen.truth), seen.truth.ids, style.worst, parts),
+        "estimates": _costliest(_costs(seen.estimate), seen.estimate.ids, style.worst, parts),
     }
     beside = style.titles  # a column of a journal has no room for three
     if beside:
@@ -69,8 +69,8 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         axes[0].get_gridspec().set_height_ratios(rows)
     for axis, (title, (names, costs)) in zip(axes, lists.items(), strict=True):
         _bars(axis, names, costs, style.worst if beside else max(len(names), 4), beside=beside)
-        said = f"{title} {literal(shared)}…" if shared and title == "steps" else title
-        axis.set_ylabel(said, fontweight="bold", parse_math=False)
+        label = f"{title} {literal(shared)}…" if shared and title == "steps" else title
+        axis.set_ylabel(label, fontweight="bold", parse_math=False)
     unit = power(seen.data["unit"], seen.data["order"])
     axes[len(axes) // 2 if beside else -1].set_xlabel(f"cost{unit}", parse_math=False)
     if style.titles:
@@ -97,7 +97,7 @@ def _costs(side: Side) -> dict[str, Any]:
     }
 
 
-def _dearest(
+def _costliest(
     costs: dict[str, Any], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
     """Names and costs of those that cost most, free ones left out."""
@@ -110,7 +110,7 @@ def _dearest(
 def _bars(
     axis: "Axes", names: list[str], costs: dict[str, Floats], rows: int, *, beside: bool
 ) -> None:
-    """Stacked bars, dearest above, with the sum at the end of each; room for so many."""
+    """Stacked bars, costliest above, with the sum at the end of each; room for so many."""
     place, end = np.arange(len(names)), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0

@@ -7,8 +7,8 @@ from typing import Any
 from tgospa_eval.common.words import counted
 from tgospa_eval.text import visible
 
-Table = dict[str, list[Any]]
-Document = dict[str, Any]
+Columns = dict[str, list[Any]]
+Json = dict[str, Any]
 
 ROWS = 40
 """Rows that a table on stdout shows at most."""
@@ -17,17 +17,17 @@ ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
 
 
-def json_text(document: Document) -> str:
+def json_text(document: Json) -> str:
     """The document with sorted keys."""
     return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
 
 
-def records(table: Table) -> list[dict[str, Any]]:
+def records(table: Columns) -> list[dict[str, Any]]:
     """A table as the rows of a JSON document."""
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
 
 
-def association_text(document: Document) -> str:
+def association_text(document: Json) -> str:
     """Counts, and the associations in columns."""
     counts = document["counts"]
     lines = [
@@ -44,7 +44,7 @@ def association_text(document: Document) -> str:
     return "\n".join(lines + _columns(("t", "A", "B", "distance", "of means"), rows)) + "\n"
 
 
-def reduction_text(document: Document) -> str:
+def reduction_text(document: Json) -> str:
     """What changed, on the whole."""
     counts, change = document["counts"], document["change"]
     shown = {

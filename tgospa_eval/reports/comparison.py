@@ -3,19 +3,19 @@
 import json
 
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.phrases import Document
-from tgospa_eval.reports.ranking import estimates_page, estimates_paper, estimates_table
-from tgospa_eval.reports.sheets import as_latex, as_markdown, as_text
-from tgospa_eval.reports.solvers import solvers_page, solvers_table
-from tgospa_eval.reports.study import study_page, study_table
+from tgospa_eval.reports.phrases import Json
+from tgospa_eval.reports.ranking import estimates_columns, estimates_document, estimates_paper
+from tgospa_eval.reports.solvers import solvers_columns, solvers_document
+from tgospa_eval.reports.study import study_columns, study_document
+from tgospa_eval.reports.tables import as_latex, as_markdown, as_text
 
 
-def json_text(document: Document) -> str:
+def json_text(document: Json) -> str:
     """The document with sorted keys; no NaN."""
     return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
 
 
-def render(document: Document, format: str) -> str:
+def render(document: Json, format: str) -> str:
     """What ``--format`` prints."""
     if format == "json":
         return json_text(document)
@@ -28,8 +28,8 @@ def render(document: Document, format: str) -> str:
 
 
 PAGES = {
-    "solvers": (solvers_page, solvers_page, solvers_table),
-    "estimates": (estimates_page, estimates_paper, estimates_table),
-    "study": (study_page, study_page, study_table),
+    "solvers": (solvers_document, solvers_document, solvers_columns),
+    "estimates": (estimates_document, estimates_paper, estimates_columns),
+    "study": (study_document, study_document, study_columns),
 }
-"""Page, page for a paper, and main table of each kind of document."""
+"""Document, page for a paper, and main table of each kind of document."""

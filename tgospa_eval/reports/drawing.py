@@ -16,7 +16,7 @@ from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
 from tgospa_eval.reports.moments import EXACT, moments
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.records import Table
+from tgospa_eval.results.records import Columns
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -99,8 +99,8 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
             value = np.rint(offset / (quantum[axis] / 2))
             arrays[f"{name}/row/{axis}"] = value.astype(np.int64)
         if spread:
-            told = spreads.told(side.track[keep], side.step[keep], side.spread[keep], spread)
-            arrays |= {f"{name}/spread/{key}": values for key, values in told.items()}
+            entries = spreads.encoded(side.track[keep], side.step[keep], side.spread[keep], spread)
+            arrays |= {f"{name}/spread/{key}": values for key, values in entries.items()}
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
@@ -282,7 +282,7 @@ def _kept(side: Side, opens: Ints, closes: Ints, stride: int) -> Ints:
 
 
 def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
-    """Origin and step of the grid on which each coordinate is told."""
+    """Origin and step of the grid on which each coordinate is encoded."""
     known = np.concatenate([state for state in states if state.shape[1] == size] or [np.zeros(0)])
     if not size or not len(known):
         return [0.0] * size, [1.0] * size
@@ -292,7 +292,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
-def _tracks(table: Table, kind: str) -> dict[str, list[Any]]:
+def _tracks(table: Columns, kind: str) -> dict[str, list[Any]]:
     """The columns of a table of tracks by the same names for both sides, with the total."""
     total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
     names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
@@ -308,10 +308,10 @@ def _tracks(table: Table, kind: str) -> dict[str, list[Any]]:
     )
 
 
-def _switches(parts: list[Result]) -> Table:
+def _switches(parts: list[Result]) -> Columns:
     """The table of switches with numbers of steps and tracks."""
     names = ("step", "truth", "from", "to", "mass", "cost")
-    found: Table = {name: [] for name in names}
+    found: Columns = {name: [] for name in names}
     truths = estimates = 0
     for part in parts:
         labels, table = part.labels, part.switches_table()
@@ -341,5 +341,5 @@ def _rounded(values: list[float]) -> list[float]:
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
         factor = 10.0 ** (6 - np.floor(np.log10(size)))
         rounded = np.rint(exact * factor) / factor
-    told: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
-    return told
+    shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
+    return shortest

@@ -9,7 +9,7 @@ from pathlib import Path
 from tgospa_eval.common.files import named, patience
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
-from tgospa_eval.results.records import Table
+from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
 
@@ -23,7 +23,7 @@ def per_step_csv(result: Summary) -> str:
     return csv_text(result.per_step_table())
 
 
-def csv_text(table: Table) -> str:
+def csv_text(table: Columns) -> str:
     """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -40,7 +40,7 @@ def result_texts(
     Parameters
     ----------
     result : Summary
-        What they tell of.
+        What they show.
     names : pair of str
         What truth and estimate are called in the report.
 
@@ -120,7 +120,7 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
             beside.unlink(missing_ok=True)
 
 
-def _timings(result: Summary) -> Table:
+def _timings(result: Summary) -> Columns:
     flat = {k: v for k, v in result.timings.items() if k not in ("solve", "nanoseconds_per_state")}
     flat |= {f"solve/{name}": seconds for name, seconds in result.timings["solve"].items()}
     return {"stage": list(flat), "seconds": list(flat.values())}

@@ -13,7 +13,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
 from tgospa_eval.reports.console import COUNTED, PARTS, meaning
 from tgospa_eval.reports.drawing import document, packed
-from tgospa_eval.results.records import Table
+from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
@@ -65,7 +65,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         warnings=result.warnings,
         seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         parameters=_flat(result.parameters),
-        inputs={name: _flat(told) for name, told in result.input.items()},
+        inputs={name: _flat(about) for name, about in result.input.items()},
         solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
         version=result.version,
         worst=WORST,
@@ -101,7 +101,7 @@ def _parts(result: Summary) -> list[dict[str, str]]:
 
 
 def _split(result: Summary) -> str:
-    """What means and spreads cost, where the distance tells them apart."""
+    """What means and spreads cost, where the distance separates them."""
     if result.split is None:
         return ""
     means, spread = map(result.share, result.split)
@@ -109,7 +109,7 @@ def _split(result: Summary) -> str:
 
 
 def _classes(result: Summary) -> list[list[str]]:
-    table: Table = result.per_class_table()
+    table: Columns = result.per_class_table()
     return [
         [str(name), *(number(value) for value in values)]
         for name, *values in zip(*table.values(), strict=True)

@@ -12,7 +12,7 @@ from tgospa_eval.common.words import counted, in_both
 from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.text import visible
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 Row = tuple[str, list[str]]
 
 NAME = 18
@@ -31,19 +31,19 @@ LEFT_OUT = {
 """Why rows are left out, where the JSON's word for it is not enough."""
 
 
-def json_text(document: Document) -> str:
+def json_text(document: Json) -> str:
     """The document with sorted keys."""
     return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
 
 
-def table(document: Document) -> str:
+def table(document: Json) -> str:
     """The document in words, for someone who sees it for the first time."""
     files = [document[name] for name in ("truth", "estimate") if name in document]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
         blocks.append(list(_both(document["both"], document["parameters"])))
-    said = [(file["path"], text) for file in files for text in file["notices"]]
-    blocks.append([line for path, text in said for line in _wrap(f"{path}: {text}")])
+    lines = [(file["path"], text) for file in files for text in file["notices"]]
+    blocks.append([line for path, text in lines for line in _wrap(f"{path}: {text}")])
     warnings = (str(Notice(**record)) for record in document["warnings"])
     blocks.append([line for text in warnings for line in _wrap(text)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
@@ -69,7 +69,7 @@ def _columns(rows: list[Row]) -> list[str]:
     return lines
 
 
-def _files(files: list[Document]) -> Iterator[Row]:
+def _files(files: list[Json]) -> Iterator[Row]:
     """A row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [_tail(file["path"]) for file in files]
@@ -106,20 +106,20 @@ def _headers(headers: dict[str, str]) -> str:
     return ", ".join(f"{name}={clip(header, CELL)}" for name, header in headers.items()) or "-"
 
 
-def _class(part: Document | None) -> str:
+def _class(part: Json | None) -> str:
     if part is None:
         return "none"
     tracks = counted(part["trajectories"], "trajectory", "trajectories")
     return f"{counted(part['rows'], 'row')}, {tracks}"
 
 
-def _holes(holes: Document) -> str:
+def _holes(holes: Json) -> str:
     if not holes["trajectories"]:
         return "none"
     return f"{holes['trajectories']}, {counted(holes['steps'], 'step')}, longest {holes['longest']}"
 
 
-def _both(both: Document, parameters: Document) -> Iterator[str]:
+def _both(both: Json, parameters: Json) -> Iterator[str]:
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -148,7 +148,7 @@ def _both(both: Document, parameters: Document) -> Iterator[str]:
     yield f"  nearer than the cutoff c = {cutoff}: {share:.1f} %"
 
 
-def _stretch(time: Document | None) -> str:
+def _stretch(time: Json | None) -> str:
     """The time that both files cover."""
     if time is None:
         return "no stretch of time is in both files"
@@ -158,7 +158,7 @@ def _stretch(time: Document | None) -> str:
     return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
 
 
-def _range(spread: Document | None, one: str = "", many: str = "", digits: int = 6) -> str:
+def _range(spread: Json | None, one: str = "", many: str = "", digits: int = 6) -> str:
     """Smallest to largest, and the median between them, with a noun or unit."""
     if spread is None:
         return "-"
@@ -167,7 +167,7 @@ def _range(spread: Document | None, one: str = "", many: str = "", digits: int =
     return f"{text} {one if text == '1' else many}".strip()
 
 
-def _steps(time: Document, unit: str) -> str:
+def _steps(time: Json, unit: str) -> str:
     """From how long to how long a step takes, without what rounding the stamps adds to it."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
@@ -175,8 +175,8 @@ def _steps(time: Document, unit: str) -> str:
     return _range(spread and {k: shortest(v, noise) for k, v in spread.items()}, unit, unit)
 
 
-def _interval(extent: Document | None) -> str:
-    """From where to where, with digits enough to tell the ends apart."""
+def _interval(extent: Json | None) -> str:
+    """From where to where, with digits enough for the ends to differ."""
     if extent is None:
         return "-"
     low, high = extent["min"], extent["max"]
@@ -201,7 +201,7 @@ def _moment(value: Any) -> str:
 
 
 def _tail(path: str) -> str:
-    """The end of a path, which tells files apart."""
+    """The end of a path, in which files differ."""
     return path if len(path) <= CELL else "..." + path[3 - CELL :]
 
 

@@ -19,7 +19,7 @@ USUAL = 0.9
 
 DAY = 86_400.0
 EXACT = 2.0**53
-"""Below this a browser tells whole numbers apart."""
+"""Below this whole numbers differ in a browser."""
 
 
 def moments(times: Sequence[Any]) -> dict[str, Any]:
@@ -40,8 +40,8 @@ def moments(times: Sequence[Any]) -> dict[str, Any]:
     kind, origin, values = "number", "", None
     if any(isinstance(t, str) or abs(t) >= EXACT for t in times):
         kind, origin, values = _texts([str(t) for t in times])
-    told = times if values is None else values
-    if kind != "step" and uneven(np.asarray(told, float)):
+    numbers = times if values is None else values
+    if kind != "step" and uneven(np.asarray(numbers, float)):
         kind, origin, values = "step", "", None
     return {"kind": kind, "origin": origin, "values": values}
 

@@ -1,8 +1,8 @@
-"""Words and numbers that all documents of `compare` are told in."""
+"""Words and numbers that all documents of `compare` share."""
 
 from typing import Any
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 
 PARTS = ("localisation", "missed", "false", "switch")
 EXACT = 1e-9
@@ -30,12 +30,12 @@ def error_of(value: float | None) -> str:
     return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
 
 
-def unit_of(parameters: Document) -> str:
+def unit_of(parameters: Json) -> str:
     """The unit behind a number, if there is one."""
     return f" {parameters['unit']}" if parameters["unit"] else ""
 
 
-def size_of(sizes: Document) -> str:
+def size_of(sizes: Json) -> str:
     """How large a problem is."""
     return (
         f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
@@ -44,7 +44,7 @@ def size_of(sizes: Document) -> str:
     )
 
 
-def parameters_of(parameters: Document) -> str:
+def parameters_of(parameters: Json) -> str:
     """Parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     return (

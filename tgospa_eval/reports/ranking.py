@@ -1,4 +1,4 @@
-"""A ranking of estimates, or one beside per-step GOSPA, as a page and as tables."""
+"""A ranking of estimates, or one beside per-step GOSPA, as a document and as tables."""
 
 import itertools
 from collections.abc import Iterator
@@ -11,13 +11,13 @@ from tgospa_eval.reports.phrases import (
     RANK,
     SPLIT,
     STUDY,
-    Document,
+    Json,
     counted,
     parameters_of,
     unit_of,
 )
-from tgospa_eval.reports.sheets import Page, Sheet
-from tgospa_eval.results.records import Table
+from tgospa_eval.reports.tables import Document, Table
+from tgospa_eval.results.records import Columns
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 
@@ -37,17 +37,17 @@ TIES = (
 )
 
 
-def estimates_page(document: Document) -> Page:
+def estimates_document(document: Json) -> Document:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     estimates, parameters = document["estimates"], document["parameters"]
-    return Page(
+    return Document(
         kind=_what(document),
         title=_order(document),
         lines=[_runs(document), parameters_of(parameters)],
-        sheets=[
-            _paper_sheet(document, places=True),
-            *_pair_sheets(document),
-            Sheet(
+        tables=[
+            _normalised_table(document, places=True),
+            *_pair_tables(document),
+            Table(
                 head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
                 rows=[
                     (
@@ -59,23 +59,23 @@ def estimates_page(document: Document) -> Page:
                     for item in estimates
                 ],
             ),
-            *_against_sheets(document),
+            *_against_tables(document),
         ],
-        remarks=list(_estimate_remarks(document)),
+        notes=list(_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
 
-def estimates_paper(document: Document) -> Page:
+def estimates_paper(document: Json) -> Document:
     """What goes into a paper: roots per step, RMS over runs."""
-    page = estimates_page(document)
-    return replace(page, sheets=[_paper_sheet(document)], remarks=())
+    page = estimates_document(document)
+    return replace(page, tables=[_normalised_table(document)], notes=())
 
 
-def estimates_table(document: Document) -> Table:
+def estimates_columns(document: Json) -> Columns:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
-    table: Table = {"name": [item["name"] for item in items]}
+    table: Columns = {"name": [item["name"] for item in items]}
     table |= {f"place_{end}": [item["place"][k] for item in items]
               for k, end in enumerate(("best", "worst"))}  # fmt: skip
     for name in items[0]["normalised"]:
@@ -93,11 +93,11 @@ def estimates_table(document: Document) -> Table:
     return table
 
 
-def pairs_table(document: Document) -> Table:
+def pairs_columns(document: Json) -> Columns:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
     own = ("first", "second", "verdict", "opposed")
-    table: Table = {name: [pair[name] for pair in pairs] for name in own}
+    table: Columns = {name: [pair[name] for pair in pairs] for name in own}
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
     table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
@@ -110,7 +110,7 @@ def pairs_table(document: Document) -> Table:
     return table
 
 
-def _order(document: Document) -> str:
+def _order(document: Json) -> str:
     estimates, unit = document["estimates"], unit_of(document["parameters"])
     if len(estimates) == 1:
         item = estimates[0]
@@ -144,14 +144,14 @@ def _order(document: Document) -> str:
     return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
 
 
-def _best(document: Document) -> list[int]:
+def _best(document: Json) -> list[int]:
     """Which estimates are proven to be better than all others, or equal to such."""
     places = [item["place"] for item in document["estimates"]]
     best = [k for k, place in enumerate(places) if place == [1, 1]]
     return best if len(best) < len(places) else []
 
 
-def _what(document: Document) -> str:
+def _what(document: Json) -> str:
     """What this is, and what to type for what it is not."""
     count = len(document["estimates"])
     if count > 1:
@@ -161,7 +161,7 @@ def _what(document: Document) -> str:
     return f"Mean over the runs of one estimate; {RANK}"
 
 
-def _runs(document: Document) -> str:
+def _runs(document: Json) -> str:
     steps = sorted(set(document["steps"]))
     length = (
         counted(steps[0], "step")
@@ -180,12 +180,12 @@ def _shortened(paths: list[str]) -> str:
     return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
 
 
-def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
+def _normalised_table(document: Json, *, places: bool = False) -> Table:
     """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
     places = places and len(document["estimates"]) > 1
     mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
-    return Sheet(
+    return Table(
         head=(
             f"per step{mean}",
             *(["place"] if places else []),
@@ -204,7 +204,7 @@ def _paper_sheet(document: Document, *, places: bool = False) -> Sheet:
     )
 
 
-def _pair_sheets(document: Document) -> Iterator[Sheet]:
+def _pair_tables(document: Json) -> Iterator[Table]:
     """Differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
@@ -212,7 +212,7 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
         return
     several = document["runs"] > 1
     head = ["cost/step", "order", "local.", "missed", "false", "switch", "steps -/+"]
-    yield Sheet(
+    yield Table(
         head=(f"vs {first}", *head, *(["runs -/+"] if several else [])),
         rows=[
             (
@@ -230,7 +230,7 @@ def _pair_sheets(document: Document) -> Iterator[Sheet]:
     )  # fmt: skip
 
 
-def opposed(document: Document) -> Iterator[str]:
+def opposed(document: Json) -> Iterator[str]:
     """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
     for pair in document["pairs"]:
         if pair["opposed"]:
@@ -241,7 +241,7 @@ def opposed(document: Document) -> Iterator[str]:
             )
 
 
-def _against_sheets(document: Document) -> Iterator[Sheet]:
+def _against_tables(document: Json) -> Iterator[Table]:
     """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
     rows = []
@@ -256,7 +256,7 @@ def _against_sheets(document: Document) -> Iterator[Sheet]:
             rows.append((
                 f"{name}{title}", step[rule]["total"], step[rule]["switches"], step[rule]["mean"]
             ))  # fmt: skip
-    yield Sheet(
+    yield Table(
         head=("sum over steps of values^p", "total", "root", "switches", "mean of steps"),
         rows=[
             (
@@ -271,7 +271,7 @@ def _against_sheets(document: Document) -> Iterator[Sheet]:
     )
 
 
-def _estimate_remarks(document: Document) -> Iterator[str]:
+def _notes(document: Json) -> Iterator[str]:
     estimates = document["estimates"]
     for item in estimates:
         for which, made in enumerate(item["runs"], start=1):
@@ -301,7 +301,7 @@ def _between(low: float, high: float, sign: str = "") -> str:
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
-def _place(item: Document, pairs: list[Document]) -> str:
+def _place(item: Json, pairs: list[Json]) -> str:
     """The range of places that are possible, or the only one, with = if it is shared."""
     best, worst = item["place"]
     if best < worst:

@@ -1,4 +1,4 @@
-"""Solvers compared on one estimate, as a page and as a table."""
+"""Solvers compared on one estimate, as a document and as a table."""
 
 from collections.abc import Iterator
 
@@ -6,26 +6,26 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
     PARTS,
     RANK,
-    Document,
+    Json,
     error_of,
     number,
     parameters_of,
     size_of,
     unit_of,
 )
-from tgospa_eval.reports.sheets import Page, Sheet
-from tgospa_eval.results.records import Table
+from tgospa_eval.reports.tables import Document, Table
+from tgospa_eval.results.records import Columns
 
 
-def solvers_page(document: Document) -> Page:
+def solvers_document(document: Json) -> Document:
     """One problem through several solvers."""
     runs = document["runs"]
-    return Page(
+    return Document(
         kind=f"Comparison of solvers; {RANK}",
         title=_agreement(document),
         lines=[size_of(document["sizes"]), parameters_of(document["parameters"])],
-        sheets=[
-            Sheet(
+        tables=[
+            Table(
                 head=("run", "TGOSPA", "lower bound", "error", "bound's error", "iterations"),
                 rows=[
                     (
@@ -39,7 +39,7 @@ def solvers_page(document: Document) -> Page:
                     for run in runs
                 ],
             ),
-            Sheet(
+            Table(
                 head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
                 rows=[
                     (
@@ -51,19 +51,19 @@ def solvers_page(document: Document) -> Page:
                 ],
             ),
         ],
-        remarks=list(_solver_remarks(document)),
+        notes=list(_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
 
-def solvers_table(document: Document) -> Table:
+def solvers_columns(document: Json) -> Columns:
     """A row for each run, plain numbers."""
     runs = document["runs"]
     names = (
         "name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error",
         "lower_error", *PARTS, "iterations", "status", "finished",
     )  # fmt: skip
-    table: Table = {name: [run[name] for run in runs] for name in names}
+    table: Columns = {name: [run[name] for run in runs] for name in names}
     split = [_split(run["seconds"]) for run in runs]
     for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
         table[f"{name}_seconds"] = [row[k] for row in split]
@@ -72,7 +72,7 @@ def solvers_table(document: Document) -> Table:
     return table
 
 
-def _agreement(document: Document) -> str:
+def _agreement(document: Json) -> str:
     referee, unit = document["referee"], unit_of(document["parameters"])
     if not document["agree"]:
         pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
@@ -84,15 +84,15 @@ def _agreement(document: Document) -> str:
         return "No solver has an answer"
     count = sum(run["total"] is not None for run in document["runs"])
     which = "Both" if count == 2 else f"All {count}"
-    told = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
+    subject = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
     verb = "says" if count == 1 else "say"
     low, high = (f"{referee[name]:.9g}" for name in ("lower_bound", "upper_bound"))
     if low == high:
-        return f"{told} {verb}: TGOSPA = {high}{unit}"
-    return f"{told} {verb}: TGOSPA is between {low} and {high}{unit}"
+        return f"{subject} {verb}: TGOSPA = {high}{unit}"
+    return f"{subject} {verb}: TGOSPA is between {low} and {high}{unit}"
 
 
-def _solver_remarks(document: Document) -> Iterator[str]:
+def _notes(document: Json) -> Iterator[str]:
     once = document["seconds"]
     yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
     for run in document["runs"]:
@@ -102,7 +102,7 @@ def _solver_remarks(document: Document) -> Iterator[str]:
         yield f"{name} left out: {reason}"
 
 
-def _split(seconds: Document | None) -> tuple[float | None, ...]:
+def _split(seconds: Json | None) -> tuple[float | None, ...]:
     """Solving and proof together, and what they consist of."""
     if seconds is None:
         return (None,) * 6
@@ -116,6 +116,6 @@ def _split(seconds: Document | None) -> tuple[float | None, ...]:
     return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
 
 
-def _memory(run: Document) -> str:
+def _memory(run: Json) -> str:
     memory = run["memory"]
     return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"

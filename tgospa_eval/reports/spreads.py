@@ -1,8 +1,8 @@
 """What is around the states as the page draws it: small whole numbers that make ellipses.
 
 Of two components with deviations s, t and correlation r the n-sigma outline is
-(n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi. So a covariance is told as a logarithm for each
-deviation and an angle for each correlation, in the order of its lower triangle.
+(n s cos u, n t sin(u + arcsin r)), 0 <= u < 2 pi. So a covariance is encoded as a logarithm for
+each deviation and an angle for each correlation, in the order of its lower triangle.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.tracks.covariances import size_of
 
 NUMBERS = 150_000
-"""Numbers of covariances that are told; beyond, those of every so many steps."""
+"""Numbers of covariances that are encoded; beyond, those of every so many steps."""
 
 FINE = 50
 """Levels of a deviation for a factor of e: 2 % each."""
@@ -33,7 +33,7 @@ def described(spreads: list[Floats], stride: int) -> dict[str, Any]:
     spreads : list of (R, d (d + 1) / 2) float arrays
         Lower triangles; (R, 0) of points.
     stride : int
-        Steps from one told position to the next.
+        Steps from one encoded position to the next.
     """
     around = [spread for spread in spreads if spread.size]
     if not around or size_of(around[0].shape[1]) < 2:
@@ -50,8 +50,8 @@ def described(spreads: list[Floats], stride: int) -> dict[str, Any]:
     }
 
 
-def told(track: Ints, step: Ints, spread: Floats, how: dict[str, Any]) -> dict[str, Ints]:
-    """Arrays by name: which of these rows, sorted by track, are told, and each of the entries.
+def encoded(track: Ints, step: Ints, spread: Floats, how: dict[str, Any]) -> dict[str, Ints]:
+    """Arrays by name: which of these rows, sorted by track, are encoded, and each of the entries.
 
     Those of every so many steps, and the first and the last of each track.
     """
@@ -77,7 +77,7 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
     """Lower triangles (K, d (d + 1) / 2) as whole numbers, one array for each of its entries."""
     rows, columns = np.tril_indices(size_of(spread.shape[1]))
     deviation = _deviations(spread[:, rows == columns])
-    told = []
+    found = []
     for entry, (i, j) in enumerate(zip(rows, columns, strict=True)):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if i == j:
@@ -89,8 +89,8 @@ def levels(spread: Floats, largest: list[float]) -> list[Ints]:
                 top = 0
         # No logarithm or correlation of what has no deviation.
         level = np.nan_to_num(level, nan=top, posinf=top, neginf=top)
-        told.append(np.rint(np.minimum(level, FAINT)).astype(np.int64))
-    return told
+        found.append(np.rint(np.minimum(level, FAINT)).astype(np.int64))
+    return found
 
 
 def _deviations(variances: Floats) -> Floats:

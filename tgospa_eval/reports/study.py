@@ -1,4 +1,4 @@
-"""A scaling study, as a page, a report and a table."""
+"""A scaling study, as a document, a report and a table."""
 
 from collections.abc import Iterator
 
@@ -6,31 +6,31 @@ from tgospa_eval.reports.phrases import (
     EXACT,
     PARTS,
     SPLIT,
-    Document,
+    Json,
     counted,
     error_of,
     number,
     parameters_of,
 )
-from tgospa_eval.reports.sheets import Page, Sheet, as_markdown
-from tgospa_eval.results.records import Table
+from tgospa_eval.reports.tables import Document, Table, as_markdown
+from tgospa_eval.results.records import Columns
 
 
-def study_page(document: Document) -> Page:
-    """Solvers on made-up scenes of many sizes."""
-    return Page(
+def study_document(document: Json) -> Document:
+    """Solvers on synthetic scenes of many sizes."""
+    return Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
         title=_study_title(document),
         lines=list(_study_lines(document)),
-        sheets=[_study_sheet(document), _study_rms(document)],
-        remarks=list(_study_remarks(document)),
+        tables=[_times_table(document), _rms_table(document)],
+        notes=list(_notes(document)),
     )
 
 
-def study_report(document: Document, pictures: list[str]) -> str:
+def study_report(document: Json, pictures: list[str]) -> str:
     """The report as Markdown, with its pictures."""
     shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
-    return f"# Scaling study\n\n{as_markdown(study_page(document))}" + (
+    return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
         f"\n{shown}\n" if shown else ""
     )
 
@@ -42,10 +42,10 @@ CAPTIONS = {
 """What the pictures of a study show, by name."""
 
 
-def study_table(document: Document) -> Table:
+def study_columns(document: Json) -> Columns:
     """A row for each size and solver, plain numbers."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
-    table: Table = {
+    table: Columns = {
         "targets": [size["targets"] for size, _ in rows],
         "steps": [size["steps"] for size, _ in rows],
         "states": [size["states"]["mean"] for size, _ in rows],
@@ -61,7 +61,7 @@ def study_table(document: Document) -> Table:
     return table | {"left_out": [size["left_out"] for size, _ in rows]}
 
 
-def _study_title(document: Document) -> str:
+def _study_title(document: Json) -> str:
     sizes, runs = document["sizes"], document["runs"]
     if document["contradictions"]:
         targets, steps, run, a, b = document["contradictions"][0]
@@ -79,7 +79,7 @@ def _study_title(document: Document) -> str:
     return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
 
 
-def _study_lines(document: Document) -> Iterator[str]:
+def _study_lines(document: Json) -> Iterator[str]:
     scene, tracker, parameters = (document[name] for name in ("scene", "tracker", "parameters"))
     yield (
         f"scenario {scene['scenario']}, area {scene['area']:g}; noise {tracker['noise']:g}, "
@@ -91,7 +91,7 @@ def _study_lines(document: Document) -> Iterator[str]:
     yield document["machine"]
 
 
-def _study_sheet(document: Document) -> Sheet:
+def _times_table(document: Json) -> Table:
     """Time and error; mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
@@ -106,15 +106,15 @@ def _study_sheet(document: Document) -> Sheet:
                 error_of(made["lower_error"]["mean"]),
                 number(made["iterations"]["mean"], ".0f"),
             ))  # fmt: skip
-    return Sheet(
+    return Table(
         head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
     )
 
 
-def _study_rms(document: Document) -> Sheet:
+def _rms_table(document: Json) -> Table:
     """The metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
-    return Sheet(
+    return Table(
         head=(f"per step, {mean} of runs", "TGOSPA", "localisation", "missed", "false", "switch"),
         rows=[
             (
@@ -126,7 +126,7 @@ def _study_rms(document: Document) -> Sheet:
     )
 
 
-def _study_remarks(document: Document) -> Iterator[str]:
+def _notes(document: Json) -> Iterator[str]:
     yield (
         "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
@@ -152,6 +152,6 @@ def _study_remarks(document: Document) -> Iterator[str]:
                     yield f"{made['name']}, {where}: {fact} in {counted(made[name], 'run')}"
 
 
-def _deviation(values: Document, form: str) -> str:
+def _deviation(values: Json, form: str) -> str:
     value = values["deviation"]
     return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")

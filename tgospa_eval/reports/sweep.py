@@ -8,35 +8,35 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import Table
+from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.results.records import Columns
 
-Document = dict[str, Any]
+Json = dict[str, Any]
 
 LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma"}
 PARTS = ("missed", "false", "switch")
 
 
-def render(document: Document, format: str, table: Table) -> str:
+def render(document: Json, format: str, table: Columns) -> str:
     """What ``--format`` prints; `table` are the points as columns."""
     if format == "json":
         return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
     if format == "csv":
         return csv_text(table)
-    page = sweep_page(document)
+    page = sweep_document(document)
     return {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format](page)
 
 
-def sweep_page(document: Document) -> Page:
+def sweep_document(document: Json) -> Document:
     """A row for each value."""
     letter = LETTERS[document["parameter"]]
     exact = document["certified"]
     lower = () if exact else ("lower bound",)
-    return Page(
+    return Document(
         title=_title(document),
         lines=[_parameters(document), "costs, and in brackets how many of each:"],
-        sheets=[
-            Sheet(
+        tables=[
+            Table(
                 head=(letter, *lower, "TGOSPA", "localisation", *PARTS),
                 rows=[
                     (
@@ -53,18 +53,18 @@ def sweep_page(document: Document) -> Page:
                 ],
             )
         ],
-        remarks=list(_remarks(document)),
+        notes=list(_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
     )
 
 
-def quantity(value: float, document: Document) -> str:
+def quantity(value: float, document: Json) -> str:
     """A value of the parameter, with the unit if it has one."""
     unit = document["parameters"]["unit"] if document["parameter"] != "order" else None
     return number(value) + (f" {unit}" if unit else "")
 
 
-def _title(document: Document) -> str:
+def _title(document: Json) -> str:
     points = document["points"]
     word, letter = document["parameter"].replace("_", " "), LETTERS[document["parameter"]]
     first, last = (quantity(points[k]["value"], document) for k in (0, -1))
@@ -81,7 +81,7 @@ def _title(document: Document) -> str:
     )
 
 
-def _parameters(document: Document) -> str:
+def _parameters(document: Json) -> str:
     used, sizes = document["parameters"], document["sizes"]
     fixed = ", ".join(
         f"{letter} = {used[name]:g}"
@@ -96,8 +96,8 @@ def _parameters(document: Document) -> str:
     )
 
 
-def _remarks(document: Document) -> Iterator[str]:
-    """Where the counts do not depend on the parameter; told of the best assignments alone."""
+def _notes(document: Json) -> Iterator[str]:
+    """Where the counts do not depend on the parameter; of the best assignments only."""
     letter, points = LETTERS[document["parameter"]], document["points"]
     if len(points) < 2 or not document["certified"]:
         return

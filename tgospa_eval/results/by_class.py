@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
 from tgospa_eval.results.records import (
+    Columns,
     Costs,
-    Document,
     FileInfo,
     FileRecord,
+    Json,
     Labels,
-    Table,
     Timings,
 )
 from tgospa_eval.results.result import Result
@@ -54,23 +54,23 @@ class ByClass(Summary):
         truths, estimates = zip(*(part.objects for part in self.results.values()), strict=True)
         return sum(truths), sum(estimates)
 
-    def assignments_table(self) -> Table:
+    def assignments_table(self) -> Columns:
         """Assigned pairs, class by class."""
         return self._joined({name: part.assignments_table() for name, part in self._items()})
 
-    def switches_table(self) -> Table:
+    def switches_table(self) -> Columns:
         """Switches, class by class."""
         return self._joined({name: part.switches_table() for name, part in self._items()})
 
-    def per_truth_table(self) -> Table:
+    def per_truth_table(self) -> Columns:
         """Truths, class by class."""
         return self._joined({name: part.per_truth_table() for name, part in self._items()})
 
-    def per_estimate_table(self) -> Table:
+    def per_estimate_table(self) -> Columns:
         """Estimates, class by class."""
         return self._joined({name: part.per_estimate_table() for name, part in self._items()})
 
-    def per_class_table(self) -> Table:
+    def per_class_table(self) -> Columns:
         """Value and costs of each class; the costs add up, the values do not."""
         names = ("tgospa", "total", "localisation", "missed", "false", "switch")
         parts = self.results.values()
@@ -78,7 +78,7 @@ class ByClass(Summary):
             name: [getattr(part, name) for part in parts] for name in names
         }
 
-    def to_dict(self) -> Document:
+    def to_dict(self) -> Json:
         """The document of the sum, with those of the classes."""
         return super().to_dict() | {
             "by_class": {name: part.to_dict() for name, part in self._items()}
@@ -88,10 +88,10 @@ class ByClass(Summary):
         return list(self.results.items())
 
     @staticmethod
-    def _joined(tables: dict[str, Table]) -> Table:
+    def _joined(tables: dict[str, Columns]) -> Columns:
         """One table below the other, with the class in front."""
         columns = next(iter(tables.values()))
-        joined: Table = {
+        joined: Columns = {
             "class": [name for name, table in tables.items() for _ in next(iter(table.values()))]
         }
         return joined | {

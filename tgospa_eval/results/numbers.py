@@ -15,11 +15,11 @@ from tgospa_eval.problem.problem import POWER, Floats
 from tgospa_eval.problem.solution import Curve
 from tgospa_eval.results.records import (
     PARTS,
+    Columns,
     Costs,
     FileRecord,
     Labels,
     SolverRecord,
-    Table,
     Timings,
 )
 
@@ -186,16 +186,16 @@ class Numbers(ABC):
         """Every option that changes the number."""
         return self.settings
 
-    def per_step_table(self) -> Table:
+    def per_step_table(self) -> Columns:
         """Cost of each step by kind."""
         split = self.proof.breakdown
         parts = {name: self.scale * getattr(split, name) for name in PARTS}
-        table: Table = {"t": list(self.labels.times)}
+        table: Columns = {"t": list(self.labels.times)}
         table.update({name: part.tolist() for name, part in parts.items()})
         table["total"] = sum(parts.values(), np.zeros(len(self.labels.times))).tolist()
         return table
 
-    def curve_table(self) -> Table:
+    def curve_table(self) -> Columns:
         """The normalised curve (docs/theory, "The curve"): no columns if it was not asked for.
 
         At each step the metric of the `steps` up to it at which something exists, with its bounds,
@@ -206,7 +206,7 @@ class Numbers(ABC):
             return {}
         steps = np.cumsum(self.occupied)
         each = np.maximum(steps, 1)
-        table: Table = {"t": list(self.labels.times), "steps": steps.tolist()}
+        table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
         for name, cost, sign in (
             ("tgospa", traced.parts.sum(axis=0), 0),
             ("lower_bound", traced.lower, -1),
@@ -234,26 +234,26 @@ class Numbers(ABC):
         """States of the truth and of the estimate."""
 
     @abstractmethod
-    def assignments_table(self) -> Table:
+    def assignments_table(self) -> Columns:
         """Pairs that both exist, are nearer than the cutoff, and are assigned."""
 
     @abstractmethod
-    def switches_table(self) -> Table:
+    def switches_table(self) -> Columns:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""
 
     @abstractmethod
-    def per_truth_table(self) -> Table:
+    def per_truth_table(self) -> Columns:
         """Steps, costs and counts of each truth."""
 
     @abstractmethod
-    def per_estimate_table(self) -> Table:
+    def per_estimate_table(self) -> Columns:
         """Steps, costs and counts of each estimate."""
 
-    def per_class_table(self) -> Table:
+    def per_class_table(self) -> Columns:
         """Value and costs of each class, where they were evaluated apart; else no columns."""
         return {}
 
-    def worst(self, count: int = 5) -> Table:
+    def worst(self, count: int = 5) -> Columns:
         """The `count` costliest steps, truths and estimates, in order, free ones left out."""
         per_step = self.per_step_table()
         answer = {"steps": _costliest(per_step["t"], np.array(per_step["total"]), count)}

@@ -10,10 +10,10 @@ from tgospa_eval.problem.solution import Bounds, Breakdown
 PARTS = ("localisation", "missed", "false", "switch")
 """The parts of the cost, in the order of every output."""
 
-Document: TypeAlias = dict[str, Any]
+Json: TypeAlias = dict[str, Any]
 """A JSON object of plain Python values."""
 
-Table: TypeAlias = dict[str, list[Any]]
+Columns: TypeAlias = dict[str, list[Any]]
 """Columns by name, all of one length, of plain Python values."""
 
 
@@ -120,6 +120,6 @@ class Timings(TypedDict):
     nanoseconds_per_state: NotRequired[float]
 
 
-def records(table: Table) -> list[Document]:
+def records(table: Columns) -> list[Json]:
     """The rows of a table."""
     return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]

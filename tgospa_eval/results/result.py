@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
-from tgospa_eval.results.records import Costs, Table
+from tgospa_eval.results.records import Columns, Costs
 from tgospa_eval.results.summary import Summary
 
 
@@ -86,7 +86,7 @@ class Result(Summary):
         problem = self.proof.states.problem
         return len(problem.truth_step), len(problem.estimate_step)
 
-    def assignments_table(self) -> Table:
+    def assignments_table(self) -> Columns:
         """Pairs that both exist, are nearer than the cutoff, and are assigned."""
         states, problem = self.proof.states, self.proof.states.problem
         used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
@@ -107,7 +107,7 @@ class Result(Summary):
             "cost": (self.scale * problem.cost[entry] * weight).tolist(),
         }
 
-    def switches_table(self) -> Table:
+    def switches_table(self) -> Columns:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""
         states = self.proof.states
         state, amount = changes(states, self.proof.weights)
@@ -140,15 +140,15 @@ class Result(Summary):
             "cost": (self.scale * price[moments] * variation).tolist(),
         }
 
-    def per_truth_table(self) -> Table:
+    def per_truth_table(self) -> Columns:
         """Steps, costs and counts of each truth."""
         return self._per_track("truth")
 
-    def per_estimate_table(self) -> Table:
+    def per_estimate_table(self) -> Columns:
         """Steps, costs and counts of each estimate."""
         return self._per_track("estimate")
 
-    def _per_track(self, side: str) -> Table:
+    def _per_track(self, side: str) -> Columns:
         states, problem = self.proof.states, self.proof.states.problem
         ids = self.labels.truths if side == "truth" else self.labels.estimates
         track: Ints = getattr(problem, f"{side}_track")

@@ -16,7 +16,7 @@ from tgospa_eval.common.words import counted, install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.notebook import card
 from tgospa_eval.results.numbers import Numbers
-from tgospa_eval.results.records import PARTS, Document, Table, records
+from tgospa_eval.results.records import PARTS, Columns, Json, records
 
 if TYPE_CHECKING:
     import os
@@ -51,7 +51,7 @@ class Summary(Numbers, ABC):
     def __dir__(self) -> list[str]:
         return [name for name in PUBLIC if name in self.__dict__ or hasattr(type(self), name)]
 
-    def to_dict(self) -> Document:
+    def to_dict(self) -> Json:
         """The JSON document as plain Python values."""
         parts = {name: getattr(self, name) for name in ("localisation_mean", "localisation_spread")}
         curve = {} if self.traced is None else {"curve": records(self.curve_table())}
@@ -243,7 +243,7 @@ def _count(amount: float | None) -> str:
     return "" if amount is None else number(amount)
 
 
-def _frame(table: Table) -> "pd.DataFrame":
+def _frame(table: Columns) -> "pd.DataFrame":
     import pandas as pd  # here: importing it takes longer than most evaluations
 
     return pd.DataFrame(table)

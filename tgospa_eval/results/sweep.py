@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.results.records import FileRecord, Table
+from tgospa_eval.results.records import Columns, FileRecord
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,7 +106,7 @@ class Sweep:
 
         return pd.DataFrame(self.columns())
 
-    def columns(self) -> Table:
+    def columns(self) -> Columns:
         """The points as columns, the parameter first."""
         rows = [asdict(point) for point in self.points]
         table = {name: [row[name] for row in rows] for name in rows[0]}

@@ -19,7 +19,7 @@ from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
-Table = dict[str, list[Any]]
+Columns = dict[str, list[Any]]
 Floats = NDArray[np.float64]
 
 LARGEST = 3000
@@ -57,7 +57,7 @@ class Association:
         unassigned = len(self.first.step) + len(self.second.step) - 2 * int(self.chosen.sum())
         return float(self.pairs.distance[self.chosen].sum() + 0.5 * self.cutoff * unassigned)
 
-    def associations_table(self) -> Table:
+    def associations_table(self) -> Columns:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
         pairs = np.flatnonzero(self.chosen)
         i, j = self.pairs.truth_row[pairs], self.pairs.estimate_row[pairs]
@@ -79,12 +79,12 @@ class Association:
         names = ("t", "id_a", "id_b", "distance", "mean_distance")
         return {name: [row[3][k] for row in rows] for k, name in enumerate(names)}
 
-    def costs_table(self) -> Table:
+    def costs_table(self) -> Columns:
         """All `pairs`, and whether they were associated."""
         table = self._pairs_table(np.arange(len(self.chosen)))
         return {**table, "associated": self.chosen.astype(int).tolist()}
 
-    def cross_covariances_table(self) -> Table:
+    def cross_covariances_table(self) -> Columns:
         """Of each associated pair the cross-covariance of the particles.
 
         Raises
@@ -113,7 +113,7 @@ class Association:
         }
         return {**self._pairs_table(pairs), **entries}
 
-    def _pairs_table(self, pairs: NDArray[np.intp]) -> Table:
+    def _pairs_table(self, pairs: NDArray[np.intp]) -> Columns:
         rows = [
             self._names(int(a), int(b), float(value), float(far))
             for a, b, value, far in zip(

@@ -13,12 +13,12 @@ from tgospa_eval.distances.clouds.transport import LARGEST, NEEDED, can_transpor
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
-Table = dict[str, list[Any]]
+Columns = dict[str, list[Any]]
 
 
 def reduce_trajectories(
     side: Trajectories, reduction: Reduction, effort: Effort | None = None
-) -> tuple[Trajectories, Table]:
+) -> tuple[Trajectories, Columns]:
     """Every cloud with fewer particles, and a row of what changed for each.
 
     Parameters
@@ -46,7 +46,7 @@ def reduce_trajectories(
     return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
 
 
-def _table(side: Trajectories, changes: list[tuple[Any, ...]]) -> Table:
+def _table(side: Trajectories, changes: list[tuple[Any, ...]]) -> Columns:
     ids = side.ids[side.track].tolist()
     moments = side.shown[side.step].tolist()
     rows = [(*row[:2], *row[2]) for row in zip(ids, moments, changes, strict=True)]

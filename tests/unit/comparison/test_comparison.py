@@ -20,7 +20,7 @@ from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.sheets import Page, Sheet, as_latex, as_markdown, as_text
+from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
 from tgospa_eval.solvers import Solver
 
 TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
@@ -434,9 +434,9 @@ def test_hostile_names(write: Write, invoke: Invoke) -> None:
     assert r"50\% \& \$x\$ \#1" in shown["latex"]
 
 
-def test_sheets_escape_everything() -> None:
+def test_tables_escape_everything() -> None:
     name = "evil\n\x1b[31m\u202e{~^\\}"
-    page = Page(title=name, lines=[name], sheets=[Sheet(head=("a", "b"), rows=[(name, "1")])])
+    page = Document(title=name, lines=[name], tables=[Table(head=("a", "b"), rows=[(name, "1")])])
     for text in (as_text(page), as_markdown(page), as_latex(page)):
         assert not {"\x1b", "\u202e"} & set(text)
         assert "evil\n" not in text
@@ -465,7 +465,7 @@ def test_no_cell_is_cut(widths: list[int], names: list[int]) -> None:
         (f"n{'-' * size}{k}", *(f"{k}x{at}".rjust(w, "_") for at, w in enumerate(widths)))
         for k, size in enumerate(names)
     ]
-    text = as_text(Page(title="t", lines=[], sheets=[Sheet(head=head, rows=rows)]))
+    text = as_text(Document(title="t", lines=[], tables=[Table(head=head, rows=rows)]))
     assert max(map(len, text.splitlines())) <= 80
     words = text.split()
     for row in rows:
@@ -474,8 +474,8 @@ def test_no_cell_is_cut(widths: list[int], names: list[int]) -> None:
 
 
 def test_rows_of_latex_begin_with_no_setting() -> None:
-    page = Page(
-        title="t", lines=[], sheets=[Sheet(head=("a", "b"), rows=[("[x]", "1"), ("*", "2")])]
+    page = Document(
+        title="t", lines=[], tables=[Table(head=("a", "b"), rows=[("[x]", "1"), ("*", "2")])]
     )
     assert "\n{}[x] & 1" in as_latex(page)
     assert "\n{}* & 2" in as_latex(page)

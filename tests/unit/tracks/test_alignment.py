@@ -205,7 +205,7 @@ def test_good_files_have_no_warnings(invoke: Run, quickstart: tuple[str, str]) -
     assert "warning" not in invoke(*quickstart).err
 
 
-def test_remarks_on_empty_sides() -> None:
+def test_notices_on_empty_sides() -> None:
     empty = side([])
     parameters = Parameters(cutoff=1, order=2, switch_penalty=0)
     for sides in ((empty, empty), (side([1, 2]), empty), (empty, side([1]))):

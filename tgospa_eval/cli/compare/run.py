@@ -22,7 +22,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted, natural
 from tgospa_eval.comparison.log import Log, machine
-from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_costs, steps_table
+from tgospa_eval.comparison.ranking import Entrant, Outcome, outcome, steps_columns, steps_costs
 from tgospa_eval.comparison.ranking import document as ranking
 from tgospa_eval.comparison.runs import called, check_solvers, takes_long
 from tgospa_eval.comparison.solvers import compare_solvers, document
@@ -36,8 +36,8 @@ from tgospa_eval.plots.comparison import estimate_pictures, solver_pictures, stu
 from tgospa_eval.reports.comparison import json_text, render
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import COMPARISON, STUDY, probe_folder
-from tgospa_eval.reports.phrases import Document
-from tgospa_eval.reports.ranking import opposed, pairs_table
+from tgospa_eval.reports.phrases import Json
+from tgospa_eval.reports.ranking import opposed, pairs_columns
 from tgospa_eval.reports.study import study_report
 from tgospa_eval.simulation import COLUMNS
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
@@ -62,7 +62,7 @@ def compare_files(truth: str, estimate: str, options: dict[str, Any], given: set
     settings = _settings(options)
     stopwatch = Stopwatch()
 
-    def work() -> Document:
+    def work() -> Json:
         pairs = Pairs(settings, stopwatch, quiet=options["quiet"])
         prepared = pairs.prepared(truth, estimate)
         chosen, left_out = list(solvers), {}
@@ -131,7 +131,7 @@ def compare_estimates(
     settings = _settings(options)
     stopwatch = Stopwatch()
 
-    def work() -> tuple[Document, dict[str, str], tuple[list[Any], dict[str, list[float]]]]:
+    def work() -> tuple[Json, dict[str, str], tuple[list[Any], dict[str, list[float]]]]:
         pairs = Pairs(settings, stopwatch, quiet=options["quiet"])
         found: list[list[Outcome]] = [[] for _ in estimates]
         count = len(estimates) * len(runs)
@@ -161,12 +161,12 @@ def compare_estimates(
         answer = ranking(entrants, [of_truth for of_truth, _ in runs[:whole]], result.settings)
         answer["warnings"] = pairs.warnings
         best = answer["estimates"][0]["name"]
-        tables = {"per_step.csv": csv_text(steps_table(entrants, best))}
+        tables = {"per_step.csv": csv_text(steps_columns(entrants, best))}
         return answer, tables, steps_costs(entrants)
 
     answer, tables, (times, costs) = run(work, stopwatch, show=not options["quiet"])
     if answer["pairs"]:
-        tables["pairs.csv"] = csv_text(pairs_table(answer))
+        tables["pairs.csv"] = csv_text(pairs_columns(answer))
     ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
     show(answer, options, tables, lambda _: estimate_pictures(ranked, times))
     unfinished = [
@@ -213,14 +213,14 @@ def study_sizes(options: dict[str, Any]) -> bool:
         teller(quiet=options["quiet"])(notice)
     with nullcontext() if folder is None else Log(folder, study.settings) as log:
 
-        def work() -> Document:
-            def tell(text: str, share: float) -> None:
+        def work() -> Json:
+            def notify(text: str, share: float) -> None:
                 stopwatch.stage = text
                 stopwatch.progress.done(share)
 
             known = {} if log is None else log.known
             keep = (lambda _: None) if log is None else log.keep
-            return summary(study, carry_out(study, known, keep, tell), machine())
+            return summary(study, carry_out(study, known, keep, notify), machine())
 
         if not options["quiet"] and log is not None and log.known:
             scenes = counted(len(log.known), "scene is", "scenes are")
@@ -364,14 +364,14 @@ class Pairs:
 
     def __init__(self, settings: Settings, stopwatch: Stopwatch, *, quiet: bool) -> None:
         self.settings, self.stopwatch = settings, stopwatch
-        self.tell = teller(quiet=quiet)
-        self.told: set[Notice] = set()
+        self.notify = teller(quiet=quiet)
+        self.shown: set[Notice] = set()
         self.last: tuple[str, Reading] | None = None
         self.warnings: list[dict[str, str]] = []
         if not quiet:
             stopwatch.tell = say
         for notice in slow_notice():
-            self._tell_once(notice)
+            self._notify_once(notice)
 
     def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
         """The problem of two files; `named` notices say which estimate they are about."""
@@ -384,19 +384,19 @@ class Pairs:
         fitted, request = settings.fit(sides, paths)
         for notice in pair_notices(fitted, request, pixels=any(side.pixels for side in sides)):
             is_default = notice.text.startswith("default ") and not notice.code
-            self._tell_once(notice.about(estimate) if named and not is_default else notice)
+            self._notify_once(notice.about(estimate) if named and not is_default else notice)
         return prepare(fitted, request, files=infos(sides), stopwatch=self.stopwatch)
 
     def _read(self, path: str, side: int) -> Reading:
         found = self.settings.read_side(path, side, ROLES[side])
         for notice in about(path, found):
-            self._tell_once(notice)
+            self._notify_once(notice)
         return found
 
-    def _tell_once(self, notice: Notice) -> None:
-        if notice not in self.told:
-            self.told.add(notice)
-            self.tell(notice)
+    def _notify_once(self, notice: Notice) -> None:
+        if notice not in self.shown:
+            self.shown.add(notice)
+            self.notify(notice)
             if notice.code:
                 self.warnings.append(notice.record())
 
@@ -444,10 +444,10 @@ def numbers(option: str, text: str, kind: Any) -> list[Any]:
 
 
 def show(
-    answer: Document,
+    answer: Json,
     options: dict[str, Any],
     tables: dict[str, str],
-    draw: Callable[[Document], dict[str, Any]],
+    draw: Callable[[Json], dict[str, Any]],
 ) -> None:
     """Print the document, and write the folder if one was asked for.
 
@@ -463,8 +463,8 @@ def show(
         Makes figures by name of the document; it is called where matplotlib is there.
     """
 
-    def make(tell: Callable[[str, float], None]) -> Files:
-        tell("the pictures", 0.0)
+    def make(notify: Callable[[str, float], None]) -> Files:
+        notify("the pictures", 0.0)
         pictures: dict[str, bytes] = {}
         if plots.available():
             pictures = plots.pictures(draw, answer)

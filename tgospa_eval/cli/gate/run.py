@@ -54,8 +54,8 @@ def run_gate(
         raise
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
-            said = (f"{outcome.name}: " if options["suite"] else "") + " ".join(outcome.notes)
-            say(said)
+            notes = (f"{outcome.name}: " if options["suite"] else "") + " ".join(outcome.notes)
+            say(notes)
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
     status = worst((report.status, _publish(report, options)))
     try:
@@ -95,15 +95,15 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     if update and not path:
         raise ConfigError("no baseline: name the file to make with --baseline FILE")
     old = load(path) if path else None
-    alone = suite.pairs[0].name == ALONE and not options["suite"]
-    if alone and old and ALONE not in old:
+    single = suite.pairs[0].name == ALONE and not options["suite"]
+    if single and old and ALONE not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
     rules = {
         p.name: given.rules(p, baseline=bool(path)) for p in suite.pairs if not p.fault
     }  # wrong ones before any work
     if path and update:
         return _update(given, suite, old or {}, path)
-    if not path:  # absolute limits alone
+    if not path:  # absolute limits only
         judged = (
             _failed(p) if p.fault else _outcome(given, p, None, rules[p.name], "")
             for p in suite.pairs
@@ -172,7 +172,7 @@ def _evaluate(
     output = OutputOptions(quiet=given.options["quiet"], verbose=given.options["verbose"])
     prefix = f"{clipped(pair.name)}: " if given.options["suite"] else ""
     result, finished = evaluate_files(
-        pair.truth, pair.estimate, EvaluationOptions.of(chosen), output, _sayer(prefix)
+        pair.truth, pair.estimate, EvaluationOptions.of(chosen), output, _prefixed(prefix)
     )
     if heard():
         claim = f"{result.claim}, {result.proven}"
@@ -181,7 +181,7 @@ def _evaluate(
     return result, given.kept(chosen, result, path, finished=finished)
 
 
-def _sayer(prefix: str) -> Callable[[str], None]:
+def _prefixed(prefix: str) -> Callable[[str], None]:
     return lambda text: say(prefix + text)
 
 
@@ -207,7 +207,7 @@ def _outcome(
 
 
 def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
-    """Make the baseline anew, of all pairs or not at all, and say what changed."""
+    """Make the baseline anew, of all pairs or not at all, and list what changed."""
     new: Baseline = {}
     outcomes = []
     for pair in suite.pairs:
@@ -221,7 +221,7 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
             prefix = f"{clipped(pair.name)}: " if given.options["suite"] else ""
             raise type(error)(f"{prefix}{error}") from None
         entry = new[pair.name] = make_entry(result, kept)
-        changes, notes = change(before, entry), tuple(_remarks(before, entry, result))
+        changes, notes = change(before, entry), tuple(_notes(before, entry, result))
         made = _updated(pair, time.monotonic() - begin, changes, notes)
         outcomes.append(replace(made, warnings=result.warnings))
     removed = ("removed: it is not in the suite",)
@@ -244,7 +244,7 @@ def _updated(
     )  # fmt: skip
 
 
-def _remarks(before: Entry | None, entry: Entry, result: Summary) -> Iterator[str]:
+def _notes(before: Entry | None, entry: Entry, result: Summary) -> Iterator[str]:
     """What is not seen from the values."""
     if before is None:
         yield "new in the baseline"

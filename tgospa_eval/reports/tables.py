@@ -12,11 +12,11 @@ from tgospa_eval.text import visible
 INDENT = "  "
 LEAST, MOST = 12, 44
 """Columns that the first cell keeps in a terminal, however wide the others are, and that it takes
-to be told from others."""
+to differ from others."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sheet:
+class Table:
     """One table; the first column is text, the others numbers that are formatted already.
 
     Parameters
@@ -35,8 +35,8 @@ class Sheet:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
-    """What a report says: what it is, one sentence, lines about the problem, tables, remarks.
+class Document:
+    """What a report consists of: what it is, one sentence, lines about the problem, tables, notes.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class Page:
         The answer, in a sentence.
     lines : sequence of str
         What was compared.
-    sheets : sequence of Sheet
+    tables : sequence of Table
         Tables.
     warnings : sequence of str
         What looks wrong with the data; on a terminal it is on stderr already.
-    remarks : sequence of str
+    notes : sequence of str
         Sentences below.
     kind : str
         What this is, and how to get what it is not.
@@ -56,49 +56,57 @@ class Page:
 
     title: str
     lines: Sequence[str]
-    sheets: Sequence[Sheet]
-    remarks: Sequence[str] = ()
+    tables: Sequence[Table]
+    notes: Sequence[str] = ()
     kind: str = ""
     warnings: Sequence[str] = ()
 
 
-def as_text(page: Page) -> str:
+def as_text(document: Document) -> str:
     """For a terminal, 80 columns."""
-    blocks = [_wrap(page.kind, "")] if page.kind else []
-    blocks.append([*_wrap(page.title, ""), *(part for line in page.lines for part in _wrap(line))])
-    blocks += [_text_table(sheet) for sheet in page.sheets]
-    blocks.append([part for line in page.remarks for part in _wrap(line)])
+    blocks = [_wrap(document.kind, "")] if document.kind else []
+    blocks.append(
+        [*_wrap(document.title, ""), *(part for line in document.lines for part in _wrap(line))]
+    )
+    blocks += [_text_table(table) for table in document.tables]
+    blocks.append([part for line in document.notes for part in _wrap(line)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
 
-def as_markdown(page: Page) -> str:
+def as_markdown(document: Document) -> str:
     """For a pull request or a lab book."""
-    blocks = [markdown(page.kind)] if page.kind else []
-    blocks += [f"**{markdown(page.title)}**", *map(markdown, page.lines)]
-    for sheet in page.sheets:
-        lines = [_pipes(map(markdown, sheet.head))]
-        lines.append(_pipes(["---", *["---:"] * (len(sheet.head) - 1)]))
-        for k, row in enumerate(sheet.rows):
+    blocks = [markdown(document.kind)] if document.kind else []
+    blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
+    for table in document.tables:
+        lines = [_pipes(map(markdown, table.head))]
+        lines.append(_pipes(["---", *["---:"] * (len(table.head) - 1)]))
+        for k, row in enumerate(table.rows):
             cells = map(markdown, row)
-            bold = [(k, at) in sheet.bold and bool(cell) for at, cell in enumerate(row)]
+            bold = [(k, at) in table.bold and bool(cell) for at, cell in enumerate(row)]
             lines.append(_pipes(f"**{c}**" if b else c for c, b in zip(cells, bold, strict=True)))
         blocks.append("\n".join(lines))
-    blocks += [f"> {markdown(line)}" for line in page.warnings]
-    if page.remarks:
-        blocks.append("\n".join(f"- {markdown(line)}" for line in page.remarks))
+    blocks += [f"> {markdown(line)}" for line in document.warnings]
+    if document.notes:
+        blocks.append("\n".join(f"- {markdown(line)}" for line in document.notes))
     return "\n\n".join(blocks) + "\n"
 
 
-def as_latex(page: Page) -> str:
+def as_latex(document: Document) -> str:
     """Tables of the package booktabs; the words are comments."""
-    words = [*filter(None, [page.kind]), page.title, *page.warnings, *page.lines, *page.remarks]
+    words = [
+        *filter(None, [document.kind]),
+        document.title,
+        *document.warnings,
+        *document.lines,
+        *document.notes,
+    ]
     blocks = ["\n".join(map(latex_comment, words))]
-    for sheet in page.sheets:
-        lines = [rf"\begin{{tabular}}{{l{'r' * (len(sheet.head) - 1)}}}", r"\toprule"]
-        lines += [_ampersands(map(latex, sheet.head)), r"\midrule"]
-        for k, row in enumerate(sheet.rows):
+    for table in document.tables:
+        lines = [rf"\begin{{tabular}}{{l{'r' * (len(table.head) - 1)}}}", r"\toprule"]
+        lines += [_ampersands(map(latex, table.head)), r"\midrule"]
+        for k, row in enumerate(table.rows):
             cells = map(latex, row)
-            bold = [(k, at) in sheet.bold for at in range(len(row))]
+            bold = [(k, at) in table.bold for at in range(len(row))]
             lines.append(
                 _ampersands(
                     rf"\textbf{{{c}}}" if b else c for c, b in zip(cells, bold, strict=True)
@@ -122,14 +130,14 @@ def _ampersands(cells: Any) -> str:
     return f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
 
 
-def _text_table(sheet: Sheet) -> list[str]:
+def _text_table(table: Table) -> list[str]:
     """Columns as wide as they need.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first column again.
     """
-    rows = [[visible(cell) for cell in row] for row in (sheet.head, *sheet.rows)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(sheet.head))]
+    rows = [[visible(cell) for cell in row] for row in (table.head, *table.rows)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(table.head))]
     first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
     lines: list[str] = []
     for columns in _that_fit(widths, WIDTH - len(INDENT) - first):
@@ -157,7 +165,7 @@ def _first_width(texts: list[str], others: int) -> int:
 
 
 def _that_fit(widths: list[int], room: int) -> list[list[int]]:
-    """The columns after the first, in groups that fit; one that is too wide is alone."""
+    """The columns after the first in groups that fit; one that is too wide is a group."""
     groups: list[list[int]] = [[]]
     used = 0
     for k, width in enumerate(widths[1:], start=1):
