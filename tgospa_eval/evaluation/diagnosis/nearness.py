@@ -9,7 +9,6 @@ import numpy as np
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
-from tgospa_eval.distances.sphere import RADIUS
 from tgospa_eval.evaluation.diagnosis.costs import StepCosts
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -61,7 +60,8 @@ def nearness_warnings(
     distance : Distance
         Base distance of states alone.
     """
-    near, rows = len(np.unique(here.rows[0])), len(sides[0].step)
+    rows = len(sides[0].step)
+    near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))
     within = f"within c = {parameters.cutoff:g}"
     steps = counted(here.steps, "step")
     if not near:
@@ -122,6 +122,8 @@ def _displaced(estimate: Trajectories, cutoff: float, distance: Distance) -> Ite
     """The estimate, displaced along both diagonals of its first two axes of position."""
     columns = estimate.columns
     if distance.name == "haversine":
+        from tgospa_eval.distances.sphere import RADIUS  # here: most distances are others
+
         chosen, reach = [0], np.degrees(np.full((1, 1), cutoff / RADIUS))
     else:
         named = [columns.index(name) for name in ("x", "y") if name in columns]
