@@ -21,8 +21,11 @@ from tgospa_eval.comparison.against import Against, against, against_document, d
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
 from tgospa_eval.comparison.runs import PARTS, bracket_of
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import Columns, FileRecord
+from tgospa_eval.results.records import Columns, FileRecord, Time
 from tgospa_eval.results.result import Result
+
+StepCosts = tuple[list[Time], dict[str, list[float]]]
+"""Times, and costs of the steps by estimate."""
 
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
@@ -57,7 +60,7 @@ class Outcome:
     counts: dict[str, float]
     steps: dict[str, Floats]
     moments: NDArray[Any]
-    times: list[Any]
+    times: list[Time]
     occupied: NDArray[np.bool_]
     finished: bool
     status: str
@@ -293,12 +296,13 @@ def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
     return table
 
 
-def steps_costs(entrants: Sequence[Entrant]) -> tuple[list[Any], dict[str, list[float]]]:
+def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
     """Times, and the cost of each step by estimate, mean over runs.
 
     None where the runs differ in length; of runs with other times each the numbers of the steps.
     """
-    found, times = {}, []
+    found: dict[str, list[float]] = {}
+    times: list[list[Time]] = []
     for entrant in entrants:
         runs = []
         for run, item in enumerate(entrant.outcomes):
@@ -313,7 +317,7 @@ def steps_costs(entrants: Sequence[Entrant]) -> tuple[list[Any], dict[str, list[
             return [], {}
         found[entrant.name] = np.mean(runs, axis=0).tolist()
     same = all(other == times[0] for other in times)
-    return times[0] if same else list(range(1, len(times[0]) + 1)), found
+    return (times[0] if same else [*range(1, len(times[0]) + 1)]), found
 
 
 def _joined(first: Outcome, second: Outcome) -> tuple[dict[str, Any], dict[str, Any]]:

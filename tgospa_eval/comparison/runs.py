@@ -94,6 +94,11 @@ def called(solver: str, epsilon: float | None) -> str:
     return f"{solver} {short if float(short) == epsilon else repr(float(epsilon))}"
 
 
+def name_of(solver: Solver) -> str:
+    """Name and temperature of a solver."""
+    return called(solver.name, getattr(solver, "epsilon", None))
+
+
 def bracket_of(result: Summary) -> Bracket:
     """The proven bounds of the total, as costs."""
     lower, upper = result.total_bounds
@@ -237,10 +242,9 @@ def check_solvers(solvers: Sequence[Solver]) -> None:
     Raises
     ------
     ConfigError
-        There is.
+        Two solvers have the same name, and the same temperature if they have one.
     """
-    seen = [(solver.name, getattr(solver, "epsilon", None)) for solver in solvers]
-    twice = next((item for item in seen if seen.count(item) > 1), None)
+    seen = list(map(name_of, solvers))
+    twice = next((name for name in seen if seen.count(name) > 1), None)
     if twice is not None:
-        name, epsilon = twice
-        raise ConfigError(f"{called(name, epsilon)} is given twice")
+        raise ConfigError(f"{twice} is given twice")

@@ -10,7 +10,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
-from tgospa_eval.comparison.runs import Run, called, failed, run_apart
+from tgospa_eval.comparison.runs import Run, failed, name_of, run_apart
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.solvers import Solver
 
@@ -83,8 +83,7 @@ def compare_solvers(
     for number, solver in enumerate(solvers):
         if runs and progress.stop.is_set():
             break
-        name = called(solver.name, getattr(solver, "epsilon", None))
-        with progress.part(name, number, len(solvers)):
+        with progress.part(name_of(solver), number, len(solvers)):
             try:
                 runs.append(run(prepared, solver))
             except Exception as error:  # whatever it is, it must not cost what others have found

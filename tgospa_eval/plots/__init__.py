@@ -7,7 +7,7 @@ import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
@@ -31,7 +31,8 @@ __all__ = [
     "plot_worst",
 ]
 
-T = TypeVar("T")
+Draw: TypeAlias = "Callable[[], Mapping[str, Figure]]"
+"""Makes figures by name."""
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Okabe and Ito: told apart by those who do not see all colours, and in print."""
@@ -95,17 +96,15 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     return made, axes
 
 
-def pictures(
-    draw: "Callable[[T], Mapping[str, Figure]]", subject: T, formats: Sequence[str] = ("png",)
-) -> dict[str, bytes]:
-    """Files of what `draw` makes of the subject, whatever the user's settings of matplotlib."""
+def pictures(draw: Draw, formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
+    """Files of what `draw` makes, whatever the user's settings of matplotlib."""
     import matplotlib
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         return {
             f"{name}.{kind}": written(made, kind)
-            for name, made in draw(subject).items()
+            for name, made in draw().items()
             for kind in formats
         }
 

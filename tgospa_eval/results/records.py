@@ -16,6 +16,9 @@ Json: TypeAlias = dict[str, Any]
 Columns: TypeAlias = dict[str, list[Any]]
 """Columns by name, all of one length, of plain Python values."""
 
+Time: TypeAlias = int | float | str
+"""A step as it was read."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Labels:
@@ -31,7 +34,7 @@ class Labels:
         Unit of states and distances.
     """
 
-    times: list[int | float | str]
+    times: list[Time]
     truths: list[str]
     estimates: list[str]
     unit: str | None = None

@@ -1,7 +1,7 @@
 """``tgospa-eval compare TRUTH ESTIMATE...``: solvers, or estimates, side by side."""
 
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -10,6 +10,9 @@ from tgospa_eval.cli.shared.help import Option, Verb
 from tgospa_eval.cli.shared.option import KEYS, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, FORMATS, QUIET
 from tgospa_eval.cli.simulate.command import SCENARIOS
+
+if TYPE_CHECKING:
+    from tgospa_eval.cli.compare.values import CompareOptions
 
 ACCURACY_MISSED = 4
 ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come from a settings file
@@ -140,15 +143,32 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
         )
-    from tgospa_eval.cli.compare import run as comparing
-    from tgospa_eval.cli.shared.streams import say  # here: what is wrong is said at once
+    from tgospa_eval.cli.compare.values import CompareOptions, StudyOptions
 
-    if by and not options["simulate"] and not options["quiet"]:
-        say("by = class of the settings is left aside: compare takes all rows together")
+    if "epsilon" not in given:
+        options["epsilon"] = None  # which depends on what is compared
+    chosen = CompareOptions.of(options)
     if options["simulate"]:
-        fine = comparing.study_sizes(options)
-    elif len(files) > 2 or options["against"] or any(map(comparing.is_pattern, files)):
-        fine = comparing.compare_estimates(files[0], files[1:], options, given)
+        from tgospa_eval.cli.compare.study import study_sizes
+
+        fine = study_sizes(chosen, StudyOptions.of(options))
     else:
-        fine = comparing.compare_files(files[0], files[1], options, given)
+        if by and not options["quiet"]:
+            from tgospa_eval.cli.shared.streams import say
+
+            say("by = class of the settings is left aside: compare takes all rows together")
+        fine = _compare(files, chosen)
     ctx.exit(0 if fine else ACCURACY_MISSED)
+
+
+def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:
+    """A ranking, or solvers on one pair; whether all did what was asked, and agree."""
+    from tgospa_eval.cli.compare.files import is_pattern
+
+    if len(files) > 2 or options.per_step or any(map(is_pattern, files)):
+        from tgospa_eval.cli.compare.ranking import compare_estimates
+
+        return compare_estimates(files[0], files[1:], options)
+    from tgospa_eval.cli.compare.solvers import compare_files
+
+    return compare_files(files[0], files[1], options)

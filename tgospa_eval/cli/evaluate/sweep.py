@@ -192,7 +192,7 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
             "sweep.json": found.to_json(), "sweep.csv": csv_text(found.columns()),
         }  # fmt: skip
         if wanted is not None and plots.available():
-            files |= plots.pictures(sweep_pictures, document, wanted.formats)
+            files |= plots.pictures(lambda: sweep_pictures(document), wanted.formats)
         elif wanted is not None and not output.quiet:
             say(plots.MISSING)
         return files

@@ -6,7 +6,9 @@ from typing import Any, Self
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Values:
+class Values:
+    """A record of options."""
+
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Self:
         """From all options of a verb by parameter, those of others left aside."""
@@ -15,7 +17,7 @@ class _Values:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluationOptions(_Values):
+class EvaluationOptions(Values):
     """Of everything that reads files and measures distances; None where nothing was given.
 
     The parameters are those of `cli.shared.options`. `pairwise` lets a distance take the
@@ -71,7 +73,7 @@ class EvaluationOptions(_Values):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutputOptions(_Values):
+class OutputOptions(Values):
     """Of everything that prints and writes. The parameters are those of `cli.shared.options`."""
 
     format_: str = "table"

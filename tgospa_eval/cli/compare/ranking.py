@@ -1,0 +1,123 @@
+"""``compare TRUTH A B``: estimates of one truth, or of that of each run, in their order."""
+
+from collections.abc import Mapping, Sequence
+
+from tgospa_eval.cli.compare.files import Pairs, check_files, expand, short_names
+from tgospa_eval.cli.compare.show import show
+from tgospa_eval.cli.compare.values import CompareOptions
+from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.comparison.ranking import (
+    Entrant,
+    Outcome,
+    StepCosts,
+    document,
+    outcome,
+    steps_columns,
+    steps_costs,
+)
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.plots.comparison import estimate_pictures
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.phrases import Json
+from tgospa_eval.reports.ranking import opposed, pairs_columns
+from tgospa_eval.solvers import Solver
+from tgospa_eval.solvers.sinkhorn import Sinkhorn
+
+OWN_STEPS = ("estimate", "common")
+"""Grids that depend on the estimate. With the others every row of the truth counts for all."""
+
+Runs = Sequence[tuple[str, list[str]]]
+"""The truth of each run, and its estimates."""
+
+
+def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOptions) -> bool:
+    """Rank estimates of one truth, or of that of each run; whether all did what was asked.
+
+    Raises
+    ------
+    TgospaError
+        An option has no meaning, or a file cannot be read.
+    """
+    solver = _solver(options)
+    grid = options.evaluation.grid
+    if len(estimates) > 1 and grid in OWN_STEPS:
+        raise ConfigError(
+            f"--grid {grid}: gives each estimate steps of its own, and one that stops "
+            "early leaves out what it misses; to rank estimates choose --grid truth or union"
+        )
+    runs = expand(truth, estimates)
+    check_files([path for of_truth, paths in runs for path in (of_truth, *paths)])
+    names = short_names(estimates)
+    settings = options.checked_settings()
+    stopwatch, quiet = Stopwatch(), options.output.quiet
+
+    def work() -> tuple[Json, dict[str, str], StepCosts]:
+        pairs = Pairs(settings, stopwatch, quiet=quiet)
+        found, parameters = _outcomes(pairs, runs, solver, per_step=options.per_step)
+        # If it was interrupted: the runs that are whole, or what there is of the first.
+        whole = max(min(map(len, found)), 1)
+        entrants = [
+            Entrant(name=name, paths=[paths[k] for _, paths in runs[:whole]], outcomes=mine[:whole])
+            for k, (name, mine) in enumerate(zip(names, found, strict=True))
+            if mine
+        ]
+        if len(found[-1]) < len(runs):
+            say(
+                f"interrupted: {whole} of {len(runs)} runs and {len(entrants)} of {len(names)} "
+                "estimates are compared"
+            )
+        answer = document(entrants, [of_truth for of_truth, _ in runs[:whole]], parameters)
+        answer["warnings"] = pairs.warnings
+        best = answer["estimates"][0]["name"]
+        tables = {"per_step.csv": csv_text(steps_columns(entrants, best))}
+        return answer, tables, steps_costs(entrants)
+
+    answer, tables, (times, costs) = run(work, stopwatch, show=not quiet)
+    if answer["pairs"]:
+        tables["pairs.csv"] = csv_text(pairs_columns(answer))
+    ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
+    show(answer, options.output, tables, lambda: estimate_pictures(ranked, times))
+    unfinished = [
+        (path, made["status"])
+        for item in answer["estimates"]
+        for path, made in zip(item["paths"], item["runs"], strict=True)
+        if not made["finished"]
+    ]
+    for text in () if quiet else opposed(answer):
+        say(text)
+    for path, status in unfinished:
+        say(f"accuracy not reached: {path}: {status}")
+    return not unfinished
+
+
+def _solver(options: CompareOptions) -> Solver:
+    """The one solver of all estimates."""
+    solvers = options.make_solvers("certified", str(Sinkhorn.epsilon))
+    if len(solvers) > 1:
+        raise ConfigError(
+            "estimates are compared by one solver: name one, --solvers certified, or sinkhorn with "
+            "one --epsilon; several solvers are compared on one estimate, without --against"
+        )
+    return solvers[0]
+
+
+def _outcomes(
+    pairs: Pairs, runs: Runs, solver: Solver, *, per_step: bool
+) -> tuple[list[list[Outcome]], Mapping[str, object]]:
+    """Of each estimate what came of its runs, as many as were done; and the parameters."""
+    stopwatch, (_, first) = pairs.stopwatch, runs[0]
+    found: list[list[Outcome]] = [[] for _ in first]
+    count = len(first) * len(runs)
+    for done, (k, truth, path) in enumerate(
+        (k, truth, path) for truth, paths in runs for k, path in enumerate(paths)
+    ):
+        if done and stopwatch.progress.stop.is_set():
+            break
+        with stopwatch.progress.part(path, done, count):
+            prepared = pairs.prepared(truth, path, named=count > 1)
+            result = solve(prepared, solver, stopwatch)
+            found[k].append(outcome(result, prepared.moments, per_step=per_step))
+    return found, result.settings

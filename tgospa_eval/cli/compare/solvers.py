@@ -1,0 +1,59 @@
+"""``compare TRUTH ESTIMATE``: one pair of files through several solvers."""
+
+from tgospa_eval.cli.compare.files import Pairs, check_files
+from tgospa_eval.cli.compare.show import show
+from tgospa_eval.cli.compare.values import CompareOptions
+from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.comparison.runs import name_of, takes_long
+from tgospa_eval.comparison.solvers import compare_solvers, document
+from tgospa_eval.plots.comparison import solver_pictures
+from tgospa_eval.reports.phrases import Json
+from tgospa_eval.solvers import SOLVERS
+
+ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
+"""What is done once for all solvers, and the span of the stopwatch that has its time."""
+
+
+def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
+    """One pair through several solvers; whether all did what was asked, and agree.
+
+    Raises
+    ------
+    TgospaError
+        An option has no meaning, or a file cannot be read.
+    """
+    solvers = options.make_solvers(",".join(SOLVERS))
+    check_files([truth, estimate])
+    settings = options.checked_settings()
+    stopwatch, quiet = Stopwatch(), options.output.quiet
+
+    def work() -> Json:
+        pairs = Pairs(settings, stopwatch, quiet=quiet)
+        prepared = pairs.prepared(truth, estimate)
+        chosen, left_out = list(solvers), {}
+        states = takes_long(prepared)
+        if options.solvers is None and states is not None:
+            chosen = [solver for solver in solvers if solver.name != "exact"]
+            left_out["exact"] = (
+                f"{states:,} reduced states, it would take minutes; --solvers "
+                f"{','.join(SOLVERS)} runs it all the same"
+            )
+        stopwatch.stage = "solve/lp"
+        stopwatch.progress.begin(settings.parameters.root)
+        found = compare_solvers(prepared, chosen, progress=stopwatch.progress)
+        for solver in chosen[len(found.runs) :]:
+            left_out[name_of(solver)] = "interrupted before its turn"
+        once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
+        return document(found, prepared, left_out, once) | {"warnings": pairs.warnings}
+
+    answer = run(work, stopwatch, show=not quiet)
+    show(answer, options.output, {}, lambda: solver_pictures(answer))
+    if not answer["agree"]:
+        say("brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"])))
+    unfinished = [made for made in answer["runs"] if not made["finished"]]
+    for made in unfinished:
+        missed = "" if made["total"] is None else "accuracy not reached: "
+        say(f"{missed}{made['name']}: {made['status']}")
+    return bool(answer["agree"]) and not unfinished

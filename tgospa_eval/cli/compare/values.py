@@ -1,0 +1,118 @@
+"""Options of ``compare`` as records, and the solvers that they name."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Self, TypeVar
+
+from tgospa_eval.cli.shared.settings import Settings, make_settings
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.comparison.runs import check_solvers
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.folders import COMPARISON, probe_folder
+from tgospa_eval.solvers import SOLVERS, Solver, solver_class
+from tgospa_eval.text import quoted
+
+Number = TypeVar("Number", int, float)
+
+TEMPERATURES = "0.1,0.05,0.03,0.01"
+"""Of sinkhorn where none are given."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions:
+    """What to compare, how to evaluate it, and where to write.
+
+    Parameters
+    ----------
+    evaluation, output : EvaluationOptions, OutputOptions
+        As of everything that evaluates.
+    solvers : str, optional
+        Names with commas; None where none were given.
+    epsilon : str, optional
+        Temperatures with commas; None where none were given.
+    per_step : bool
+        Whether per-step GOSPA is shown beside TGOSPA.
+    """
+
+    evaluation: EvaluationOptions
+    output: OutputOptions
+    solvers: str | None
+    epsilon: str | None
+    per_step: bool
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Self:
+        """From all options of the verb; temperatures and --seed are of other kinds here."""
+        shared = {name: value for name, value in values.items() if name not in ("epsilon", "seed")}
+        return cls(
+            evaluation=EvaluationOptions.of(shared),
+            output=OutputOptions.of(values),
+            solvers=values["solvers"],
+            epsilon=values["epsilon"],
+            per_step=values["against"] is not None,
+        )
+
+    def settings(self) -> Settings:
+        """The records that the options ask for."""
+        return make_settings(self.evaluation, self.output)
+
+    def checked_settings(self) -> Settings:
+        """The same; the folder is looked at before any work is done."""
+        if self.output.output is not None:
+            probe_folder(self.output.output, COMPARISON, force=self.output.force)
+        return self.settings()
+
+    def make_solvers(self, names: str, temperatures: str = TEMPERATURES) -> list[Solver]:
+        """The solvers that were asked for, by default these; `sinkhorn` once a temperature.
+
+        Raises
+        ------
+        ConfigError
+            A name is not that of a solver, a temperature is no number, or one is there twice.
+        """
+        chosen = self.evaluation
+        limits = {"time_limit": chosen.time_limit}
+        sweeping = {"gap": chosen.gap, "jobs": chosen.jobs, **limits}
+        solvers: list[Solver] = []
+        asked = names if self.solvers is None else self.solvers
+        for name in (part.strip() for part in asked.split(",")):
+            if name not in SOLVERS:
+                raise ConfigError(f"--solvers {quoted(name)}: must be of {', '.join(SOLVERS)}")
+            make: Callable[..., Solver] = solver_class(name)
+            if name == "sinkhorn":
+                given = temperatures if self.epsilon is None else self.epsilon
+                solvers += [make(epsilon=e, **sweeping) for e in numbers("epsilon", given, float)]
+            else:
+                solvers.append(make(**(limits if name == "exact" else sweeping)))
+        check_solvers(solvers)
+        return solvers
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyOptions(Values):
+    """Of the scaling study; lists of numbers are texts with commas."""
+
+    targets: str
+    steps: str
+    runs: int
+    scenario: str
+    area: float
+    seed: int
+
+
+def numbers(option: str, text: str, kind: type[Number]) -> list[Number]:
+    """The numbers of a list with commas.
+
+    Raises
+    ------
+    ConfigError
+        A part between commas is no number of this kind.
+    """
+    found: list[Number] = []
+    for part in map(str.strip, text.split(",")):
+        try:
+            found.append(kind(part))
+        except ValueError:
+            what = "whole numbers" if kind is int else "numbers"
+            raise ConfigError(f"--{option} {quoted(part)}: must be {what} with commas") from None
+    return found
