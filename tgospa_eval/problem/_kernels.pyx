@@ -11,6 +11,7 @@ import numpy as np
 from libc.math cimport exp, fabs, fmax, log, sqrt
 
 from tgospa_eval.errors import check_size
+from tgospa_eval.problem.problem import REGRET as SUM_ERROR
 
 ctypedef int i32
 ctypedef unsigned char u8
@@ -23,7 +24,7 @@ cdef double NOTHING = -1e300
 cdef double NEVER = 1e300
 
 
-# --- merging of runs: the twin is in tgospa_eval.problem.merging and slots --------------------------------
+# --- merging of runs: the twins are in problem.merging and problem.slots -------------------------
 
 
 cdef void sort_by(const i32[::1] key, i32[::1] at, i32[::1] order) noexcept nogil:
@@ -233,7 +234,7 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
     return ordered, row_first
 
 
-# --- gains relative to the cheapest pair: the twin is tgospa_eval.problem.solution.add_gains -----------------
+# --- gains relative to the cheapest pair: the twin is problem.paths.relative_gains --------------
 
 
 cdef inline void add_to(double* total, double* rest, double part) noexcept nogil:
@@ -328,24 +329,113 @@ def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1
     return gain_array, group_first_array, offset_array
 
 
-# --- best paths: the twin is tgospa_eval.problem.paths.best_values ---------------------------------------
+# --- best paths: the twin is problem.paths.best_values ------------------------------------------
 
 
-cdef double row_forward(const i32* order, const i32* begin, const double* switch_price,
-                        const double* value, const double* offset, double* forward, i32* came,
-                        double* none, double* rest, Py_ssize_t low, Py_ssize_t high,
-                        i32* final) noexcept nogil:
+cdef class Layout:
+    """The states of some blocks by row and time, their relative gains, and their column slots.
+
+    Parameters
+    ----------
+    states : States
+        The blocks.
+    switch_price : (T + 1,) float array
+        As `Problem.switch_price_at`, perhaps cut.
+    price : float
+    prices : (N,) float array, optional
+        As in `relative_gains`.
+
+    Attributes
+    ----------
+    row_first, order, begin : arrays
+        From `by_row`, and the first step of each state.
+    gain, group_first, offset : arrays
+        From `relative_gains`.
+    rows, columns : (R,), (C,) int arrays
+        Nodes that take part; `keep` chooses them.
+    """
+
+    cdef readonly object gain, group_first, offset, rows, columns
+    cdef const i32[::1] order, row_first, begin, entry, window_end, groups, row, column
+    cdef const i32[::1] column_first, slot_step, slot_begin, slot_end
+    cdef const double[::1] switch_price, gains, offsets
+    cdef Py_ssize_t longest
+
+    def __init__(self, states, const double[::1] switch_price, double price,
+                 const double[::1] prices=None):
+        slots = states.columns
+        self.switch_price = switch_price
+        self.begin, self.entry = states.begin, states.entry
+        self.window_end = states.block_end[states.node_block]
+        self.column_first, self.slot_step = slots.first, slots.step
+        self.slot_begin, self.slot_end = slots.begin, slots.end
+        in_order = in_time(states.begin, switch_price.shape[0] - 1)
+        self.order, self.row_first = by_row(in_order, states.pair_first, states.pair_row,
+                                            states.nodes)
+        self.gain, self.group_first, self.offset = relative_gains(
+            self.row_first, self.order, self.begin, self.entry, states.problem.cost, price, prices)
+        self.gains, self.groups, self.offsets = self.gain, self.group_first, self.offset
+
+    def keep(self, nodes):
+        """Go on with these nodes; those without states of their own are columns."""
+        first = np.asarray(self.row_first)
+        is_row = first[nodes + 1] > first[nodes]
+        self.rows = nodes[is_row].astype(np.int32)
+        self.columns = nodes[~is_row].astype(np.int32)
+        self.row, self.column = self.rows, self.columns
+        size = first[self.rows + 1] - first[self.rows]
+        self.longest = size.max(initial=0)
+
+
+cdef struct Row:
+    Py_ssize_t low, high         # its states
+    const i32 *order             # these in time, and the first step of each
+    const i32 *begin
+    const double *switch_price
+    const double *offset         # of its groups
+
+
+cdef struct Paths:
+    double* value                # all of one row: gains less prices,
+    double* forward              # what `row_forward` and `row_backward` say of each state
+    double* none
+    double* rest
+    double* slack
+    i32* came
+
+
+cdef inline Row row_of(Layout layout, i32 node) noexcept nogil:
+    cdef Row row
+    row.low, row.high = layout.row_first[node], layout.row_first[node + 1]
+    row.order, row.begin = &layout.order[0], &layout.begin[0]
+    row.switch_price, row.offset = &layout.switch_price[0], &layout.offsets[layout.groups[node]]
+    return row
+
+
+cdef inline Paths paths_in(double[:, ::1] room, i32[::1] came) noexcept nogil:
+    cdef Paths paths
+    paths.value, paths.forward, paths.none = &room[0, 0], &room[1, 0], &room[2, 0]
+    paths.rest, paths.slack, paths.came = &room[3, 0], &room[4, 0], &came[0]
+    return paths
+
+
+cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
     """Best value of a path up to each state of one row, and the state that it came from (or -1).
 
     A group of states that begin together is entered from the state before each or from "none", to
     which the states before them may have gone at the same transition; `none` + `rest` is the value
     of "none" then. There a path loses the `offset` of each group. Returns the value of the best
-    path; its last state goes to `final`. `value`, `offset`, `forward`,
-    `came`, `none`, `rest` begin with the row.
+    path; its last state goes to `final`.
 
     `forward` is relative to "none" when the state begins, and the value of "none" is a sum of two doubles:
     nothing grows with the length of a recording, and no digits are lost to it.
     """
+    cdef Py_ssize_t low = row.low, high = row.high
+    cdef const i32 *order = row.order, *begin = row.begin
+    cdef const double *switch_price = row.switch_price, *offset = row.offset
+    cdef double *value = paths.value, *forward = paths.forward
+    cdef double *none = paths.none, *rest = paths.rest
+    cdef i32* came = paths.came
     cdef Py_ssize_t a = low, c, g = 0
     cdef i32 s, k, unassigned_from = -1
     cdef double unassigned = 0.0, lost = 0.0, price, rise, best
@@ -399,16 +489,18 @@ cdef double row_forward(const i32* order, const i32* begin, const double* switch
     return unassigned + (lost + best)
 
 
-cdef void row_regret(const i32* order, const i32* begin, const double* switch_price,
-                     const double* value, const double* offset, const double* forward,
-                     const double* none, const double* rest, const double* weight, Py_ssize_t low,
-                     Py_ssize_t high, double* at) noexcept nogil:
+cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noexcept nogil:
     """Add what the assignment of one row loses against its best path to the steps where it does.
 
     The reduced costs, at the values of `row_forward`, of the transitions that the assignment uses:
-    each is 0 or more, and their sum is the regret of the row. Arrays begin with the row, `at` with
-    the first step.
+    each is 0 or more, and their sum is the regret of the row. `weight` begins with the row, `at`
+    with the first step.
     """
+    cdef Py_ssize_t low = row.low, high = row.high
+    cdef const i32 *order = row.order, *begin = row.begin
+    cdef const double *switch_price = row.switch_price, *offset = row.offset
+    cdef double *value = paths.value, *forward = paths.forward
+    cdef double *none = paths.none, *rest = paths.rest
     cdef Py_ssize_t a = low, c, g = 0
     cdef i32 s, k, first = begin[order[low]]
     cdef double unassigned = 0.0, lost = 0.0, cover = 0.0, price, rise, stays, reached, best
@@ -448,16 +540,18 @@ cdef void row_regret(const i32* order, const i32* begin, const double* switch_pr
                                       0.0)
 
 
-cdef void row_backward(const i32* order, const i32* begin, const double* switch_price,
-                       const double* value, const double* offset, Py_ssize_t groups,
-                       const double* forward, double* none, double* slack, double best,
-                       Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+cdef void row_backward(Row row, Paths paths, Py_ssize_t groups, double best) noexcept nogil:
     """Slack: what the best path of the row has over the best one through each state.
 
-    `forward` and `none` are those of `row_forward`, the first no longer relative. `none` becomes the same for the paths that are in no state when
-    the state begins. Within a group the best continuation of every state is known before the
+    `forward` and `none` are those of `row_forward`, the first no longer relative. `none` becomes the
+    same for the paths that are in no state when the state begins. Within a group the best continuation of every state is known before the
     states before them get theirs, which `slack` holds on the way.
     """
+    cdef Py_ssize_t low = row.low, high = row.high
+    cdef const i32 *order = row.order, *begin = row.begin
+    cdef const double *switch_price = row.switch_price, *offset = row.offset
+    cdef double *value = paths.value, *forward = paths.forward
+    cdef double *none = paths.none, *slack = paths.slack
     cdef Py_ssize_t a = high, c, g = groups - 1
     cdef i32 s, k = begin[low]
     cdef double unassigned = -offset[g], price, top, after
@@ -492,15 +586,6 @@ cdef void row_backward(const i32* order, const i32* begin, const double* switch_
         slack[s] = best - (forward[s] + slack[s])
 
 
-cdef Py_ssize_t longest(const i32[::1] rows, const i32[::1] row_first) noexcept nogil:
-    """Most states of a row."""
-    cdef Py_ssize_t r, most = 0
-    for r in range(rows.shape[0]):
-        if row_first[rows[r] + 1] - row_first[rows[r]] > most:
-            most = row_first[rows[r] + 1] - row_first[rows[r]]
-    return most
-
-
 cdef enum:
     NEAR = 1     # slack within reach
     NEEDED = 2   # doing without any state when this one begins costs more than the reach
@@ -508,93 +593,88 @@ cdef enum:
     BEST = 8     # on the best path that was found
     TEMPTED = 16 # hardly any slack
     MOST = 32    # on the best path, or more than half of the row in the last sweeps
-cdef double REGRET = 1e-11
+cdef double REGRET = SUM_ERROR
 cdef double HARDLY = 1e-6
+globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPTED, MOST=MOST)
 
 
-def survey(const i32[::1] columns, const i32[::1] column_first, const i32[::1] rows,
-           const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
-           const i32[::1] slot_begin, const i32[::1] slot_end, const double[::1] switch_price,
-           const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
-           const double[::1] price, double[::1] best, const double[::1] weight=None,
+def survey(Layout layout, const double[::1] price, double[::1] best, const double[::1] weight=None,
            double reach=0.0, double[::1] own=None, u8[::1] flags=None, double[::1] regret=None):
     """Value of the best path of each row at the prices; with `flags` what that says of each state.
 
-    Gains are those of `relative_gains`. The prices of a state are those of its slots, from running
-    sums in each column. With `flags` also the value `own` of the assignment in `weight` at the
-    prices, less its changes. What that loses against the best paths is added to `regret` (T + 1,),
-    step by step.
+    The prices of a state are those of its slots, from running sums in each column. With `flags`
+    also the value `own` of the assignment in `weight` at the prices, less its changes. What that
+    loses against the best paths is added to `regret` (T + 1,), step by step.
     """
-    cdef Py_ssize_t r, s, low, high, most = longest(rows, row_first)
+    cdef Py_ssize_t r, s, low
     cdef i32 b, e, i, last
     cdef bint judge = flags is not None, locate = regret is not None
     cdef double[::1] before = np.empty(price.shape[0] + 1), lost = np.empty(price.shape[0] + 1)
-    cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
-    cdef double[::1] none = np.empty(most + 1), slack = np.empty(most + 1 if judge else 1)
-    cdef double[::1] rest = np.empty(most + 1)
-    cdef i32[::1] came = np.empty(most + 1, np.int32)
-    if not most:
+    cdef double[:, ::1] room = np.empty((5, layout.longest + 1))
+    cdef i32[::1] came = np.empty(layout.longest + 1, np.int32)
+    cdef Paths paths = paths_in(room, came)
+    cdef Row row
+    cdef const double *gain = &layout.gains[0]
+    cdef const i32 *slot_begin = &layout.slot_begin[0], *slot_end = &layout.slot_end[0]
+    if not layout.longest:
         return
     with nogil:
-        run_up(columns, column_first, price, before, lost)
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            low, high = row_first[i], row_first[i + 1]
-            for s in range(low, high):
+        run_up(layout, price, before, lost)
+        for r in range(layout.row.shape[0]):
+            i = layout.row[r]
+            row = row_of(layout, i)
+            low = row.low
+            for s in range(low, row.high):
                 b, e = slot_begin[s], slot_end[s]
                 if e == b:
-                    value[s - low] = gain[s]
+                    paths.value[s - low] = gain[s]
                 elif e == b + 1:
-                    value[s - low] = gain[s] - price[b]
+                    paths.value[s - low] = gain[s] - price[b]
                 else:
-                    value[s - low] = gain[s] - (((before[e - 1] - before[b])
-                                                 + (lost[e - 1] - lost[b])) + price[e - 1])
-            best[i] = row_forward(&order[0], &begin[0], &switch_price[0], &value[0],
-                                  &offset[group_first[i]], &forward[0], &came[0], &none[0],
-                                  &rest[0], low, high, &last)
-            if low == high:
+                    paths.value[s - low] = gain[s] - (((before[e - 1] - before[b])
+                                                       + (lost[e - 1] - lost[b])) + price[e - 1])
+            best[i] = row_forward(row, paths, &last)
+            if low == row.high:
                 continue
             if locate:
-                row_regret(&order[0], &begin[0], &switch_price[0], &value[0], &offset[group_first[i]],
-                           &forward[0], &none[0], &rest[0], &weight[low], low, high, &regret[0])
+                row_regret(row, paths, &weight[low], &regret[0])
             if not judge:
                 continue
-            for s in range(high - low):
-                forward[s] += none[s]
-            row_backward(&order[0], &begin[0], &switch_price[0], &value[0], &offset[group_first[i]],
-                         group_first[i + 1] - group_first[i], &forward[0], &none[0], &slack[0],
-                         best[i], low, high)
-            own[i] = row_own(&order[0], &begin[0], &switch_price[0], &value[0],
-                             &offset[group_first[i]], &weight[low], low, high)
-            for s in range(low, high):
-                flags[s] = ((NEAR if slack[s - low] <= reach else 0)
-                            | (NEEDED if none[s - low] > reach else 0)
-                            | (LOSES if slack[s - low] > REGRET else 0)
-                            | (TEMPTED if slack[s - low] <= HARDLY else 0))
+            for s in range(row.high - low):
+                paths.forward[s] += paths.none[s]
+            row_backward(row, paths, layout.groups[i + 1] - layout.groups[i], best[i])
+            own[i] = row_own(row, paths.value, &weight[low])
+            for s in range(low, row.high):
+                flags[s] = ((NEAR if paths.slack[s - low] <= reach else 0)
+                            | (NEEDED if paths.none[s - low] > reach else 0)
+                            | (LOSES if paths.slack[s - low] > REGRET else 0)
+                            | (TEMPTED if paths.slack[s - low] <= HARDLY else 0))
             while last >= 0:
                 flags[low + last] |= BEST | MOST
                 last = came[last]
 
 
-cdef void run_up(const i32[::1] columns, const i32[::1] column_first, const double[::1] price,
-                 double[::1] before, double[::1] lost) noexcept nogil:
+cdef void run_up(Layout layout, const double[::1] price, double[::1] before,
+                 double[::1] lost) noexcept nogil:
     """Sum of the prices before each slot of its column, in two parts, as a recording may be long."""
     cdef Py_ssize_t r, t
     cdef double total, rest
-    for r in range(columns.shape[0]):
+    for r in range(layout.column.shape[0]):
         total = rest = 0.0
-        for t in range(column_first[columns[r]], column_first[columns[r] + 1]):
+        for t in range(layout.column_first[layout.column[r]],
+                       layout.column_first[layout.column[r] + 1]):
             before[t], lost[t] = total, rest
             add_to(&total, &rest, price[t])
 
 
-cdef double row_own(const i32* order, const i32* begin, const double* switch_price,
-                    const double* value, const double* offset, const Weight* weight,
-                    Py_ssize_t low, Py_ssize_t high) noexcept nogil:
+cdef double row_own(Row row, const double* value, const Weight* weight) noexcept nogil:
     """Value of the assignment of one row: sum of weight x value, less its changes and offsets.
 
-    `value`, `offset` and `weight` begin with the row.
+    `value` and `weight` begin with the row.
     """
+    cdef Py_ssize_t low = row.low, high = row.high
+    cdef const i32 *order = row.order, *begin = row.begin
+    cdef const double *switch_price = row.switch_price, *offset = row.offset
     cdef Py_ssize_t a = low, g = 0
     cdef i32 s, k, first = begin[low]
     cdef double total = 0.0, rest = 0.0, cover = 0.0, change, part
@@ -616,31 +696,28 @@ cdef double row_own(const i32* order, const i32* begin, const double* switch_pri
     return total + rest
 
 
-def own_values(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-               const i32[::1] begin, const double[::1] switch_price, const double[::1] value,
-               const i32[::1] group_first, const double[::1] offset, const Weight[::1] weight,
-               double[::1] own):
-    """Value of the assignment of each row, as in `row_own`."""
+def own_values(Layout layout, const Weight[::1] weight, double[::1] own):
+    """Value of the assignment of each row at its relative gains, as in `row_own`."""
     cdef Py_ssize_t r
-    cdef i32 i
+    cdef Row row
     with nogil:
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            own[i] = 0.0
-            if row_first[i] < row_first[i + 1]:
-                own[i] = row_own(&order[0], &begin[0], &switch_price[0], &value[row_first[i]],
-                                 &offset[group_first[i]], &weight[row_first[i]], row_first[i],
-                                 row_first[i + 1])
+        for r in range(layout.row.shape[0]):
+            row = row_of(layout, layout.row[r])
+            own[layout.row[r]] = 0.0
+            if row.low < row.high:
+                own[layout.row[r]] = row_own(row, &layout.gains[row.low], &weight[row.low])
 
 
-def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-             const i32[::1] begin, const i32[::1] window_end, const i32[::1] slot_begin,
-             const i32[::1] slot_end, const u8[::1] flags, u8[::1] weight, i32[::1] load):
+def majority(Layout layout, const u8[::1] flags, u8[::1] weight, i32[::1] load):
     """Feasible weights 0 and 1: states that are MOST, unless one before is in their way.
 
     `load` (K,) must come as zeros and becomes the number of rows on each column slot. Returns
     whether a state lost its place.
     """
+    cdef const i32[::1] rows = layout.row, row_first = layout.row_first, order = layout.order
+    cdef const i32[::1] begin = layout.begin
+    cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
+    cdef const i32[::1] window_end = layout.window_end
     cdef Py_ssize_t r, a, t
     cdef i32 i, s, high, until
     cdef bint free, lost = False
@@ -674,42 +751,40 @@ def majority(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order
     return lost
 
 
-def improve(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-            const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
-            const double[::1] switch_price, const double[::1] gain, const i32[::1] group_first,
-            const double[::1] offset, i32[::1] load, u8[::1] weight, double[::1] own):
+def improve(Layout layout, i32[::1] load, u8[::1] weight, double[::1] own):
     """Each row in turn takes its best path through what the others leave; how many changed.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
     """
-    cdef Py_ssize_t r, t, low, high, s, most = longest(rows, row_first)
+    cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
+    cdef const double[::1] gain = layout.gains
+    cdef Py_ssize_t r, t, low, high, s
     cdef i32 i, last, changed = 0
     cdef double best
-    cdef double[::1] value = np.empty(most + 1), forward = np.empty(most + 1)
-    cdef double[::1] none = np.empty(most + 1), rest = np.empty(most + 1)
-    cdef i32[::1] came = np.empty(most + 1, np.int32)
-    if not most:
+    cdef double[:, ::1] room = np.empty((5, layout.longest + 1))
+    cdef i32[::1] came = np.empty(layout.longest + 1, np.int32)
+    cdef Paths paths = paths_in(room, came)
+    cdef Row row
+    if not layout.longest:
         return 0
     with nogil:
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            low, high = row_first[i], row_first[i + 1]
+        for r in range(layout.row.shape[0]):
+            i = layout.row[r]
+            row = row_of(layout, i)
+            low, high = row.low, row.high
             for s in range(low, high):
                 if weight[s]:
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] -= 1
-            own[i] = row_own(&order[0], &begin[0], &switch_price[0], &gain[low],
-                             &offset[group_first[i]], &weight[low], low, high)
+            own[i] = row_own(row, &gain[low], &weight[low])
             for s in range(low, high):
-                value[s - low] = gain[s]
+                paths.value[s - low] = gain[s]
                 for t in range(slot_begin[s], slot_end[s]):
                     if load[t] > 0:
-                        value[s - low] = NOTHING
+                        paths.value[s - low] = NOTHING
                         break
-            best = row_forward(&order[0], &begin[0], &switch_price[0], &value[0],
-                               &offset[group_first[i]], &forward[0], &came[0], &none[0],
-                               &rest[0], low, high, &last)
+            best = row_forward(row, paths, &last)
             if best > own[i]:
                 # Sums in another order differ in the last digit: that is no change for the better.
                 changed += best > own[i] + 1e-12
@@ -736,22 +811,23 @@ cdef enum:
     FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
 
 
-def working_set(const i32[::1] rows, const i32[::1] row_first, const i32[::1] order,
-                const i32[::1] begin, const i32[::1] slot_begin, const i32[::1] slot_end,
-                const double[::1] weight, const double[::1] price, const u8[::1] flags,
-                u8[::1] chosen):
+def working_set(Layout layout, const double[::1] weight, const double[::1] price,
+                const u8[::1] flags, u8[::1] chosen):
     """Choose the states that a chain is built of; 1 = chosen, with BOUND and FINAL at its ends.
 
     Chosen are the states near, by the flags of `survey`, and those in use. Where a row has one
     option only, and nobody contests it, there is nothing to find out: such stretches are left out
     but for their ends, and so are rows without any contest.
     """
+    cdef const i32[::1] rows = layout.row, row_first = layout.row_first, order = layout.order
+    cdef const i32[::1] begin = layout.begin
+    cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
     cdef Py_ssize_t r, a, c, low, high, t, K = price.shape[0]
     cdef i32 i, s, k, first, group, active, crowded
     cdef bint contested
     cdef i32[::1] change = np.zeros(K + 1, np.int32)
     cdef i32[::1] rivals = np.zeros(K + 1, np.int32)
-    cdef i32[::1] since = np.empty(longest(rows, row_first) + 1, np.int32)
+    cdef i32[::1] since = np.empty(layout.longest + 1, np.int32)
     with nogil:
         for r in range(rows.shape[0]):
             for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
@@ -829,6 +905,18 @@ cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_beg
         rivals[slot_end[s]] == rivals[slot_begin[s]])
 
 
+cdef struct Walk:
+    i32* held                    # states that a row could be in at a step,
+    i32* cursor                  # the next slot that they compete for,
+    i32* latest                  # and their latest link
+    const i32* slot_step
+    const i32* slot_end
+    const i32* constraint_of
+    const i32* after
+    i32* node_at                 # next node and link of each step
+    i32* link_at
+
+
 cdef class Chain:
     """The working set as a chain of links, and messages along it (docs/theory, "Sinkhorn").
 
@@ -839,20 +927,19 @@ cdef class Chain:
 
     Parameters
     ----------
-    rows, columns : (R,), (C,) int arrays
-        Nodes of the problem that take part.
+    layout : Layout
+        The rows and columns that take part.
     chosen : (S,) uint8 array
         The working set, from `working_set`.
     price : (K,) float array
         Prices at the start, absorbed into the kernel.
     most : int
         Nothing is built if there were more links; `links` says how many.
-    others : arrays
-        As in `tgospa_eval.solvers.dual_ascent.Ascent`.
     """
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
-    cdef double[::1] switch_price, kernel, none_kernel, ahead, behind, passed, total, into
+    cdef const double[::1] switch_price
+    cdef double[::1] kernel, none_kernel, ahead, behind, passed, total, into
     cdef double[::1] none_ahead, none_behind
     cdef double[::1] price, slack, cap, u, load, stay
     cdef double[::1] row
@@ -861,26 +948,19 @@ cdef class Chain:
     cdef i32[::1] node_of
     cdef u8[::1] kind, ends
 
-    def __init__(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
-                 const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
-                 const i32[::1] column_first, const i32[::1] slot_step, const i32[::1] slot_begin,
-                 const i32[::1] slot_end, const u8[::1] chosen, const i32[::1] entry,
-                 const double[::1] gain, const i32[::1] group_first, const double[::1] offset,
-                 const double[::1] price, const double[::1] switch_price, Py_ssize_t most):
-        cdef Py_ssize_t K = slot_step.shape[0]
-        self.switch_price = switch_price.copy()
-        self.steps = switch_price.shape[0]
-        self.rows = rows.shape[0]
+    def __init__(self, Layout layout, const u8[::1] chosen, const double[::1] price,
+                 Py_ssize_t most):
+        cdef Py_ssize_t K = price.shape[0]
+        self.switch_price = layout.switch_price
+        self.steps = layout.switch_price.shape[0]
+        self.rows = layout.row.shape[0]
         cdef i32[::1] constraint_of = np.zeros(K + 1, np.int32)
         cdef i32[::1] after = np.empty(K + 1, np.int32)
-        self._constrain(rows, columns, row_first, column_first, slot_step, slot_begin, slot_end,
-                        chosen, price, constraint_of, after)
+        self._constrain(layout, chosen, price, constraint_of, after)
 
         cdef i32[::1] node_at = np.zeros(self.steps + 1, np.int32)
         cdef i32[::1] link_at = np.zeros(self.steps + 1, np.int32)
-        self._emit(False, rows, row_first, order, begin, window_end, slot_step, slot_begin,
-                   slot_end, chosen, entry, gain, group_first, offset, constraint_of, after,
-                   node_at, link_at)
+        self._emit(False, layout, chosen, constraint_of, after, node_at, link_at)
         nodes, links = np.asarray(node_at), np.asarray(link_at)
         self.nodes, self.links = nodes.sum(dtype=np.int64), links.sum(dtype=np.int64)
         if self.links > most:
@@ -899,9 +979,7 @@ cdef class Chain:
         self.node_link = np.empty(self.nodes + 1, np.int32)
         self.node_link[self.nodes] = <i32>(self.links + 1)
         self.kernel = np.zeros(self.links + 1)
-        self._emit(True, rows, row_first, order, begin, window_end, slot_step, slot_begin,
-                   slot_end, chosen, entry, gain, group_first, offset, constraint_of, after,
-                   node_at, link_at)
+        self._emit(True, layout, chosen, constraint_of, after, node_at, link_at)
 
         self.ahead = np.zeros(self.links + 1)
         self.behind = np.zeros(self.links + 1)
@@ -918,14 +996,16 @@ cdef class Chain:
         self.stay = np.empty(self.steps)
         self.row = np.empty(4 * max(self.rows, 1))
 
-    cdef object _constrain(self, const i32[::1] rows, const i32[::1] columns, const i32[::1] row_first,
-                   const i32[::1] column_first, const i32[::1] slot_step,
-                   const i32[::1] slot_begin, const i32[::1] slot_end, const u8[::1] chosen,
-                   const double[::1] price, i32[::1] constraint_of, i32[::1] after):
+    cdef object _constrain(self, Layout layout, const u8[::1] chosen, const double[::1] price,
+                           i32[::1] constraint_of, i32[::1] after):
         """Stretches of slots with the same chosen states; those that need a price, by step.
 
         A stretch is priced where two states compete, or where a price has to come down again.
         """
+        cdef const i32[::1] rows = layout.row, row_first = layout.row_first
+        cdef const i32[::1] slot_step = layout.slot_step
+        cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
+        cdef const i32[::1] columns = layout.column, column_first = layout.column_first
         cdef Py_ssize_t r, s, K = slot_step.shape[0], t, n = 0
         cdef i32 c, active, start, last
         cdef double total
@@ -980,14 +1060,16 @@ cdef class Chain:
                     last = <i32>t
                 after[t] = last
 
-    cdef object _emit(self, bint fill, const i32[::1] rows, const i32[::1] row_first,
-              const i32[::1] order, const i32[::1] begin, const i32[::1] window_end,
-              const i32[::1] slot_step, const i32[::1] slot_begin, const i32[::1] slot_end,
-              const u8[::1] chosen, const i32[::1] entry, const double[::1] gain,
-              const i32[::1] group_first, const double[::1] offset,
-              const i32[::1] constraint_of, const i32[::1] after, i32[::1] node_at,
-              i32[::1] link_at):
+    cdef object _emit(self, bint fill, Layout layout, const u8[::1] chosen,
+                      const i32[::1] constraint_of, const i32[::1] after, i32[::1] node_at,
+                      i32[::1] link_at):
         """Walk the rows in time; count nodes and links of every step, or write them."""
+        cdef const i32[::1] rows = layout.row, row_first = layout.row_first
+        cdef const i32[::1] slot_step = layout.slot_step
+        cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
+        cdef const i32[::1] order = layout.order, begin = layout.begin, entry = layout.entry
+        cdef const i32[::1] window_end = layout.window_end, group_first = layout.groups
+        cdef const double[::1] gain = layout.gains, offset = layout.offsets
         cdef Py_ssize_t r, a, c, low, high, x, y, width = 1
         cdef i32 i, s, k, e, g, first, active, link
         cdef bint event
@@ -1004,7 +1086,12 @@ cdef class Chain:
         cdef i32[::1] held = np.empty(width, np.int32)    # states that the row could be in
         cdef i32[::1] cursor = np.empty(width, np.int32)  # the next slot that they compete for
         cdef i32[::1] latest = np.empty(width, np.int32)  # their latest link
-        cdef i32[::1] link_of = np.empty(longest(rows, row_first) + 1, np.int32)
+        cdef i32[::1] link_of = np.empty(layout.longest + 1, np.int32)
+        cdef Walk walk
+        walk.held, walk.cursor, walk.latest = &held[0], &cursor[0], &latest[0]
+        walk.slot_step, walk.slot_end = &slot_step[0], &slot_end[0]
+        walk.constraint_of, walk.after = &constraint_of[0], &after[0]
+        walk.node_at, walk.link_at = &node_at[0], &link_at[0]
         with nogil:
             for r in range(rows.shape[0]):
                 i = rows[r]
@@ -1024,9 +1111,7 @@ cdef class Chain:
                                 e = slot_step[cursor[x]]
                         if e == k:
                             break
-                        self._node(fill, r, e, active, &held[0], &cursor[0], &latest[0],
-                                   &slot_step[0], &slot_end[0], &constraint_of[0], &after[0],
-                                   &node_at[0], &link_at[0])
+                        self._node(fill, r, e, active, walk)
                     if a == high:
                         break
                     event = False
@@ -1055,9 +1140,7 @@ cdef class Chain:
                             held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
                             y += 1
                     active = <i32>y
-                    self._node(fill, r, k, active, &held[0], &cursor[0], &latest[0],
-                               &slot_step[0], &slot_end[0], &constraint_of[0], &after[0],
-                               &node_at[0], &link_at[0])
+                    self._node(fill, r, k, active, walk)
                     while a < c:
                         s = order[a]
                         a += 1
@@ -1087,32 +1170,29 @@ cdef class Chain:
                         link_at[k] += 1
                         active += 1
 
-    cdef void _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, i32* held, i32* cursor,
-                    i32* latest, const i32* slot_step, const i32* slot_end,
-                    const i32* constraint_of, const i32* after, i32* node_at,
-                    i32* link_at) noexcept nogil:
+    cdef void _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, Walk at) noexcept nogil:
         """A node of row r at step k, with a link for each state that goes on."""
         cdef Py_ssize_t x
-        cdef i32 link, n = node_at[k]
-        node_at[k] = n + 1
+        cdef i32 link, n = at.node_at[k]
+        at.node_at[k] = n + 1
         if fill:
             self.node_row[n] = <i32>r
-            self.node_link[n] = link_at[k]
+            self.node_link[n] = at.link_at[k]
         for x in range(active):
-            link = link_at[k]
-            link_at[k] = link + 1
+            link = at.link_at[k]
+            at.link_at[k] = link + 1
             if fill:
-                self.state[link] = held[x]
+                self.state[link] = at.held[x]
                 self.node_of[link] = n
                 self.kind[link] |= INSIDE
-                self.kind[latest[x]] |= GOES_ON
-                self.previous[link] = latest[x]
-                self.next[latest[x]] = link
-                latest[x] = link
-            if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] == k:
+                self.kind[at.latest[x]] |= GOES_ON
+                self.previous[link] = at.latest[x]
+                self.next[at.latest[x]] = link
+                at.latest[x] = link
+            if at.cursor[x] < at.slot_end[at.held[x]] and at.slot_step[at.cursor[x]] == k:
                 if fill:
-                    self.constraint[link] = constraint_of[cursor[x]]
-                cursor[x] = after[cursor[x] + 1]
+                    self.constraint[link] = at.constraint_of[at.cursor[x]]
+                at.cursor[x] = at.after[at.cursor[x] + 1]
 
     def heat(self, double epsilon):
         """Make the kernel of the gains and prices at a temperature, once."""

@@ -22,6 +22,9 @@ POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
 use are off by less than two. Squares are rounded once."""
 
+REGRET = 1e-11
+"""What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
+
 SMALLEST = 1e-306
 """Costs and distances below this, near the end of the doubles, count as this much."""
 

@@ -59,7 +59,7 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
     return unit, np.cumsum(running, out=running)
 
 
-def changed(pair_first: Ints, weight: Ints) -> NDArray[np.bool_]:
+def changed(pair_first: Ints, weight: Ints | Floats) -> NDArray[np.bool_]:
     """Whether the weight of each state differs from that of the state before of its pair."""
     differs = np.zeros(len(weight), bool)
     np.not_equal(weight[1:], weight[:-1], out=differs[1:])

@@ -1,119 +1,129 @@
-"""Where no kernel was built: the linear programme of the rows that compete, by HiGHS alone."""
+"""Where no kernel was built: the linear programme of the rows that compete, by HiGHS alone.
+
+Rows that clash on their best paths are *active* and go into a linear programme. The others keep
+their paths, which use up columns. At the prices of the programme a row that would rather leave its
+path becomes active too, and the programme is solved again. When no such row is left the certificate
+closes: no row has regret, and priced columns are full.
+"""
 
 import time
-from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.problem.paths import best_values
-from tgospa_eval.problem.problem import Floats, sum_by
+from tgospa_eval.problem.problem import REGRET, sum_by
+from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch
 from tgospa_eval.solvers.best_paths import best_paths
 from tgospa_eval.solvers.block_costs import better, price_cap
-from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
+from tgospa_eval.solvers.restricted_lp import Proposal, solve_restricted_lp
 
-ROUNDS = 30
-MOST = 0.6
+MOST_ROUNDS = 30
+MOST_ACTIVE = 0.6
 """After so many rounds, or with so large a share of its rows active, a block is solved whole."""
 
-LARGE = 25_000
-"""A programme of more states takes longer than sweeps and the smaller programmes after them."""
-
-REGRET = 1e-11
-"""A row that could gain no more than this by leaving its path stays; sums round to 1e-12."""
+INTERIOR = 25_000
+"""States from which on the interior point method begins: without prices there is no basis to start
+from. 47,000 states took 82 s, the simplex method more than 190 s, and 11,000 the same by either."""
 
 
-def solve_active_sets(batch: Batch, ascend: Callable[[Batch], Answer]) -> Answer:
-    """Solve each block of a batch on the rows that matter; `ascend` solves the large ones."""
+def solve_active_sets(batch: Batch) -> Answer:
+    """Solve each block of a batch on the rows that matter."""
     begin = time.perf_counter()
     iterations, unsolved = 0, []
-    large = np.zeros(len(batch.wanted), bool)
     for number in np.flatnonzero(batch.wanted).tolist():
         part, state, slot = batch.states.between(number, number + 1)
-        found = _solve(part, batch)
-        if found is None:
-            large[number] = True
-            continue
-        batch.weights[state], batch.prices[slot], steps, solved = found
-        iterations += steps
+        block = _Block(part, batch)
+        solved = block.solve()
+        batch.weights[state], batch.prices[slot] = block.weights, block.prices
+        iterations += block.iterations
         if not solved:
             unsolved.append(number)
     late = batch.limit.status if batch.limit.late() else "HiGHS failed"
-    answer = Answer(
+    return Answer(
         iterations=iterations,
         status=late if unsolved else "solved",
         open=np.array(unsolved, np.int64),
         left=np.flatnonzero(batch.wanted),
         seconds={"lp": time.perf_counter() - begin},
     )
-    if not large.any():
-        return answer
-    # Of blocks that are solved here the bracket is not known.
-    progress = batch.progress.silent() if large.sum() < batch.wanted.sum() else batch.progress
-    rest = ascend(replace(batch, wanted=large, quickly=np.zeros_like(large), progress=progress))
-    return replace(
-        rest,
-        iterations=iterations + rest.iterations,
-        status=rest.status if len(rest.open) or not unsolved else answer.status,
-        open=np.sort(np.concatenate((answer.open, rest.open))),
-        left=answer.left,
-        seconds={**rest.seconds, "lp": answer.seconds["lp"] + rest.seconds.get("lp", 0.0)},
-    )
 
 
-def _solve(states: States, batch: Batch) -> tuple[Floats, Floats, int, bool] | None:
-    """Rows that clash on their best paths are *active* and go into a linear programme.
+class _Block:
+    """One block, and the best that is known of it."""
 
-    The others keep their paths, which use up columns. At the prices of the programme a row that
-    would rather leave its path becomes active too, and the programme is solved again. When no such
-    row is left the certificate closes: no row has regret, and priced columns are full. None if a
-    programme would be too large.
-    """
-    slots = states.columns
-    prices = np.zeros(len(slots.step))
-    switch_price = np.minimum(states.problem.switch_price_at, price_cap(states)[0])
-    row = states.pair_row[states.pair]
-    paths = best_paths(states, prices)
-    clash = np.concatenate(([0], np.cumsum(slots.sums(paths.astype(np.int64)) > 1)))
-    active = np.zeros(states.nodes, bool)
-    active[row[(paths > 0) & (clash[slots.end] > clash[slots.begin])]] = True
-    is_row = np.zeros(states.nodes, bool)
-    is_row[states.pair_row] = True
+    def __init__(self, states: States, batch: Batch) -> None:
+        self.states, self.limit = states, batch.limit
+        self.switch_price = np.minimum(states.problem.switch_price_at, price_cap(states)[0])
+        self.row = states.pair_row[states.pair]
+        self.prices = np.zeros(len(states.columns.step))
+        self.weights = self.paths = best_paths(states, self.prices)
+        self.iterations = 0
 
-    iterations = 0
-    for attempt in range(ROUNDS + 1):
-        if attempt == ROUNDS or active.sum() > MOST * is_row.sum():
-            active |= is_row
-        free = np.flatnonzero(active[row])
-        if len(free) > LARGE:
+    def solve(self) -> bool:
+        """Programmes of more and more rows; whether the last one left nothing open."""
+        rows = np.zeros(self.states.nodes, bool)
+        rows[self.states.pair_row] = True
+        active = self._clashing()
+        for attempt in range(MOST_ROUNDS + 1):
+            if attempt == MOST_ROUNDS or active.sum() > MOST_ACTIVE * rows.sum():
+                active |= rows
+            found = self._solve_rows(active)
+            if found is None:
+                return False
+            self.iterations += found.iterations
+            self.weights, self.prices = self.paths.copy(), np.zeros(len(self.prices))
+            self.weights[active[self.row]] = found.weights
+            self.prices[found.slot] = found.prices
+            if not found.finished:
+                paths = best_paths(self.states, self.prices)
+                self.weights = better(self.states, self.weights, paths)
+                return False
+            late = self._regret() & ~active & rows
+            if not late.any():
+                break
+            active |= late
+        return True
+
+    def _clashing(self) -> NDArray[np.bool_]:
+        """Rows whose best paths share a slot with another, (nodes,)."""
+        slots = self.states.columns
+        clash = np.concatenate(([0], np.cumsum(slots.sums(self.paths.astype(np.int64)) > 1)))
+        rows = np.zeros(self.states.nodes, bool)
+        rows[self.row[(self.paths > 0) & (clash[slots.end] > clash[slots.begin])]] = True
+        return rows
+
+    def _solve_rows(self, active: NDArray[np.bool_]) -> Proposal | None:
+        """The programme of the active rows, the others held; None if there is no time."""
+        free = np.flatnonzero(active[self.row])
+        if self.limit.late():
             return None
-        if batch.limit.late():
-            return paths, prices, iterations, False
+        work = partial(
+            solve_restricted_lp,
+            self.states,
+            free,
+            np.where(active[self.row], 0.0, self.paths),
+            np.zeros(len(self.prices)),
+            self.switch_price,
+            np.inf,
+            self.limit.left(),
+            interior=len(free) > INTERIOR,
+        )
         try:
-            found = batch.limit.progress.apart(
-                partial(
-                    solve_restricted_lp, states, free, np.where(active[row], 0.0, paths),
-                    np.zeros(len(prices)), switch_price, np.inf, batch.limit.left(),
-                )
-            )  # fmt: skip
+            return self.limit.progress.apart(work)
         except StoppedError:
-            return paths, prices, iterations, False
-        weights, prices = paths.copy(), np.zeros(len(prices))
-        weights[free], prices[found.slot] = found.weights, found.prices
-        iterations += found.iterations
-        if not found.finished:
-            return better(states, weights, best_paths(states, prices)), prices, iterations, False
-        value = states.gain - slots.totals(prices)
-        own = sum_by(row, paths * value, states.nodes)
-        follows = states.pair[1:] == states.pair[:-1]
-        moved = np.flatnonzero(follows & (np.diff(paths) != 0)) + 1
-        own -= sum_by(row[moved], states.problem.switch_price_at[states.begin[moved]], states.nodes)
-        late = (best_values(states, value) - own > REGRET) & ~active & is_row
-        if not late.any():
-            break
-        active |= late
-    return weights, prices, iterations, True
+            return None
+
+    def _regret(self) -> NDArray[np.bool_]:
+        """Rows that would gain by leaving their paths at the prices, (nodes,)."""
+        states = self.states
+        value = states.gain - states.columns.totals(self.prices)
+        own = sum_by(self.row, self.paths * value, states.nodes)
+        moved = np.flatnonzero(changed(states.pair_first, self.paths))
+        paid = states.problem.switch_price_at[states.begin[moved]]
+        own -= sum_by(self.row[moved], paid, states.nodes)
+        return best_values(states, value) - own > REGRET

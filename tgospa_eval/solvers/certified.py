@@ -22,7 +22,7 @@ from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
 from tgospa_eval.solvers.bracket_progress import share_of_digits
 from tgospa_eval.solvers.capacities import load
-from tgospa_eval.solvers.dual_ascent import TEMPTED, Ascent
+from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.subproblem import cut_out
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
@@ -135,7 +135,7 @@ class Certified:
         return solve_in_batches(
             states,
             solve_steps if kernels else solve_conflict_free,
-            self._ascend if kernels else self._solve_active_sets,
+            self._ascend if kernels else _without_kernels,
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
@@ -144,17 +144,11 @@ class Certified:
             tries=bool(kernels),
         )
 
-    def _solve_active_sets(self, batch: Batch) -> Answer:
-        """Without kernels: programmes first, and the ascent where they would be large."""
-        from tgospa_eval.solvers.active_set import solve_active_sets
-
-        return solve_active_sets(batch, self._ascend)
-
     def _ascend(self, batch: Batch) -> Answer:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
-        ascent = _ascent()(batch.states, tried, self.gap, batch.weights, batch.prices)
+        ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         half = 0.5 * min(float(ascent.switch_price.max()), 1.0)
         iterations, skip = 0, False
@@ -368,7 +362,7 @@ class _Programmes:
             self._try_best(solved, prices)
         ascent.try_prices(prices)
         ascent.survey(prices, 0.0)
-        self.tempted |= ascent.has(TEMPTED)
+        self.tempted |= ascent.has(kernels.TEMPTED)
         if len(solved) > 1 and ascent.gap[ascent.open].sum() < 0.5 * wide:
             return
         for share in (0.5, 0.2):
@@ -502,10 +496,8 @@ def _windows(lost: Floats, allowed: float, span: int) -> NDArray[np.bool_]:
     return around
 
 
-def _ascent() -> type[Ascent]:
-    """What ascends here."""
-    if kernels:
-        return Ascent
-    from tgospa_eval.solvers.fallback.dual_ascent import NumpyAscent
+def _without_kernels(batch: Batch) -> Answer:
+    """Programmes of the rows that compete."""
+    from tgospa_eval.solvers.active_set import solve_active_sets  # HiGHS: slow to import
 
-    return NumpyAscent
+    return solve_active_sets(batch)

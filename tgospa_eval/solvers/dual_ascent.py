@@ -13,14 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.problem.problem import Floats, Ints, sum_by, sum_parts
+from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.solvers.block_costs import THRESHOLDS, is_wide, price_cap, unassigned_costs
 from tgospa_eval.solvers.capacities import load
-
-NEAR, NEEDED, LOSES, BEST, TEMPTED = 1, 2, 4, 8, 16
-"""Flags of a survey: slack within the reach; being in no state instead costs more than the reach;
-slack that is more than rounding; on the best path that was found; slack below 1e-6."""
 
 LINKS, FEW, TINY = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
@@ -29,9 +25,6 @@ unless it is tiny."""
 ROUNDING = 8 * 2.0**-53
 """How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
 two parts and relative to "none", so that the length of a recording does not count."""
-
-REGRET = 1e-11
-"""What a row could gain by leaving its path that is rounding: sums round to 1e-12."""
 
 
 class Ascent:
@@ -80,17 +73,11 @@ class Ascent:
         self.weights, self.prices = weights, prices
         size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
         blocks = len(states.block_begin)
-        self.slot_end = states.columns.end
-        self.window_end = states.block_end[states.node_block]
-        self.order, self.row_first = kernels.by_row(
-            kernels.in_time(states.begin, states.problem.steps), states.pair_first,
-            states.pair_row, nodes,
-        )  # fmt: skip
-        self.gain, self.group_first, self.offset = _relative(states, self.order, self.row_first)
         # LP tolerances are absolute, so huge prices harm: see `price_cap`.
         self.switch_price = np.minimum(
             states.problem.switch_price_at, price_cap(states)[wanted].max()
         )
+        self.layout = kernels.Layout(states, self.switch_price, *_unassigned_prices(states.problem))
         self.flags = np.zeros(size, np.uint8)
         self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.work, self.sweeping = 0, 0.0
@@ -98,7 +85,7 @@ class Ascent:
 
         self.keep(wanted)
         self.unassigned_cost = unassigned_costs(states)
-        taken_off = sum_parts(self.offset, self.group_first)
+        taken_off = sum_parts(self.layout.offset, self.layout.group_first)
         self.taken_off = sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(slots)
         self.dual = self.survey(self.prices, 0.0)
@@ -110,10 +97,7 @@ class Ascent:
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
         self.open = blocks
-        nodes = np.flatnonzero(blocks[self.states.node_block])
-        is_row = self.row_first[nodes + 1] > self.row_first[nodes]
-        self.rows = nodes[is_row].astype(np.int32)
-        self.columns = nodes[~is_row].astype(np.int32)
+        self.layout.keep(np.flatnonzero(blocks[self.states.node_block]))
 
     @property
     def gap(self) -> Floats:
@@ -133,28 +117,19 @@ class Ascent:
 
     def look(self, prices: Floats) -> Floats:
         """Bound of each block at the prices, (B,)."""
-        s = self.states
-        kernels.survey(
-            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.switch_price, self.gain, self.group_first,
-            self.offset, prices, self.best,
-        )  # fmt: skip
+        kernels.survey(self.layout, prices, self.best)
         return self._bounds(prices)
 
     def survey(self, prices: Floats, reach: float) -> Floats:
         """`look`, with `flags` of every state and the value of the best assignment of each row."""
-        s = self.states
-        kernels.survey(
-            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.switch_price, self.gain, self.group_first,
-            self.offset, prices, self.best, self.weights, reach, self.own, self.flags,
-        )  # fmt: skip
+        kernels.survey(self.layout, prices, self.best, self.weights, reach, self.own, self.flags)
         return self._bounds(prices)
 
     def _bounds(self, prices: Floats) -> Floats:
         blocks = len(self.states.block_begin)
         total = np.zeros(self.states.nodes)
-        total[self.rows] = self.best[self.rows]
+        rows = self.layout.rows
+        total[rows] = self.best[rows]
         total = sum_by(self.states.node_block, total, blocks)
         # What the values of paths may have lost by rounding counts as well.
         return total + (1 + ROUNDING) * self._paid(prices)
@@ -171,15 +146,12 @@ class Ascent:
 
     def _values(self, weights: NDArray[Any]) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
-        kernels.own_values(
-            self.rows, self.row_first, self.order, self.states.begin, self.switch_price, self.gain,
-            self.group_first, self.offset, weights, self.own,
-        )  # fmt: skip
+        kernels.own_values(self.layout, weights, self.own)
         return self._sum_own()
 
     def _sum_own(self) -> Floats:
-        s = self.states
-        return sum_by(s.node_block[self.rows], self.own[self.rows], len(s.block_begin))
+        states, rows = self.states, self.layout.rows
+        return sum_by(states.node_block[rows], self.own[rows], len(states.block_begin))
 
     def try_prices(self, prices: Floats) -> None:
         """Take the prices in the open blocks where they prove more."""
@@ -258,7 +230,7 @@ class Ascent:
         lost = ROUNDING * self._paid(self.prices)
         if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * lost)):
             self.survey(self.prices, float(self.prices.max()))
-            rivals = load(self.states.columns, self.has(NEAR))
+            rivals = load(self.states.columns, self.has(kernels.NEAR))
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
@@ -268,15 +240,8 @@ class Ascent:
         most = max(LINKS * len(s.begin), FEW)
         while True:
             self.survey(self.soft, threshold)
-            kernels.working_set(
-                self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-                self.weights, self.soft, self.flags, chosen,
-            )  # fmt: skip
-            chain = kernels.Chain(
-                self.rows, self.columns, self.row_first, self.order, s.begin, self.window_end,
-                s.columns.first, s.columns.step, s.columns.begin, self.slot_end, chosen, s.entry,
-                self.gain, self.group_first, self.offset, self.soft, self.switch_price, most,
-            )  # fmt: skip
+            kernels.working_set(self.layout, self.weights, self.soft, self.flags, chosen)
+            chain = kernels.Chain(self.layout, chosen, self.soft, most)
             if chain.links <= most:
                 return chain
             if threshold < TINY:  # so many tie that no smaller set is in sight
@@ -289,11 +254,7 @@ class Ascent:
         rounded = np.zeros(len(s.begin), np.uint8)
         taken = self._majority(rounded)
         for _ in range(2):
-            changed = kernels.improve(
-                self.rows, self.row_first, self.order, s.begin, s.columns.begin, self.slot_end,
-                self.switch_price, self.gain, self.group_first, self.offset, taken, rounded,
-                self.own,
-            )  # fmt: skip
+            changed = kernels.improve(self.layout, taken, rounded, self.own)
             if not changed:
                 break
         self._try(self._sum_own(), rounded)
@@ -309,14 +270,14 @@ class Ascent:
         has one of them only, and cannot well do without, it is decided.
         """
         rows = self.states.rows
-        near = self.has(NEAR)
+        near = self.has(kernels.NEAR)
         near |= self.weights > 0
         near |= also
         near &= self._states_of(self.open)
         crowd = _running(load(rows, near) > 1)
         decided = crowd[rows.end] == crowd[rows.begin]
         decided &= self.weights > 1 - 1e-9
-        decided &= self.has(NEEDED)
+        decided &= self.has(kernels.NEEDED)
         near &= ~decided
         return near
 
@@ -335,11 +296,7 @@ class Ascent:
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
-        kernels.survey(
-            self.columns, s.columns.first, self.rows, self.row_first, self.order, s.begin,
-            s.columns.begin, self.slot_end, self.switch_price, self.gain, self.group_first,
-            self.offset, prices, self.best, self.weights, regret=lost,
-        )  # fmt: skip
+        kernels.survey(self.layout, prices, self.best, self.weights, regret=lost)
         idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
         idle *= self._slots_of(self.open)
         lost += sum_by(s.columns.step, idle, len(lost))
@@ -363,16 +320,17 @@ class Ascent:
         """Which of the free states show that the gap is open."""
         s = self.states
         regret = np.zeros(s.nodes, bool)
-        regret[self.rows] = (self.best - self.own)[self.rows] > REGRET
+        rows = self.layout.rows
+        regret[rows] = (self.best - self.own)[rows] > REGRET
         weights, flags = self.weights[free], self.flags[free]
         pair = np.searchsorted(s.pair_first, free, side="right") - 1
-        seed = (weights > 0) & (flags & LOSES > 0)
+        seed: NDArray[np.bool_] = (weights > 0) & (flags & kernels.LOSES > 0)
         for near, inside in (
             (free - 1, free > s.pair_first[pair]),
             (free + 1, free + 1 < s.pair_first[pair + 1]),
         ):
             seed |= inside & (weights != self.weights[np.where(inside, near, 0)])
-        seed |= (flags & BEST > 0) & (weights < 1)
+        seed |= (flags & kernels.BEST > 0) & (weights < 1)
         seed &= regret[s.pair_row[pair]]
         lost = _running((self.prices > REGRET) & ~self.full())
         begin, end = s.columns.begin[free], s.columns.end[free]
@@ -400,26 +358,16 @@ class Ascent:
         """Write feasible weights 0 and 1; what uses each column slot."""
         s = self.states
         taken = np.zeros(len(s.columns.step), np.int32)
-        kernels.majority(
-            self.rows, self.row_first, self.order, s.begin, self.window_end, s.columns.begin,
-            self.slot_end, self.flags, weights, taken,
-        )  # fmt: skip
+        kernels.majority(self.layout, self.flags, weights, taken)
         return taken
 
 
-def _relative(states: States, order: Ints, row_first: Ints) -> tuple[Floats, Ints, Floats]:
-    """Relative gains, first group of each node, and offset of each group."""
-    problem = states.problem
-    price, prices = 0.0, None
+def _unassigned_prices(problem: Problem) -> tuple[float, Floats | None]:
+    """Price of leaving both objects of an entry unassigned: of all entries, or else of each."""
     truth, estimate = problem.truth_price, problem.estimate_price
     if all((side == side[0]).all() for side in (truth, estimate) if len(side)):
-        price = float(truth[0] + estimate[0])
-    else:
-        prices = truth[problem.truth_row] + estimate[problem.estimate_row]
-    found: tuple[Floats, Ints, Floats] = kernels.relative_gains(
-        row_first, order, states.begin, states.entry, problem.cost, price, prices
-    )
-    return found
+        return float(truth[0] + estimate[0]), None
+    return 0.0, truth[problem.truth_row] + estimate[problem.estimate_row]
 
 
 def _running(marked: NDArray[np.bool_]) -> Ints:

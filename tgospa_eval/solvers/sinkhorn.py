@@ -24,7 +24,7 @@ from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
 if TYPE_CHECKING:
-    from tgospa_eval.solvers.fallback.sweeps import PlainAscent
+    from tgospa_eval.solvers.plain_sweeps import PlainAscent
 
 SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM` sweeps."""
@@ -160,6 +160,6 @@ def _ascent() -> "type[Ascent | PlainAscent]":
     """What sweeps here."""
     if kernels:
         return Ascent
-    from tgospa_eval.solvers.fallback.sweeps import PlainAscent
+    from tgospa_eval.solvers.plain_sweeps import PlainAscent
 
     return PlainAscent

@@ -18,14 +18,11 @@ from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
-from tgospa_eval.problem.problem import Problem
+from tgospa_eval.problem.problem import Problem, sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.solvers import dual_ascent as ascent
-
-MOST = 32
-"""Flag of the kernels: more than half of the row."""
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 
@@ -124,11 +121,11 @@ def test_relative_gains_are_those_of_the_certificate(name: str, uniform: bool) -
     steps = row_steps(states)
     gains = relative_gains(states, steps)
     offset, value = gains.offset, gains.relative
-    assert np.array_equal(field.group_first, steps.first)
+    assert np.array_equal(field.layout.group_first, steps.first)
     if uniform:  # else the cheapest pair need not be the one that gains most
-        assert field.offset == pytest.approx(offset, abs=1e-15)
-        assert field.gain == pytest.approx(value, abs=1e-12)
-    off = np.add.reduceat(np.append(field.offset, 0.0), steps.first[:-1])
+        assert field.layout.offset == pytest.approx(offset, abs=1e-15)
+        assert field.layout.gain == pytest.approx(value, abs=1e-12)
+    off = np.add.reduceat(np.append(field.layout.offset, 0.0), steps.first[:-1])
     off[np.diff(steps.first) == 0] = 0.0
     field.look(np.zeros(len(states.columns.step)))
     assert field.best + off == pytest.approx(best_values(states, states.gain), abs=1e-10)
@@ -147,7 +144,7 @@ def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> No
     value = states.gain - states.columns.totals(prices)
     best = best_values(states, value)
     row, end = states.pair_row[states.pair], states.end
-    off = [survey.offset[slice(*survey.group_first[[i, i + 1]])].sum() for i in range(states.nodes)]
+    off = sum_parts(survey.layout.offset, survey.layout.group_first)
     assert (survey.best + off)[np.unique(row)] == pytest.approx(best[np.unique(row)], abs=1e-10)
     for s in rng.choice(len(value), 12, replace=False):
         forced = value.copy()
@@ -156,13 +153,13 @@ def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> No
         here = (row == row[s]) & (states.begin <= states.begin[s]) & (end >= states.begin[s])
         without = best[row[s]] - best_values(states, np.where(here, -100.0, value))[row[s]]
         for loss, flag, below in (
-            (slack, ascent.NEAR, True),
-            (without, ascent.NEEDED, False),
+            (slack, kernels.NEAR, True),
+            (without, kernels.NEEDED, False),
         ):
             if abs(loss - reach) > 1e-9:
                 assert survey.has(flag)[s] == ((loss <= reach) == below)
-        assert survey.has(ascent.TEMPTED)[s] == (slack <= 1e-6)
-        if survey.has(ascent.BEST)[s]:
+        assert survey.has(kernels.TEMPTED)[s] == (slack <= 1e-6)
+        if survey.has(kernels.BEST)[s]:
             assert slack < 1e-10
 
 
@@ -175,12 +172,8 @@ def test_sweeps_find_the_entropic_optimum() -> None:
     epsilon = 0.2
     field = ascent_of(states)
     chosen = np.ones(len(states.begin), np.uint8)
-    chain = kernels.Chain(
-        field.rows, field.columns, field.row_first, field.order, states.begin,
-        field.window_end, states.columns.first, states.columns.step, states.columns.begin,
-        field.slot_end, chosen, states.entry, field.gain, field.group_first, field.offset,
-        np.zeros(len(states.columns.step)), field.switch_price, 10**6,
-    )  # fmt: skip
+    start = np.zeros(len(states.columns.step))
+    chain = kernels.Chain(field.layout, chosen, start, 10**6)
     chain.heat(epsilon)
     assert chain.sweep(400) < 1e-9
     prices = np.zeros(len(states.columns.step))
@@ -209,7 +202,7 @@ def test_sweeps_find_the_entropic_optimum() -> None:
                 totals[s] = totals.get(s, 0.0) + weight
         for s, weight in totals.items():
             shares[s] = weight / weight_of_all
-    assert np.array_equal(field.has(MOST), shares > 0.5)
+    assert np.array_equal(field.has(kernels.MOST), shares > 0.5)
     load = np.zeros(len(prices))
     for s in range(len(shares)):
         load[states.columns.begin[s] : states.columns.end[s]] += shares[s]

@@ -18,7 +18,6 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import price_cap
 from tgospa_eval.solvers.certified import _groups, _windows
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.fallback.dual_ascent import NumpyAscent
 from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
 from tgospa_eval.solvers.subproblem import cut_out
 
@@ -30,11 +29,11 @@ def states_of(seed: int = 1, m: int = 8, steps: int = 60, side: float = 10.0) ->
     return evaluate(truth, estimate, 5.0, 2, 2.0).proof.states
 
 
-def ascent_of(states: States, kind: type[Ascent] = Ascent) -> Ascent:
+def ascent_of(states: States) -> Ascent:
     """After one cold stage, far from the optimum."""
     wanted = states.block_begin < states.block_end
     weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
-    ascent = kind(states, wanted, 1e-9, weights, prices)
+    ascent = Ascent(states, wanted, 1e-9, weights, prices)
     ascent.stage(0.05, 8, 1.0, lambda: False)
     return ascent
 
@@ -47,7 +46,7 @@ def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
     ascent.survey(ascent.prices, 0.2)
     begin = states.begin
     for low, high in ((0, 9), (20, 30), (50, 60)):
-        free = np.flatnonzero(ascent.has(1) & (begin >= low) & (states.end < high))
+        free = np.flatnonzero(ascent.has(kernels.NEAR) & (begin >= low) & (states.end < high))
         given = ascent.weights, ascent.prices
         whole = solve_restricted_lp(states, free, *given, ascent.switch_price, 0.05, None)
         piece = cut_out(states, free)
@@ -78,19 +77,6 @@ def test_losses_of_fractions_too() -> None:
     ascent.primal = ascent._values(ascent.weights)
     lost = ascent.losses(ascent.prices)
     assert lost.sum() == pytest.approx(ascent.gap[ascent.open].sum(), rel=1e-10)
-
-
-@compiled_only
-def test_numpy_says_of_prices_what_the_kernels_say() -> None:
-    states = states_of(4)
-    one = ascent_of(states)
-    other = ascent_of(states, NumpyAscent)
-    for reach in (0.0, 0.1):
-        assert other.survey(one.prices, reach) + other.taken_off == pytest.approx(
-            one.survey(one.prices, reach) + one.taken_off, rel=1e-12
-        )
-        for flag in (2, 4, 16):
-            assert np.mean(one.has(flag) != other.has(flag)) < 1e-3  # ties of rounding
 
 
 @compiled_only
@@ -168,11 +154,12 @@ def test_exact_does_not_begin_what_it_cannot_stop(monkeypatch: pytest.MonkeyPatc
     assert 0 <= result.proof.bounds.lower <= result.proof.bounds.upper
 
 
-def test_without_kernels_large_components_are_ascended(monkeypatch: pytest.MonkeyPatch) -> None:
-    truth, estimate = scene(2, 10, 10, 30, side=10.0, noise=1.0)
+def test_without_kernels_large_programmes_begin_inside(monkeypatch: pytest.MonkeyPatch) -> None:
+    truth, estimate = scene(2, 20, 20, 50, side=14.0, noise=1.0)
     expected = evaluate(truth, estimate, 5.0, 2, 2.0)
     without_kernels(monkeypatch)
-    monkeypatch.setattr(active_set_module, "LARGE", 50)
+    monkeypatch.setattr(certified_module, "kernels", None)
+    monkeypatch.setattr(active_set_module, "INTERIOR", 50)
     result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
     assert result.solver["status"] == "solved"
     assert result.proof.bounds.upper == pytest.approx(expected.proof.bounds.upper, rel=1e-9)

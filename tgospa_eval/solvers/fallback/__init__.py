@@ -1,1 +1,0 @@
-"""What runs where the kernels were not built."""
