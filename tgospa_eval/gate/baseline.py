@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn, TypeAlias
 
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.errors import ConfigError, SolverError
@@ -46,13 +46,16 @@ class Entry:
     """
 
     values: Mapping[Key, float]
-    options: Mapping[str, Any]
-    parameters: Mapping[str, Any]
+    options: Mapping[str, object]
+    parameters: Mapping[str, object]
     truth: str
     version: str
 
 
-Baseline = dict[str, Entry]
+Table: TypeAlias = dict[str, object]
+"""An object of JSON that was read."""
+
+Baseline: TypeAlias = dict[str, Entry]
 """By name of the pair."""
 
 
@@ -88,7 +91,7 @@ def _measure(result: Summary, klass: str | None = None) -> dict[Key, Value]:
     return {path if klass is None else (klass, path): value for path, value in found.items()}
 
 
-def make_entry(result: Summary, options: Mapping[str, Any]) -> Entry:
+def make_entry(result: Summary, options: Mapping[str, object]) -> Entry:
     """What a baseline keeps of a result that was made with these options.
 
     Raises
@@ -122,13 +125,13 @@ def differences(entry: Entry, result: Summary) -> list[str]:
     return found
 
 
-def _plain(parameters: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(parameters: Mapping[str, object]) -> dict[str, object]:
     """As they come back from JSON."""
-    plain: dict[str, Any] = json.loads(json.dumps(parameters, allow_nan=False))
+    plain: dict[str, object] = json.loads(json.dumps(parameters, allow_nan=False))
     return plain
 
 
-def _shown(parameters: Mapping[str, Any], name: str) -> str:
+def _shown(parameters: Mapping[str, object], name: str) -> str:
     return json.dumps(parameters[name], ensure_ascii=False) if name in parameters else "not set"
 
 
@@ -197,13 +200,13 @@ def _check_json(text: str, path: str) -> None:
     raise ConfigError(f"{path}: is no baseline but {what}; a baseline is {MADE}")
 
 
-def _no_number(text: str) -> Any:
+def _no_number(text: str) -> NoReturn:
     raise ValueError(f"{text} is no number of JSON; every value must be finite")
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _once(pairs: list[tuple[str, object]]) -> Table:
     """An object whose names are all different: JSON would take the last of two."""
-    found: dict[str, Any] = {}
+    found: Table = {}
     for name, value in pairs:
         if name in found:
             raise ValueError(f"{quoted(name)} is there twice in one object; delete one")
@@ -211,8 +214,9 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _read(document: Any, path: str) -> Baseline:
-    schema = document.get("schema") if isinstance(document, dict) else None
+def _read(document: object, path: str) -> Baseline:
+    table: Table = document if isinstance(document, dict) else {}
+    schema = table.get("schema")
     family = SCHEMA.rpartition("/")[0]
     if schema != SCHEMA:
         if isinstance(schema, str) and schema.rpartition("/")[0] == family:
@@ -222,13 +226,13 @@ def _read(document: Any, path: str) -> Baseline:
             )
         what = f"has the schema {quoted(schema)}" if schema else 'has no "schema"'
         raise ConfigError(f"{path}: is no baseline, it {what}; a baseline is {MADE}")
-    pairs = _table(document, "pairs", path)
+    pairs = _table(table, "pairs", path)
     return {
         name: _entry(_table(pairs, name, path), f"{path}, pair {quoted(name)}") for name in pairs
     }
 
 
-def _entry(table: dict[str, Any], where: str) -> Entry:
+def _entry(table: Table, where: str) -> Entry:
     groups = _values(_table(table, "values", where), where)
     order = _table(table, "parameters", where).get("order")
     for name, group in groups.items():
@@ -241,28 +245,29 @@ def _entry(table: dict[str, Any], where: str) -> Entry:
     for name, group in groups.items():
         values |= {(path if name is None else (name, path)): v for path, v in group.items()}
     truth = _table(table, "truth", where).get("sha256")
-    if not isinstance(truth, str) or not isinstance(table.get("version"), str):
+    version = table.get("version")
+    if not isinstance(truth, str) or not isinstance(version, str):
         raise ConfigError(f"{where}: truth.sha256 or version is no text; {REMEDY}")
     return Entry(
         values=values,
         options=_table(table, "options", where),
         parameters=_table(table, "parameters", where),
         truth=truth,
-        version=table["version"],
+        version=version,
     )
 
 
 REMEDY = "mend it, or make it anew with --update-baseline"
 
 
-def _table(parent: dict[str, Any], name: str, where: str) -> dict[str, Any]:
+def _table(parent: Table, name: str, where: str) -> Table:
     table = parent.get(name)
     if not isinstance(table, dict):
         raise ConfigError(f"{where}: {quoted(name)} must be an object; {REMEDY}")
     return table
 
 
-def _values(table: dict[str, Any], where: str) -> dict[str | None, dict[str, float]]:
+def _values(table: Table, where: str) -> dict[str | None, dict[str, float]]:
     """The values by class and path; of all classes together under None."""
     groups: dict[str | None, dict[str, float]] = {
         None: _flat({name: value for name, value in table.items() if name != "by_class"}, where)
@@ -274,7 +279,7 @@ def _values(table: dict[str, Any], where: str) -> dict[str | None, dict[str, flo
     return groups
 
 
-def _agree(values: dict[str, float], order: Any, where: str) -> None:
+def _agree(values: dict[str, float], order: object, where: str) -> None:
     """Whether the values do not contradict each other, as after a careless merge.
 
     Raises
@@ -297,7 +302,7 @@ def _agree(values: dict[str, float], order: Any, where: str) -> None:
     raise ConfigError(f"{where}: values contradict each other: {wrong}; {REMEDY}")
 
 
-def _is_power(total: float, value: float, order: Any) -> bool:
+def _is_power(total: float, value: float, order: object) -> bool:
     """Whether the total is the value to the power of the order, as far as that is a number."""
     if isinstance(order, bool) or not isinstance(order, int | float):
         return True  # which makes the pair not comparable
@@ -307,7 +312,7 @@ def _is_power(total: float, value: float, order: Any) -> bool:
         return False
 
 
-def _flat(values: dict[str, Any], where: str, prefix: str = "") -> dict[str, float]:
+def _flat(values: Table, where: str, prefix: str = "") -> dict[str, float]:
     """Numbers by path."""
     found: dict[str, float] = {}
     for name, value in values.items():
@@ -333,7 +338,7 @@ def _finite(value: float) -> bool:
         return False
 
 
-def _nested(values: Mapping[Key, float]) -> dict[str, Any]:
+def _nested(values: Mapping[Key, float]) -> Table:
     """The values as in the JSON of a result."""
     nested: dict[str, Any] = {}
     for key, value in values.items():

@@ -3,12 +3,14 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Self
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
     COSTS,
+    STATUS,
     Finding,
     Key,
     Rule,
@@ -19,6 +21,7 @@ from tgospa_eval.gate.rules import (
     name_of,
     worst,
 )
+from tgospa_eval.gate.suite import Pair
 from tgospa_eval.results.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
@@ -69,6 +72,18 @@ class Outcome:
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     warnings: tuple[Notice, ...] = ()
+
+    @classmethod
+    def of(cls, pair: Pair, verdict: Verdict, *notes: str) -> Self:
+        """One that is known without findings."""
+        return cls(
+            name=pair.name,
+            truth=pair.truth,
+            estimate=pair.estimate,
+            verdict=verdict,
+            status=STATUS[verdict],
+            notes=notes,
+        )
 
     @property
     def warned(self) -> tuple[Finding, ...]:
@@ -172,10 +187,12 @@ def _notes(
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
         yield f"undecided: {_remedy(result)}"
     if entry:
-        yield from _against(findings, values, entry)
+        yield from _against(findings, values, entry, result.proof.parameters.order)
 
 
-def _against(findings: list[Finding], values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
+def _against(
+    findings: list[Finding], values: Mapping[Key, Value], entry: Entry, order: float
+) -> Iterator[str]:
     """What the user should know of the baseline."""
     moved = any(f.verdict is Verdict.FAIL and not f.now.proven for f in findings)
     if moved and values["total"].lower <= entry.values["total"] * (1 + 1e-9):
@@ -190,7 +207,7 @@ def _against(findings: list[Finding], values: Mapping[Key, Value], entry: Entry)
             "the slack"
         )
     lower, upper = (entry.values[f"{side}_bound"] for side in ("lower", "upper"))
-    gap = 1 - (lower / upper) ** entry.parameters["order"] if upper else 0.0
+    gap = 1 - (lower / upper) ** order if upper else 0.0
     if gap > OPEN:
         yield (
             f"the bracket of the baseline is open, relative gap {gap:.2g}: the gate is as loose as "

@@ -4,7 +4,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypeAlias
 
 from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
@@ -15,6 +15,9 @@ PAIR = ("name", "truth", "estimate", "options", *RULES)
 SUITE = ("baseline", "pair", "options", *RULES)
 ALONE = "pair"
 """Name of the pair in a baseline that holds one pair only."""
+
+Table: TypeAlias = dict[str, object]
+"""A table of TOML that was read."""
 
 _PLACEHOLDER = r"\{([A-Za-z_]\w*)\}"
 
@@ -40,7 +43,7 @@ class Pair:
     name: str
     truth: str
     estimate: str
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
     rules: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fault: str = ""
 
@@ -107,11 +110,11 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
 
 
 def _pairs(
-    table: dict[str, Any],
+    table: Table,
     where: str,
     known: Mapping[str, bool],
     folder: str,
-    common: tuple[dict[str, Any], dict[str, tuple[str, ...]]],
+    common: tuple[Table, dict[str, tuple[str, ...]]],
 ) -> Iterator[Pair]:
     """The pairs of one table: one, or one for each file that its pattern finds."""
     _check(table, PAIR, where)
@@ -167,9 +170,7 @@ def _fill(text: str, values: Mapping[str, str]) -> str:
     return re.sub(_PLACEHOLDER, lambda found: values[found[1]], text) if values else text
 
 
-def _options(
-    table: dict[str, Any], where: str, known: Mapping[str, bool], folder: str
-) -> dict[str, Any]:
+def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -> Table:
     options = table.get("options", {})
     if not isinstance(options, dict):
         raise ConfigError(f'{where}: "options" must be a table of options')
@@ -179,7 +180,7 @@ def _options(
     return settings
 
 
-def _rules(table: dict[str, Any], where: str) -> dict[str, tuple[str, ...]]:
+def _rules(table: Table, where: str) -> dict[str, tuple[str, ...]]:
     rules = {}
     for key in RULES:
         texts = table.get(key, ())
@@ -191,7 +192,7 @@ def _rules(table: dict[str, Any], where: str) -> dict[str, tuple[str, ...]]:
     return rules
 
 
-def _check(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
+def _check(table: Table, known: tuple[str, ...], where: str) -> None:
     unknown = [key for key in table if key not in known]
     if unknown:
         raise ConfigError(
@@ -200,7 +201,7 @@ def _check(table: dict[str, Any], known: tuple[str, ...], where: str) -> None:
         )
 
 
-def _text(table: dict[str, Any], key: str, where: str) -> str:
+def _text(table: Table, key: str, where: str) -> str:
     value = table.get(key)
     if not isinstance(value, str) or not value:
         raise ConfigError(f"{where}: {quoted(key)} must be a text")

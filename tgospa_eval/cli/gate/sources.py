@@ -1,8 +1,8 @@
 """Where the values of a gate come from: defaults, baseline, files, environment, flags."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -10,13 +10,14 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.help import Option
 from tgospa_eval.cli.shared.option import KEYS
 from tgospa_eval.cli.shared.options import EVALUATION
+from tgospa_eval.cli.shared.values import OutputOptions, Values
 from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.baseline import SOLVING, Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.text import quoted
+from tgospa_eval.text import clipped, quoted
 
 KNOWN = dict(KEYS[add] for add in EVALUATION)
 NOT_KEPT = ("jobs", "max-input")
@@ -31,15 +32,44 @@ STRONG = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
 
 
 @dataclass(frozen=True, kw_only=True)
+class GateOptions(Values):
+    """What to judge by, and what to write beside stdout."""
+
+    suite: str | None
+    baseline: str | None
+    update_baseline: bool
+    fail_on: tuple[str, ...]
+    warn_on: tuple[str, ...]
+    maximum: tuple[str, ...]
+    junit: str | None
+    github: bool
+
+    def prefix(self, pair: Pair) -> str:
+        """What a line about a pair begins with: its name, where there are several."""
+        return f"{clipped(pair.name)}: " if self.suite else ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Given:
     """The options of the command line, with where they come from.
 
     A default yields to the baseline, that to a configuration file, that to the suite, that to the
     environment, that to a flag.
+
+    Parameters
+    ----------
+    context : Context
+        Knows where a value comes from.
+    options : mapping of str to object
+        Values of all options by parameter.
+    gate, output : GateOptions, OutputOptions
+        Those of the gate itself, and of printing.
     """
 
     context: click.Context
-    options: dict[str, Any]
+    options: Mapping[str, object]
+    gate: GateOptions
+    output: OutputOptions
 
     def strong(self, name: str) -> bool:
         """Whether it is a flag or from the environment."""
@@ -57,9 +87,9 @@ class Given:
             if isinstance(item, Option) and item.key in KNOWN
         }
 
-    def typed(self, settings: dict[str, Any], where: str) -> dict[str, Any]:
+    def typed(self, settings: Mapping[str, object], where: str) -> dict[str, object]:
         """Settings as click would have made them, by parameter."""
-        values = {}
+        values: dict[str, object] = {}
         for key, value in config.settings_of(settings, where, KNOWN).items():
             item = self.parameters()[key]
             try:
@@ -72,34 +102,34 @@ class Given:
                 raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
         return values
 
-    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, Any]:
+    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, object]:
         """The values of a pair that are no defaults, by parameter."""
         names = [str(item.name) for item in self.parameters().values()]
         given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
         if given.get("covariance"):
-            given["covariance"] = os.path.join(os.path.dirname(path), given["covariance"])
+            given["covariance"] = os.path.join(os.path.dirname(path), str(given["covariance"]))
         given |= {name: self.options[name] for name in names if self.weak(name)}
         given |= self.typed(dict(pair.options), f"pair {quoted(pair.name)}, options")
         given |= {name: self.options[name] for name in names if self.strong(name)}
         return given
 
     def kept(
-        self, given: dict[str, Any], result: Summary, path: str, *, finished: bool
-    ) -> dict[str, Any]:
+        self, given: Mapping[str, object], result: Summary, path: str, *, finished: bool
+    ) -> dict[str, object]:
         """What the baseline keeps of the options: those given, and c and gamma in any case.
 
         Those of a solver that did not reach its accuracy are left out, a later run would inherit
         them; the path of a covariance is relative to the folder of the baseline.
         """
         keys = {str(item.name): key for key, item in self.parameters().items()}
-        kept = {
+        kept: dict[str, object] = {
             keys[name]: ",".join(value) if isinstance(value, tuple) else value
             for name, value in given.items()
             if keys[name] not in NOT_KEPT and value not in (None, ())
             if finished or keys[name] not in SOLVING_KEYS
         }
         if "covariance" in kept:
-            kept["covariance"] = _relative(kept["covariance"], os.path.dirname(path))
+            kept["covariance"] = _relative(str(kept["covariance"]), os.path.dirname(path))
         used = result.proof.parameters
         return {**kept, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
 
@@ -113,7 +143,7 @@ class Given:
         """
         found: list[Rule] = []
         for key, name in RULES.items():
-            own = [part for text in self.options[name] for part in split_rules(text)]
+            own = [part for text in getattr(self.gate, name) for part in split_rules(text)]
             suite = [
                 part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]
             ]
