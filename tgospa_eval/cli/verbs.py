@@ -6,7 +6,7 @@ import click
 
 VERBS = {
     "evaluate": ("evaluate.command", "Evaluate an estimate; the verb if none is given."),
-    "inspect": ("inspect", "Show what is in the files, and what looks wrong."),
+    "inspect": ("inspect.command", "Show what is in the files, and what looks wrong."),
     "gate": ("gate.command", "Fail a CI job if the estimate got worse."),
     "compare": ("compare.command", "Rank several estimates, or compare solvers."),
     "simulate": ("simulate.command", "Make a ground truth and an estimate to try it on."),

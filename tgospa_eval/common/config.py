@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 from tgospa_eval.common.files import read_bytes
 from tgospa_eval.errors import ConfigError
@@ -16,8 +16,11 @@ MOST = sys.float_info.max
 ALIASES = {"gamma": "switch-penalty"}
 """Other names of keys."""
 
+Settings: TypeAlias = dict[str, str | int | float | bool]
+"""Values by option name, with dashes."""
 
-def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[str, Any]]:
+
+def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, Settings]:
     """Read the settings.
 
     Parameters
@@ -51,7 +54,7 @@ def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, dict[
     return path, settings_of(table, str(path), known)
 
 
-def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) -> dict[str, Any]:
+def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool]) -> Settings:
     """The settings of a table, as `load` returns them; `path` begins the messages.
 
     Raises
@@ -59,7 +62,7 @@ def settings_of(table: Mapping[str, Any], path: str, known: Mapping[str, bool]) 
     ConfigError
         A key is unknown, a value of the wrong kind.
     """
-    settings: dict[str, Any] = {}
+    settings: Settings = {}
     for key, value in table.items():
         name = key.replace("_", "-")
         name = ALIASES.get(name, name)
@@ -94,7 +97,7 @@ def _meant(name: str, known: Iterable[str]) -> str:
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(sorted(known))}"
 
 
-def _search() -> tuple[str | None, Any]:
+def _search() -> tuple[str | None, object]:
     if os.path.isfile(FILE):
         return FILE, read_toml(FILE)
     if _may_have_table("pyproject.toml"):
@@ -115,12 +118,12 @@ def _may_have_table(path: str) -> bool:
         return False
 
 
-def _section(document: dict[str, Any]) -> Any:
+def _section(document: Mapping[str, object]) -> object:
     tool = document.get("tool")
     return tool.get(TABLE) if isinstance(tool, dict) else None
 
 
-def read_toml(path: str) -> dict[str, Any]:
+def read_toml(path: str) -> dict[str, object]:
     """The tables of a TOML file.
 
     Raises

@@ -3,10 +3,8 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs, near_pairs
@@ -18,7 +16,7 @@ from tgospa_eval.problem.problem import Floats, Parameters, Problem, tgospa_prob
 from tgospa_eval.problem.states import States
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Scene, sizes_of
-from tgospa_eval.tracks.alignment import Alignment, align
+from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
@@ -72,7 +70,7 @@ class Prepared:
     distance: Distance
     states: States
     labels: Labels
-    moments: NDArray[Any]
+    moments: Times
     settings: Mapping[str, object]
     input: Mapping[str, FileRecord]
     scene: Scene
@@ -96,7 +94,7 @@ class Measured:
     sides: tuple[Trajectories, Trajectories]
     distance: Distance
     labels: Labels
-    moments: NDArray[Any]
+    moments: Times
     settings: Mapping[str, object]
     input: Mapping[str, FileRecord]
     scene: Scene
@@ -268,7 +266,7 @@ def digest(side: Trajectories) -> str:
     return sha.hexdigest()
 
 
-def _whole(times: NDArray[Any]) -> NDArray[Any]:
+def _whole(times: Times) -> Times:
     """Times as integers where all are whole: the stamps 0 and 0.0 are the same."""
     if times.dtype.kind != "f" or not np.all((np.floor(times) == times) & (abs(times) < 2.0**63)):
         return times

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.results.records import Columns, FileRecord
+from tgospa_eval.results.records import Columns, FileRecord, Json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -128,7 +128,7 @@ class Sweep:
                 begin = k + 1
         return best if best[1] > best[0] else None
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """The JSON document as plain Python values."""
         return {
             "schema": SCHEMA,
@@ -153,7 +153,7 @@ class Sweep:
 
         return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
 
-    def _range(self, *counts: str) -> dict[str, Any] | None:
+    def _range(self, *counts: str) -> Json | None:
         found = self.unchanged(*counts)
         if found is None:
             return None
@@ -165,7 +165,7 @@ class Sweep:
         }
 
 
-def _nested(point: Point) -> dict[str, Any]:
+def _nested(point: Point) -> Json:
     """A point with the names of the JSON of a result."""
     names = asdict(point)
     counts = {name: names.pop(f"{name}_count") for name in ("missed", "false", "switch")}

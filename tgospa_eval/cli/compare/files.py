@@ -5,9 +5,9 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from tgospa_eval.cli.evaluate.run import about, infos, pair_notices, slow_notice, teller
+from tgospa_eval.cli.shared.notices import about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.places import find_place
-from tgospa_eval.cli.shared.settings import Settings
+from tgospa_eval.cli.shared.settings import Settings, infos
 from tgospa_eval.cli.shared.streams import say
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
@@ -130,7 +130,7 @@ class Pairs:
 
     def __init__(self, settings: Settings, stopwatch: Stopwatch, *, quiet: bool) -> None:
         self.settings, self.stopwatch = settings, stopwatch
-        self.notify = teller(quiet=quiet)
+        self.notify = notifier(quiet=quiet)
         self.shown: set[Notice] = set()
         self.last: tuple[str, Reading] | None = None
         self.warnings: list[dict[str, str]] = []

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 from tgospa_eval.cli.compare.show import show
 from tgospa_eval.cli.compare.values import CompareOptions, StudyOptions, numbers
-from tgospa_eval.cli.evaluate.run import slow_notice, teller
+from tgospa_eval.cli.shared.notices import notifier, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import say
 from tgospa_eval.cli.simulate.command import command as simulate
@@ -33,7 +33,7 @@ def study_sizes(options: CompareOptions, sizes: StudyOptions) -> bool:
     study = _study(options, sizes)
     stopwatch = Stopwatch()
     for notice in slow_notice():
-        teller(quiet=quiet)(notice)
+        notifier(quiet=quiet)(notice)
     with nullcontext() if folder is None else Log(folder, study.settings) as log:
 
         def work() -> Json:

@@ -64,7 +64,8 @@ def command(
     for name in OF_PICTURES if options["output"] is None else ():
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
-    from tgospa_eval.cli.evaluate.run import evaluate_files, show
+    from tgospa_eval.cli.evaluate.output import show
+    from tgospa_eval.cli.evaluate.run import evaluate_files
     from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 
     chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)

@@ -1,56 +1,28 @@
 """From the values of the options to a result, and the result to stdout and files."""
 
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.cli.shared.distance import notices, unit_notices
-from tgospa_eval.cli.shared.interrupts import undisturbed
+from tgospa_eval.cli.evaluate.output import named_options, wanted_pictures
+from tgospa_eval.cli.shared.notices import Notify, about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import Settings, make_settings
-from tgospa_eval.cli.shared.streams import emit, on_terminal, say
+from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
+from tgospa_eval.cli.shared.streams import say
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.common.words import counted, install
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.common.words import counted
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.reports import REPORTS
-from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder
-from tgospa_eval.results.records import FileInfo
 from tgospa_eval.results.summary import Summary
 
 NARROWEST = 1e-12
 """Relative gap below which the outward rounding of the bounds may keep them apart."""
-
-if TYPE_CHECKING:
-    from tgospa_eval.plots.report import Pictures
-
-
-Tell = Callable[[Notice], None]
-"""What to do with a notice, or a warning."""
-
-
-def teller(*, quiet: bool, say: Callable[[str], None] = say) -> Tell:
-    """Prints notices, and warnings even where the user wants quiet."""
-
-    def tell(notice: Notice) -> None:
-        if notice.code or not quiet:
-            say(str(notice))
-
-    return tell
 
 
 def evaluate_files(
@@ -90,12 +62,14 @@ def evaluate_files(
     if not output.quiet:
         stopwatch.tell = say
 
-    tell = teller(quiet=output.quiet, say=say)
+    notify = notifier(quiet=output.quiet, say=say)
 
     def work() -> Summary:
-        sides, fitted, request, warnings = read_sides((truth, estimate), settings, tell, stopwatch)
+        sides, fitted, request, warnings = read_sides(
+            (truth, estimate), settings, notify, stopwatch
+        )
         if wanted is not None:
-            with _named_options():
+            with named_options():
                 wanted.check(sides[0].trajectories.columns)
         if settings.reading.by_class:
             of_all = replace(request, distance=fitted.distance)  # what it takes from the data
@@ -103,7 +77,7 @@ def evaluate_files(
         else:
             result = evaluate_fitted(fitted, request, files=infos(sides), stopwatch=stopwatch)
         for notice in result.warnings:
-            tell(notice)
+            notify(notice)
         return replace(
             result,
             warnings=(*warnings, *result.warnings),
@@ -131,7 +105,7 @@ def evaluate_files(
 
 
 def read_sides(
-    paths: tuple[str, str], settings: Settings, tell: Tell, stopwatch: Stopwatch
+    paths: tuple[str, str], settings: Settings, notify: Notify, stopwatch: Stopwatch
 ) -> tuple[tuple[Reading, ...], Fitted, EvaluationRequest, tuple[Notice, ...]]:
     """Both files, the same on one grid, what is asked of them, and warnings.
 
@@ -151,7 +125,7 @@ def read_sides(
         *(slow_notice() if settings.solver.name != "exact" else ()),
     ]
     for notice in notices:
-        tell(notice)
+        notify(notice)
     return sides, fitted, request, tuple(notice for notice in notices if notice.code)
 
 
@@ -175,91 +149,6 @@ def _evaluate_classes(
     return add_up(results, infos(sides), read_s)
 
 
-def inspect_files(
-    paths: tuple[str, ...], options: EvaluationOptions, output: OutputOptions
-) -> dict[str, Any]:
-    """What one file or two hold and what looks wrong with it, as the JSON document of the verb.
-
-    Raises
-    ------
-    TgospaError
-        Something is wrong with options or files.
-    """
-    from tgospa_eval.inspection import inspect
-
-    settings = make_settings(options, output)
-    stopwatch = Stopwatch()
-
-    def work() -> dict[str, Any]:
-        with stopwatch.span("read"):
-            sides = settings.read(*paths)
-        if len(sides) == 1:
-            fitted, request = None, settings.request(sides[0].trajectories.columns)
-        else:
-            fitted, request = settings.fit(sides, paths)
-        return inspect(list(zip(paths, sides, strict=True)), fitted, request)
-
-    return run(work, stopwatch, show=not output.quiet)
-
-
-def slow_notice() -> Iterator[Notice]:
-    """A notice where the kernels were not built."""
-    if KERNEL == "numpy":
-        yield Notice(
-            text="no compiled kernels, slower: installing with a C compiler at hand builds them"
-        )
-
-
-def about(path: str, side: Reading) -> Iterator[Notice]:
-    """What the user should know of one file."""
-    for text in side.notices:
-        yield Notice(text=f"{path}: {text}")
-    for notice in side.warnings:
-        yield notice.about(path)
-
-
-def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
-    """What the result says of both files."""
-    truth, estimate = (
-        FileInfo(rows=side.rows, format=side.format, left_out=side.left_out) for side in sides
-    )
-    return truth, estimate
-
-
-def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> Iterator[Notice]:
-    """What the user should know of the choice of the distance, and of the two files together.
-
-    `pixels` says whether places of one of them are in pixels.
-    """
-    aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
-    yield from notices(distance, aligned.truth.columns, parameters.cutoff)
-    truth, estimate = sides.read
-    if "gaussian" in distance.kinds:
-        for text in _about_points(truth.kind == "point", estimate.kind == "point"):
-            yield Notice(text=text)
-    if pixels:
-        yield from unit_notices(request.unit)
-    for text in alignment_notices(aligned, request.time_matching):
-        yield Notice(text=text)
-    found = diagnose(sides.read, aligned, request.time_matching, parameters, distance)
-    yield from found
-    if request.defaults:
-        yield default_notice(
-            aligned, distance, parameters, request.defaults, others=explained(found)
-        )
-
-
-def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
-    """What states without covariance mean; the two say whether a side has none."""
-    if truth and estimate:
-        yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
-    elif truth:
-        yield (
-            "the truth has no covariances: against points a smaller reported covariance always "
-            "costs less, whether it is right or not"
-        )
-
-
 def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
     """Times of the stages, and how the solver came near."""
     for name, seconds in stopwatch.spans.items():
@@ -274,88 +163,4 @@ def _progress(result: Summary, stopwatch: Stopwatch) -> Iterator[str]:
             f"sweep {check['sweep']:5d}  epsilon {check['epsilon']:<7g} "
             f"violation {check['violation']:.1e}  total {check['lower']:.9g} to "
             f"{check['upper']:.9g}"
-        )
-
-
-def show(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
-    """Print the result, and write the folder if one was asked for."""
-    try:
-        if output.output is not None:
-            _write(result, output, names)
-    except ConfigError:  # a full disk must not cost what was computed
-        _print(result, output)
-        raise
-    with undisturbed():
-        _print(result, output)
-
-
-def _print(result: Summary, output: OutputOptions) -> None:
-    """The result to stdout."""
-    name = output.format_
-    if name == "table" and on_terminal():
-        from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
-
-        emit(report(result, sys.stdout.encoding or "ascii"), "colours")
-    else:
-        emit(REPORTS[name](result), name)
-
-
-def wanted_pictures(output: OutputOptions) -> "Pictures | None":
-    """The pictures that the options ask for; None without an option of that kind, or for none.
-
-    Raises
-    ------
-    ConfigError
-        Something is wrong with them.
-    """
-    from tgospa_eval.plots.report import Pictures, names_in  # here: of folders alone
-
-    if output.pictures == "none":
-        return None
-    parts, plane = output.components, output.plane
-    with _named_options():
-        return Pictures(
-            formats=names_in(output.pictures),
-            style=output.style,
-            components=None if parts is None else names_in(parts),
-            columns=None if plane is None else names_in(plane),
-        )
-
-
-@contextmanager
-def _named_options() -> Iterator[None]:
-    """What is wrong with pictures, with the name of the option as it is typed."""
-    try:
-        yield
-    except ConfigError as error:
-        raise ConfigError(f"--{error}") from None
-
-
-def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
-    """The result folder; says what is not in it for want of an extra."""
-    from tgospa_eval import plots
-
-    wanted = wanted_pictures(output)
-    absent: list[tuple[str, str]] = []
-
-    def make(tell: Callable[[str, float], None]) -> Files:
-        tell("report.html", 0.0)
-        texts, missing = result_texts(result, names)
-        absent.extend(("report.html", extra) for extra in missing)
-        if wanted is None:
-            return texts
-        if not plots.available():
-            absent.append(("the pictures", "plot"))
-            return texts
-        from tgospa_eval.plots.report import result_pictures
-
-        return {**texts, **result_pictures(result, wanted, tell)}
-
-    write_output(output, RESULT, make)
-    if absent and not output.quiet:
-        what, extras = (list(column) for column in zip(*absent, strict=True))
-        single = absent == [("report.html", "report")]
-        say(
-            f"{' and '.join(what)} {'is' if single else 'are'} not written: "
-            f"{'it needs' if single else 'they need'} {install(*extras)}"
         )

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import plots
-from tgospa_eval.cli.evaluate.run import infos, read_sides, teller, wanted_pictures
+from tgospa_eval.cli.evaluate.output import wanted_pictures
+from tgospa_eval.cli.evaluate.run import read_sides
+from tgospa_eval.cli.shared.notices import notifier
 from tgospa_eval.cli.shared.options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.settings import make_settings
+from tgospa_eval.cli.shared.settings import infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, say
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
@@ -83,8 +85,8 @@ def sweep_files(
         stopwatch.tell = say
 
     def work() -> Sweep:
-        tell = teller(quiet=output.quiet)
-        sides, fitted, request, warnings = read_sides(paths, settings, tell, stopwatch)
+        notify = notifier(quiet=output.quiet)
+        sides, fitted, request, warnings = read_sides(paths, settings, notify, stopwatch)
         found = sweep_fitted(
             fitted, request, name, parameters, files=infos(sides), stopwatch=stopwatch
         )

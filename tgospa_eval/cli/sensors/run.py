@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tgospa_eval._version import __version__
-from tgospa_eval.cli.evaluate.run import about, teller
+from tgospa_eval.cli.shared.notices import about, notifier
 from tgospa_eval.cli.shared.particles import reduction
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
@@ -181,7 +181,7 @@ def _read(
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
         raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None
-    tell = teller(quiet=options["quiet"])
+    tell = notifier(quiet=options["quiet"])
     for path, side, option in zip(paths, sides, formats, strict=True):
         for notice in about(path, side):
             tell(replace(notice, text=notice.text.replace("--estimate-format", option)))

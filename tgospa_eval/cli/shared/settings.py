@@ -1,7 +1,6 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
@@ -14,6 +13,7 @@ from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
 from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -59,7 +59,7 @@ class Settings:
     curve: bool
 
     @property
-    def recorded(self) -> dict[str, Any]:
+    def recorded(self) -> dict[str, object]:
         """Options of reading that change the number, by the names of the JSON."""
         return {
             "decimal": self.reading.decimal,
@@ -182,6 +182,14 @@ class Settings:
         check_columns(truth, estimate, names)
         request = self.request(truth.columns)
         return fit(truth, estimate, request, names), request
+
+
+def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
+    """What the result says of both files."""
+    truth, estimate = (
+        FileInfo(rows=side.rows, format=side.format, left_out=side.left_out) for side in sides
+    )
+    return truth, estimate
 
 
 def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings:

@@ -8,7 +8,6 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving_of_tracks,
 )
 from tgospa_eval.problem.problem import Floats, Parameters
-from tgospa_eval.tracks.alignment import SECOND, Alignment, TimeMatching, nearest, within
+from tgospa_eval.tracks.alignment import SECOND, Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 FEW = 0.9
@@ -117,7 +116,7 @@ def _few_common(
 
 
 def _near_misses(
-    times: tuple[NDArray[Any], NDArray[Any]],
+    times: tuple[Times, Times],
     aligned: Alignment,
     matching: TimeMatching,
     spell: Spelling,
@@ -149,21 +148,21 @@ def _near_misses(
     )
 
 
-def median_step(times: NDArray[Any]) -> float | None:
+def median_step(times: Times) -> float | None:
     """Median distance of consecutive times, in the unit in which they are held."""
     if len(times) < 2:
         return None
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
 
 
-def _told(step: float, clock: str, *times: NDArray[Any]) -> str:
+def _told(step: float, clock: str, *times: Times) -> str:
     """A step between stamps, in their unit or in seconds, without what rounding them adds to it."""
     floats = [side for side in times if side.dtype.kind == "f"]
     noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
     return number(shortest(step if clock == "number" else step / SECOND, noise))
 
 
-def median(values: NDArray[Any]) -> float:
+def median(values: Times) -> float:
     """Without np.median, which imports numpy.ma, slower than all else."""
     ordered = np.sort(values)
     return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
@@ -307,7 +306,7 @@ def _find_clock(
     return best
 
 
-def _from_first(times: NDArray[Any]) -> Floats:
+def _from_first(times: Times) -> Floats:
     """Times since the first; exact before they are rounded to doubles, however far apart."""
     if times.dtype.kind == "i":
         unsigned = times.astype(np.int64).view(np.uint64)

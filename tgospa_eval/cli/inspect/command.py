@@ -32,7 +32,7 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.cli.evaluate.run import inspect_files
+    from tgospa_eval.cli.inspect.run import inspect_files
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
     from tgospa_eval.reports.inspection import json_text, table

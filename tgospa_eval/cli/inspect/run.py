@@ -1,0 +1,33 @@
+"""From the options of ``inspect`` to its document."""
+
+from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.settings import make_settings
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.inspection import inspect
+from tgospa_eval.results.records import Json
+
+
+def inspect_files(
+    paths: tuple[str, ...], options: EvaluationOptions, output: OutputOptions
+) -> Json:
+    """What one file or two hold and what looks wrong with it, as the JSON document of the verb.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or files.
+    """
+    settings = make_settings(options, output)
+    stopwatch = Stopwatch()
+
+    def work() -> Json:
+        with stopwatch.span("read"):
+            sides = settings.read(*paths)
+        if len(sides) == 1:
+            fitted, request = None, settings.request(sides[0].trajectories.columns)
+        else:
+            fitted, request = settings.fit(sides, paths)
+        return inspect(list(zip(paths, sides, strict=True)), fitted, request)
+
+    return run(work, stopwatch, show=not output.quiet)

@@ -1,0 +1,76 @@
+"""What the user should know of files and of the choice of options, before anything is solved."""
+
+from collections.abc import Callable, Iterator
+
+from tgospa_eval.cli.shared.distance import notices, unit_notices
+from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
+from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.evaluation.prepare import Fitted
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.formats import Reading
+from tgospa_eval.problem.compiled import KERNEL
+
+Notify = Callable[[Notice], None]
+"""What to do with a notice, or a warning."""
+
+
+def notifier(*, quiet: bool, say: Callable[[str], None] = say) -> Notify:
+    """Prints notices, and warnings even where the user wants quiet."""
+
+    def notify(notice: Notice) -> None:
+        if notice.code or not quiet:
+            say(str(notice))
+
+    return notify
+
+
+def slow_notice() -> Iterator[Notice]:
+    """A notice where the kernels were not built."""
+    if KERNEL == "numpy":
+        yield Notice(
+            text="no compiled kernels, slower: installing with a C compiler at hand builds them"
+        )
+
+
+def about(path: str, side: Reading) -> Iterator[Notice]:
+    """What the user should know of one file."""
+    for text in side.notices:
+        yield Notice(text=f"{path}: {text}")
+    for notice in side.warnings:
+        yield notice.about(path)
+
+
+def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> Iterator[Notice]:
+    """What the user should know of the choice of the distance, and of the two files together.
+
+    `pixels` says whether places of one of them are in pixels.
+    """
+    aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
+    yield from notices(distance, aligned.truth.columns, parameters.cutoff)
+    truth, estimate = sides.read
+    if "gaussian" in distance.kinds:
+        for text in _about_points(truth.kind == "point", estimate.kind == "point"):
+            yield Notice(text=text)
+    if pixels:
+        yield from unit_notices(request.unit)
+    for text in alignment_notices(aligned, request.time_matching):
+        yield Notice(text=text)
+    found = diagnose(sides.read, aligned, request.time_matching, parameters, distance)
+    yield from found
+    if request.defaults:
+        yield default_notice(
+            aligned, distance, parameters, request.defaults, others=explained(found)
+        )
+
+
+def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
+    """What states without covariance mean; the two say whether a side has none."""
+    if truth and estimate:
+        yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
+    elif truth:
+        yield (
+            "the truth has no covariances: against points a smaller reported covariance always "
+            "costs less, whether it is right or not"
+        )
