@@ -177,7 +177,7 @@ def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -
     settings = config.settings_of(options, where, known)
     if "covariance" in settings:
         settings["covariance"] = os.path.join(folder, str(settings["covariance"]))
-    return settings
+    return {**settings}
 
 
 def _rules(table: Table, where: str) -> dict[str, tuple[str, ...]]:
