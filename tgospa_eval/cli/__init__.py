@@ -20,9 +20,12 @@ from tgospa_eval.errors import ConfigError, TgospaError
 
 INTERRUPTED = 130
 NO_MEMORY = (
-    "annot allocate memory", "failed to map segment", "bad_alloc", "start new thread",
+    "annot allocate memory",
+    "failed to map segment",
+    "bad_alloc",
+    "start new thread",
     "without exception set",
-)  # fmt: skip
+)
 """What systems, loaders of libraries and Python say where there is none left."""
 
 INTERNAL = 4

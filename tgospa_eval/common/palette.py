@@ -30,15 +30,35 @@ DARK: Mapping[str, str] = {
 """On a dark screen."""
 
 TRACKS = (
-    "#2569a8", "#b2574e", "#087957", "#8463b0", "#855e02", "#067a91",
-    "#994569", "#578032", "#4c60aa", "#ae5d31", "#00766d", "#975c9f",
-)  # fmt: skip
+    "#2569a8",
+    "#b2574e",
+    "#087957",
+    "#8463b0",
+    "#855e02",
+    "#067a91",
+    "#994569",
+    "#578032",
+    "#4c60aa",
+    "#ae5d31",
+    "#00766d",
+    "#975c9f",
+)
 """Of estimates, in turn, on white: neighbours are far apart in hue; white letters are legible."""
 
 DARK_TRACKS = (
-    "#79b6f4", "#fdaa9f", "#66c7a0", "#d0b1fe", "#d6a95b", "#63d4f1",
-    "#e893b4", "#a7d287", "#96aef7", "#fdac84", "#4dc8ba", "#e5abec",
-)  # fmt: skip
+    "#79b6f4",
+    "#fdaa9f",
+    "#66c7a0",
+    "#d0b1fe",
+    "#d6a95b",
+    "#63d4f1",
+    "#e893b4",
+    "#a7d287",
+    "#96aef7",
+    "#fdac84",
+    "#4dc8ba",
+    "#e5abec",
+)
 """The same on a dark screen, for dark letters."""
 
 

@@ -134,9 +134,13 @@ def look(sides: Fitted, request: EvaluationRequest) -> list[Notice]:
     )
     if request.defaults:
         notice = default_notice(
-            aligned, sides.distance, parameters, request.defaults, as_argument,
+            aligned,
+            sides.distance,
+            parameters,
+            request.defaults,
+            as_argument,
             others=explained(found),
-        )  # fmt: skip
+        )
         found += [notice] if notice.code else []
     return found
 
@@ -199,9 +203,13 @@ def prove(
 
         with stopwatch.span("curve"):
             traced = trace(
-                prepared.states, weights, prices, cast("Certified", solver), reduced,
+                prepared.states,
+                weights,
+                prices,
+                cast("Certified", solver),
+                reduced,
                 stopwatch.progress,
-            )  # fmt: skip
+            )
     truth, estimate = prepared.sides
     with stopwatch.span("report"):
         split = _split(truth, estimate, prepared.distance, proof)

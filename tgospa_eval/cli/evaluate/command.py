@@ -33,14 +33,21 @@ class Files(Verb):
 @click.argument("estimate", type=click.Path(readable=False))
 @evaluation_options
 @click.option(  # not from settings files: it would make a sweep of every evaluation
-    "--sweep", cls=Option, section="Output", metavar="NAME=VALUES", multiple=True,
+    "--sweep",
+    cls=Option,
+    section="Output",
+    metavar="NAME=VALUES",
+    multiple=True,
     help="Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values from "
     "1 to 20, gamma=1:20:12:log.",
-)  # fmt: skip
+)
 @click.option(
-    "--curve", cls=Option, section="Output", is_flag=True,
+    "--curve",
+    cls=Option,
+    section="Output",
+    is_flag=True,
     help="Evaluate the steps up to each step as well: the normalised metric over time.",
-)  # fmt: skip
+)
 @click.pass_context
 def command(
     ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: Any

@@ -31,9 +31,14 @@ if TYPE_CHECKING:
     from tgospa_eval.plots.report import Pictures
 
 NAMES = {
-    "c": "cutoff", "cutoff": "cutoff", "p": "order", "order": "order",
-    "g": "switch_penalty", "gamma": "switch_penalty", "switch-penalty": "switch_penalty",
-}  # fmt: skip
+    "c": "cutoff",
+    "cutoff": "cutoff",
+    "p": "order",
+    "order": "order",
+    "g": "switch_penalty",
+    "gamma": "switch_penalty",
+    "switch-penalty": "switch_penalty",
+}
 MOST = 1000
 """Values of one sweep."""
 
@@ -191,8 +196,9 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
     def make(tell: Callable[[str, float], None]) -> Files:
         tell("the sweep", 0.0)
         files: dict[str, str | bytes] = {
-            "sweep.json": found.to_json(), "sweep.csv": csv_text(found.columns()),
-        }  # fmt: skip
+            "sweep.json": found.to_json(),
+            "sweep.csv": csv_text(found.columns()),
+        }
         if wanted is not None and plots.available():
             files |= plots.pictures(lambda: sweep_pictures(document), wanted.formats)
         elif wanted is not None and not output.quiet:

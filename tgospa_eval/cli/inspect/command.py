@@ -14,9 +14,15 @@ from tgospa_eval.cli.shared.options import reading_options
 @click.argument("estimate", type=click.Path(readable=False), required=False)
 @reading_options
 @click.option(
-    "--format", "format_", cls=Option, section="Output", type=click.Choice(("table", "json")),
-    default="table", show_default=True, help="What to print.",
-)  # fmt: skip
+    "--format",
+    "format_",
+    cls=Option,
+    section="Output",
+    type=click.Choice(("table", "json")),
+    default="table",
+    show_default=True,
+    help="What to print.",
+)
 @click.pass_context
 def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: Any) -> None:
     """Show what is in TRUTH, and how well ESTIMATE fits it in time and space.

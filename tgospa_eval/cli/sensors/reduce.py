@@ -7,7 +7,8 @@ import click
 
 from tgospa_eval.cli.shared.help import Option, Verb
 from tgospa_eval.cli.shared.option import option
-from tgospa_eval.cli.shared.options import FILE_FORMATS, REDUCTION, chosen_options
+from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options
+from tgospa_eval.cli.shared.state_options import REDUCTION
 
 
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:

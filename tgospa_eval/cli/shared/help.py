@@ -12,9 +12,20 @@ from tgospa_eval.cli.verbs import VERBS, load
 from tgospa_eval.text import clipped, listed, visible
 
 SECTIONS = (
-    "Gate", "Comparison", "Scaling study", "Scene", "Tracker",
-    "Metric", "Files", "Filters", "Output", "Solver", "Gaussians", "Particles", "General",
-)  # fmt: skip
+    "Gate",
+    "Comparison",
+    "Scaling study",
+    "Scene",
+    "Tracker",
+    "Metric",
+    "Files",
+    "Filters",
+    "Output",
+    "Solver",
+    "Gaussians",
+    "Particles",
+    "General",
+)
 """Headings of the help, in its order."""
 
 NEEDED = {

@@ -18,9 +18,12 @@ def option(*names: str, section: str, **settings: Any) -> Callable[[Any], Any]:
     long = [name.lstrip("-") for name in names if name.startswith("--")]
     variables = ["TGOSPA_EVAL_" + name.replace("-", "_").upper() for name in long]
     made = click.option(
-        *names, cls=Option, section=section, envvar=variables,
+        *names,
+        cls=Option,
+        section=section,
+        envvar=variables,
         **{"show_default": True, **settings},
-    )  # fmt: skip
+    )
     KEYS[made] = long[0], settings.get("is_flag", False)
     return made
 

@@ -222,10 +222,13 @@ def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]
         yield (1, 0, 3, 2), np.ones(size)
         return
     places = next(
-        ([columns.index(c) for c in names if c in columns] for names in POSITIONS
-         if names[0] in columns),
+        (
+            [columns.index(c) for c in names if c in columns]
+            for names in POSITIONS
+            if names[0] in columns
+        ),
         list(same) if size <= 3 else [],
-    )  # fmt: skip
+    )
     for k in range(1, len(places) + 1):
         for chosen in combinations(places, k):
             yield same, np.where(np.isin(same, chosen), -1.0, 1.0)
@@ -245,9 +248,10 @@ def _turned(
     """Columns in another order, or negated, or both."""
     negated = [name for name, sign in zip(columns, signs, strict=True) if sign < 0]
     moved = [
-        (name, columns[source]) for k, (name, source) in enumerate(zip(columns, order, strict=True))
+        (name, columns[source])
+        for k, (name, source) in enumerate(zip(columns, order, strict=True))
         if source != k
-    ]  # fmt: skip
+    ]
     mapping = ",".join(f"{name}=HEADER" for name, _ in moved)
     names = " and ".join(name for name, _ in moved)
     if moved:
@@ -302,9 +306,11 @@ def _displaced(sample: _Sample) -> Iterator[_Change]:
         else:
             text = plain.text.removesuffix(": with that undone")
             yield replace(
-                plain, text=f"{text}, about another origin: with that undone", offset=offset,
+                plain,
+                text=f"{text}, about another origin: with that undone",
+                offset=offset,
                 remedy=lambda _: "write both files in the same axes, from the same origin",
-            )  # fmt: skip
+            )
 
 
 def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
