@@ -8,6 +8,7 @@ from oracles import lagrangian_bound, tgospa_lp
 from strategies import ORDERS, SWITCH, pairs_of_sets, scene
 
 from tgospa_eval import Certified, ConfigError, Exact, Sinkhorn, evaluate
+from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
@@ -15,7 +16,7 @@ from tgospa_eval.problem.problem import Parameters, Problem, tgospa_problem
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.solvers import SOLVERS, solver_class
+from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 
 # relative error of the total that each solver promises, None for a bracket only
 PROMISE = {"certified": 1e-9, "exact": 1e-6, "sinkhorn": None}
@@ -262,14 +263,17 @@ def test_a_custom_solver_keeps_its_arrays() -> None:
     """Only what our own solvers return may be written over by the proof."""
     truth, estimate = scene(1, 5, 6, 20, side=6.0)
 
-    class Cached:
+    class Cached(Solver):
         name = "cached"
 
-        def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+        def __call__(
+            self, states: States, stopwatch: Stopwatch, warm_start: object = None
+        ) -> Solution:
+            del warm_start
             if not hasattr(self, "found"):
                 answer = Certified()(states, stopwatch)
                 self.found = (answer.weights, answer.prices)
-            return Solution(weights=self.found[0], prices=self.found[1], status="solved")
+            return Solution(weights=self.found[0], prices=self.found[1], status=Status.SOLVED)
 
     solver = Cached()
     first = evaluate(truth, estimate, 4.0, 2, 1.0, solver=solver)

@@ -10,11 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-T = TypeVar("T")
+from tgospa_eval.common.status import Status
 
-LATE = "stopped by the time limit"
-INTERRUPTED = "interrupted"
-"""Statuses of what had no time left, and of what was to stop."""
+T = TypeVar("T")
 
 SOON = 1.0
 """Seconds before anything is worth telling."""
@@ -181,6 +179,6 @@ class Limit:
         )
 
     @property
-    def status(self) -> str:
+    def status(self) -> Status:
         """Why there is none."""
-        return INTERRUPTED if self.progress.stop.is_set() else LATE
+        return Status.INTERRUPTED if self.progress.stop.is_set() else Status.LATE

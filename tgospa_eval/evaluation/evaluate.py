@@ -8,6 +8,7 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
+from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import TgospaWarning
@@ -213,7 +214,7 @@ def prove(
     truth, estimate = prepared.sides
     with stopwatch.span("report"):
         split = _split(truth, estimate, prepared.distance, proof)
-    gap = getattr(solver, "gap", GAP) if solver.name == "certified" else GAP
+    gap = solver.gap if solver.proves else GAP
     return Result(
         proof=proof,
         split=split,
@@ -271,10 +272,10 @@ def _solver_record(
     solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
 ) -> SolverRecord:
     """What the result says of the solver; the bracket of its history as costs."""
-    finished, status = solution.finished, solution.status
-    if met != finished and (met or solver.name == "certified"):
+    finished, status = solution.finished, solution.sentence
+    if met != finished and (met or solver.proves):
         # The proof knows better than the solver.
-        finished, status = met, "solved" if met else "not solved"
+        finished, status = met, str(Status.SOLVED if met else Status.NOT_SOLVED)
     scale = parameters.cutoff**parameters.order
     return {
         "name": solver.name,

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.status import Status
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
 
@@ -19,8 +20,12 @@ class Solution:
         Assignment of each state, between 0 and 1.
     prices : (K,) float array
         Price of each column slot.
-    status : str
-        One sentence for the user.
+    status : Status
+        How it ended, for the user.
+    detail : str
+        More of that.
+    unsolved : pair of int, optional
+        Components that were not solved, of how many that were not trivial.
     iterations : int
         Sweeps or simplex iterations.
     finished : bool
@@ -38,13 +43,23 @@ class Solution:
 
     weights: Floats
     prices: Floats
-    status: str
+    status: Status
+    detail: str = ""
+    unsolved: tuple[int, int] | None = None
     iterations: int = 0
     finished: bool = True
     history: tuple[dict[str, float], ...] = field(default=())
     disposable: bool = False
     missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     reduced: "tuple[Reduced, ...]" = ()
+
+    @property
+    def sentence(self) -> str:
+        """The status with what belongs to it."""
+        text = f"{self.status} ({self.detail})" if self.detail else str(self.status)
+        if self.unsolved is None:
+            return text
+        return f"{text} ({self.unsolved[0]} of {self.unsolved[1]} components)"
 
     def give_up(self) -> tuple[Floats, Floats]:
         """Weights and prices, which the solution holds no longer: they are large."""

@@ -1,12 +1,15 @@
 """PROBLEM -> Solution. A member is one file here, one line in `SOLVERS` and a docs line."""
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.text import quoted
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.warm_start import WarmStart
 
 
 class Solver(Protocol):
@@ -16,8 +19,28 @@ class Solver(Protocol):
     def name(self) -> str:
         """As on the command line."""
 
-    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
-        """Propose an assignment and prices."""
+    @property
+    def proves(self) -> bool:
+        """Whether it goes on until the proven bracket is as narrow as `gap`, and takes a start."""
+        return False
+
+    @property
+    def gap(self) -> float:
+        """Relative gap of the total that counts as exact."""
+        return 1e-9
+
+    @property
+    def time_limit(self) -> float | None:
+        """Seconds after which it stops with what it has."""
+
+    @property
+    def jobs(self) -> int | None:
+        """Threads; None is all cores."""
+
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
+    ) -> Solution:
+        """Propose an assignment and prices; a warm start may save work, or is passed over."""
 
 
 SOLVERS = {

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import StoppedError
+from tgospa_eval.common.status import Status
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, sum_by
 from tgospa_eval.problem.slots import changed
@@ -43,10 +44,10 @@ def solve_active_sets(batch: Batch) -> Answer:
         iterations += block.iterations
         if not solved:
             unsolved.append(number)
-    late = batch.limit.status if batch.limit.late() else "HiGHS failed"
+    late = batch.limit.status if batch.limit.late() else Status.HIGHS_FAILED
     return Answer(
         iterations=iterations,
-        status=late if unsolved else "solved",
+        status=late if unsolved else Status.SOLVED,
         open=np.array(unsolved, np.int64),
         left=np.flatnonzero(batch.wanted),
         seconds={"lp": time.perf_counter() - begin},

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.common.progress import Limit
+from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
@@ -64,7 +65,7 @@ class Answer:
     ----------
     iterations : int
         Sweeps and simplex iterations.
-    status : str
+    status, detail : Status, str
         How it ended, for the user.
     open : int array
         Blocks that were not solved.
@@ -80,7 +81,8 @@ class Answer:
     """
 
     iterations: int = 0
-    status: str = "solved"
+    status: Status = Status.SOLVED
+    detail: str = ""
     open: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     work: int = 0
     sweeping: float = 0.0
@@ -176,13 +178,13 @@ def _solve_some(
             weights=weights[state],
             prices=prices[slot],
             limit=limit,
-            progress=BatchProgress(bracket, number),
+            progress=BatchProgress(bracket, number, part, weights[state], quickly[blocks]),
             warm_start=None if warm_start is None else warm_start.between(state, slot),
         )
         with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
             answer = _answer(batch, trivial, solve, tries=tries)
             if limit.progress.watched and len(cuts) > 1:
-                batch.progress.finish(batch)
+                batch.progress.finish()
         part.forget()
         return answer
 
@@ -202,16 +204,14 @@ def _solve_some(
     for (low, _), answer in zip(cuts, answers, strict=True):
         open_[low + answer.open] = True
     # What is reported, if batches ended differently: what kept one from being solved.
-    statuses = [a.status for a in answers if len(a.left) and (len(a.open) or not missing)] or [
-        "solved"
-    ]
-    status = next((s for s in statuses if s not in ("solved", "the bracket is met")), statuses[0])
+    ended = [a for a in answers if len(a.left) and (len(a.open) or not missing)] or [Answer()]
+    worst = next((answer for answer in ended if not answer.status.good), ended[0])
     return Solution(
         weights=weights,
         prices=prices,
-        status=f"{status} ({missing} of {sum(len(a.left) for a in answers)} components)"
-        if missing
-        else status,
+        status=worst.status,
+        detail=worst.detail,
+        unsolved=(missing, sum(len(a.left) for a in answers)) if missing else None,
         iterations=sum(answer.iterations for answer in answers),
         finished=not missing,
         history=_merge(states, cuts, answers, weights),

@@ -10,9 +10,6 @@ from tgospa_eval.problem.weights import ONE, changes, repair
 DEAR = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
 
-THRESHOLDS = (1.0, 0.0, 3.0)
-"""Prices below these multiples of the temperature are tried at 0: nobody competes there."""
-
 
 def price_cap(states: States) -> Floats:
     """Switch price of each block beyond which more cannot matter, (B,).
@@ -91,8 +88,3 @@ def better(states: States, first: Floats, second: Floats) -> Floats:
     """Block by block the better of two proposed assignments."""
     wins = block_costs(states, second) < block_costs(states, first)
     return np.where(wins[states.pair_block[states.pair]], second, first)
-
-
-def is_wide(width: Floats, cost: Floats, gap: float) -> NDArray[np.bool_]:
-    """Whether the bracket of each block is wider than `gap`, relative."""
-    return width > gap * cost

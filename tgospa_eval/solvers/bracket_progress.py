@@ -3,8 +3,6 @@
 Nothing here is reported; the bracket of the result is made by `problem.certificate.certify`.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,9 +10,6 @@ from tgospa_eval.common.progress import Progress
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import unassigned_costs
-
-if TYPE_CHECKING:
-    from tgospa_eval.solvers.batches import Batch
 
 FINEST = 1e-12
 """Relative gap that is as good as none."""
@@ -77,15 +72,24 @@ class BatchProgress:
         Of all batches.
     number : int
         Of this one.
+    states, weights, quickly : States, (S,) float array, (B,) bool array
+        Of the batch.
     """
 
-    def __init__(self, whole: BracketProgress, number: int) -> None:
+    def __init__(
+        self,
+        whole: BracketProgress,
+        number: int,
+        states: States,
+        weights: Floats,
+        quickly: NDArray[np.bool_],
+    ) -> None:
         self.whole, self.number = whole, number
+        self.states, self.weights, self.quickly = states, weights, quickly
         self.known: tuple[NDArray[np.bool_], Floats, Floats, Floats] | None = None
 
     def update(
         self,
-        batch: "Batch",
         blocks: NDArray[np.bool_],
         width: Floats,
         cost: Floats,
@@ -99,29 +103,26 @@ class BatchProgress:
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:
-            self._pass_on(batch, share)
+            self._pass_on(*self.known, share)
 
-    def silent(self) -> "BatchProgress":
-        """One that nobody watches."""
-        whole = self.whole
-        return BatchProgress(BracketProgress(whole.states, whole.cuts, Progress()), self.number)
-
-    def finish(self, batch: "Batch") -> None:
+    def finish(self) -> None:
         """The batch is done."""
-        if self.known is None:
-            none = np.zeros(len(batch.wanted))
-            unassigned = unassigned_costs(batch.states) if batch.quickly.any() else none
-            self.known = none > 0, none, none, unassigned
-        self._pass_on(batch, 1.0)
+        none = np.zeros(len(self.quickly))
+        unassigned = unassigned_costs(self.states) if self.quickly.any() else none
+        self._pass_on(*(self.known or (none > 0, none, none, unassigned)), 1.0)
 
-    def _pass_on(self, batch: "Batch", share: float) -> None:
-        assert self.known is not None
-        blocks, width, cost, unassigned = self.known
-        gained = -_gains(batch.states, batch.weights)
+    def _pass_on(
+        self,
+        blocks: NDArray[np.bool_],
+        width: Floats,
+        cost: Floats,
+        unassigned: Floats,
+        share: float,
+    ) -> None:
+        gained = -_gains(self.states, self.weights)
         upper = np.where(blocks, cost - unassigned, gained)
-        lower = np.where(
-            blocks, cost - width - unassigned, np.where(batch.quickly, -unassigned, gained)
-        )
+        rest = np.where(self.quickly, -unassigned, gained)
+        lower = np.where(blocks, cost - width - unassigned, rest)
         self.whole.update(self.number, share, float(lower.sum()), float(upper.sum()))
 
 

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
-from tgospa_eval.solvers.block_costs import THRESHOLDS, is_wide, price_cap, unassigned_costs
+from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.capacities import load
+from tgospa_eval.solvers.schedule import ASCENT
 
 LINKS, FEW, TINY = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
@@ -111,9 +112,19 @@ class Ascent:
         cost: Floats = np.maximum(self.unassigned_cost - self.taken_off - self.primal, 0.0)
         return cost
 
-    def wide(self, gap: float) -> NDArray[np.bool_]:
-        """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & is_wide(self.gap, self.cost, gap)
+    @property
+    def open_gap(self) -> float:
+        """Width of the brackets of the open blocks together."""
+        return float(self.gap[self.open].sum())
+
+    @property
+    def open_cost(self) -> float:
+        """Cost of the best assignment of the open blocks together."""
+        return float(self.cost[self.open].sum())
+
+    def wide(self, gap: float | None = None) -> NDArray[np.bool_]:
+        """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
+        return self.open & (self.gap > (self.wanted_gap if gap is None else gap) * self.cost)
 
     def look(self, prices: Floats) -> Floats:
         """Bound of each block at the prices, (B,)."""
@@ -210,9 +221,9 @@ class Ascent:
         rounded = time.perf_counter()
         self._round()
         judged = time.perf_counter()
-        for cut in THRESHOLDS:
+        for cut in ASCENT.thresholds:
             self.try_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
-            if not self.wide(self.wanted_gap).any():
+            if not self.wide().any():
                 break
         else:
             self._thin_out()
@@ -228,7 +239,7 @@ class Ascent:
         A price that nobody competes for is as good as none, but sums of prices lose digits.
         """
         lost = ROUNDING * self._paid(self.prices)
-        if np.any(self.wide(self.wanted_gap) & (self.gap < 4 * lost)):
+        if np.any(self.wide() & (self.gap < 4 * lost)):
             self.survey(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(kernels.NEAR))
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))

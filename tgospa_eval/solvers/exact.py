@@ -8,12 +8,13 @@ import sys
 import time
 import warnings
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy import sparse
 
 from tgospa_eval.common.progress import StoppedError
+from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
@@ -27,6 +28,9 @@ from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.solvers.settings import check_time_limit
 from tgospa_eval.solvers.trivial import solve_rows
 
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.warm_start import WarmStart
+
 GAP = 1e-9
 
 IMPORT, BUILD, FACTOR, WIDTH = 2.0, 6e-5, 4e-7, 1.1
@@ -37,6 +41,13 @@ of three."""
 
 SLOW = 2.0
 """Where it takes longer than so many seconds, a first bracket is worth its time."""
+
+ENDS = {
+    "optimal": Status.SOLVED,
+    "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bracket says how good it is
+    "user_limit": Status.LATE,
+}
+"""What CVXPY calls the ends that can be."""
 
 SETTINGS = {
     "tol_gap_abs": 1e-11,
@@ -62,40 +73,44 @@ class Exact:
     """
 
     name: ClassVar[str] = "exact"
+    proves: ClassVar[bool] = False
+    gap: ClassVar[float] = GAP
+    jobs: ClassVar[int | None] = 1
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
 
-    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
+    ) -> Solution:
         """Solve every block that is not trivial, each as a fresh problem."""
+        del warm_start  # an interior point begins anew
         return solve_in_batches(
             states,
             solve_rows,
             _solve_blocks,
             stopwatch,
-            gap=GAP,
+            gap=self.gap,
             time_limit=self.time_limit,
-            jobs=1,
+            jobs=self.jobs,
         )
 
 
 def _solve_blocks(batch: Batch) -> Answer:
     """The blocks of a batch, one by one."""
     states, known = batch.states, _Known(batch)
-    statuses: list[str] = []
+    failures: list[tuple[Status, str]] = []
     open_blocks: list[int] = []
     iterations = 0
     seconds = {"build": 0.0, "lp": 0.0}
     for block in np.flatnonzero(batch.wanted).tolist():
         known.report_progress()
         part, state, slot = states.between(block, block + 1)
-        status, steps, programme = _solve_block(batch, part, seconds)
+        status, detail, steps, programme = _solve_block(batch, part, seconds)
         iterations += steps
-        # "inaccurate" met a looser tolerance; the bracket says how good it is.
-        solved = status in ("optimal", "optimal_inaccurate")
-        if not solved:
-            statuses.append(status)
+        if not status.good:
+            failures.append((status, detail))
             open_blocks.append(block)
         if programme is not None:
             given = batch.weights[state], batch.prices[slot]
@@ -106,9 +121,11 @@ def _solve_blocks(batch: Batch) -> Answer:
     # An interior point leaves a little of everything everywhere, at full price.
     value = states.gain - states.columns.totals(np.maximum(batch.prices, 0.0))
     batch.weights[:] = better(states, batch.weights, round_paths(states, value, batch.weights))
+    status, detail = failures[0] if failures else (Status.SOLVED, "")
     return Answer(
         iterations=iterations,
-        status=statuses[0] if statuses else "solved",
+        status=status,
+        detail=detail,
         open=np.array(open_blocks, np.int64),
         left=np.flatnonzero(batch.wanted),
         seconds=seconds,
@@ -117,27 +134,27 @@ def _solve_blocks(batch: Batch) -> Answer:
 
 def _solve_block(
     batch: Batch, part: States, seconds: dict[str, float]
-) -> "tuple[str, int, _Programme | None]":
+) -> "tuple[Status, str, int, _Programme | None]":
     """Solve a block if there is time: how it ended, iterations, and what Clarabel was given."""
     limit = batch.limit
     build, factor = _seconds(part)
     if _short(batch, build + factor):
-        return limit.status, 0, None
+        return limit.status, "", 0, None
     try:
         begin = time.perf_counter()
         programme = limit.progress.apart(lambda: _build(part))
         built = time.perf_counter()
         seconds["build"] += built - begin
         if _short(batch, factor):
-            return limit.status, 0, None
+            return limit.status, "", 0, None
         left = limit.left()
         # It looks at the clock after an iteration only, each of which takes a factorisation.
         until = None if left is None else left - 0.5 * factor
-        status, steps = limit.progress.apart(lambda: _solve(programme, until))
+        status, detail, steps = limit.progress.apart(lambda: _solve(programme, until))
         seconds["lp"] += time.perf_counter() - built
     except StoppedError:  # Clarabel cannot be stopped, but left behind
-        return limit.status, 0, None
-    return limit.status if status == "user_limit" else status, steps, programme
+        return limit.status, "", 0, None
+    return limit.status if status == Status.LATE else status, detail, steps, programme
 
 
 def _found(
@@ -185,7 +202,7 @@ class _Known:
             share = 1.0 - float(self.left.sum()) / self.whole
             width = self.cost - self.least
             self.batch.progress.update(
-                self.batch, self.batch.wanted, width, self.cost, self.unassigned_cost, share
+                self.batch.wanted, width, self.cost, self.unassigned_cost, share
             )
 
     def solved(self, block: int, part: States, weights: Floats, prices: Floats) -> None:
@@ -258,8 +275,8 @@ def _build(states: States) -> _Programme:
     )
 
 
-def _solve(programme: _Programme, seconds: float | None) -> tuple[str, int]:
-    """Run Clarabel; its status, and its iterations."""
+def _solve(programme: _Programme, seconds: float | None) -> tuple[Status, str, int]:
+    """Run Clarabel; how it ended, and its iterations."""
     import cvxpy as cp
 
     settings: dict[str, float] = dict(SETTINGS)
@@ -271,7 +288,7 @@ def _solve(programme: _Programme, seconds: float | None) -> tuple[str, int]:
             warnings.simplefilter("ignore")  # cvxpy repeats the status as a warning
             problem.solve(solver=cp.CLARABEL, warm_start=False, **settings)
     except cp.error.SolverError as error:
-        return f"failed ({' '.join(str(error).split())[:80]})", 0
-    if problem.status in ("infeasible", "unbounded", "infeasible_inaccurate"):
+        return Status.CLARABEL_FAILED, " ".join(str(error).split())[:80], 0
+    if problem.status not in ENDS:
         raise SolverError(f"Clarabel calls a programme {problem.status} that is neither")
-    return str(problem.status), int(problem.solver_stats.num_iters or 0)
+    return ENDS[problem.status], "", int(problem.solver_stats.num_iters or 0)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Limit
+from tgospa_eval.common.status import Status
 from tgospa_eval.problem.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.reduced import reduce_cutoff
@@ -175,13 +176,14 @@ class _Ladder:
     def solution(self) -> Solution:
         """Everything that was found."""
         count = int(self.missing.sum())
-        late = self.limit.status if self.limit.late() else "not solved"
-        status = f"{late} ({count} of {len(self.missing)} components)"
+        late = self.limit.status if self.limit.late() else Status.NOT_SOLVED
         return replace(
             self.found,
             weights=self.weights,
             prices=self.prices,
-            status=status if count else "solved",
+            status=late if count else Status.SOLVED,
+            detail="",
+            unsolved=(count, len(self.missing)) if count else None,
             iterations=self.iterations,
             finished=not count,
             missing=self.missing,

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.best_paths import dual_values
-from tgospa_eval.solvers.block_costs import THRESHOLDS, block_costs, is_wide, unassigned_costs
+from tgospa_eval.solvers.block_costs import block_costs, unassigned_costs
 from tgospa_eval.solvers.rounding import round_paths
+from tgospa_eval.solvers.schedule import ASCENT
 
 NEGLIGIBLE = 1e-12
 CHAIN = 2_000_000
@@ -27,11 +28,11 @@ class PlainAscent:
         self,
         states: States,
         wanted: NDArray[np.bool_],
-        _: float,
+        gap: float,
         weights: Floats,
         prices: Floats,
     ) -> None:
-        self.states, self.open = states, wanted
+        self.states, self.open, self.wanted_gap = states, wanted, gap
         self.weights, self.prices = weights, prices
         self.unassigned_cost = unassigned_costs(states)
         self.primal = np.zeros(len(self.unassigned_cost))
@@ -56,9 +57,9 @@ class PlainAscent:
         """Cost of the best assignment of each block, (B,)."""
         return np.maximum(self.unassigned_cost - self.primal, 0.0)
 
-    def wide(self, gap: float) -> NDArray[np.bool_]:
-        """Open blocks whose bracket is wider than `gap`, relative, and than rounding allows."""
-        return self.open & is_wide(self.gap, self.cost, gap)
+    def wide(self, gap: float | None = None) -> NDArray[np.bool_]:
+        """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
+        return self.open & (self.gap > (self.wanted_gap if gap is None else gap) * self.cost)
 
     def stage(
         self, epsilon: float, sweeps: int, _: float, late: Callable[[], bool]
@@ -76,7 +77,7 @@ class PlainAscent:
         soft, prices = self.sweeps.marginals(), self.sweeps.slot_prices()
         self.sweeps.drop(NEGLIGIBLE)
         swept = time.perf_counter()
-        for cut in THRESHOLDS:
+        for cut in ASCENT.thresholds:
             trial = np.where(prices > cut * epsilon, prices, 0.0)
             dual = dual_values(self.states, trial)
             wins = self.open & (dual < self.dual)

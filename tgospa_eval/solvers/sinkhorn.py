@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.compiled import kernels
@@ -25,6 +26,7 @@ from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.plain_sweeps import PlainAscent
+    from tgospa_eval.solvers.warm_start import WarmStart
 
 SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Temperatures on the way to a smaller one, each for `WARM` sweeps."""
@@ -61,6 +63,7 @@ class Sinkhorn:
     """
 
     name: ClassVar[str] = "sinkhorn"
+    proves: ClassVar[bool] = False
     epsilon: float = 0.03
     gap: float = 1e-9
     time_limit: float | None = None
@@ -74,8 +77,11 @@ class Sinkhorn:
         object.__setattr__(self, "time_limit", check_time_limit(self.time_limit))
         object.__setattr__(self, "jobs", check_jobs(self.jobs))
 
-    def __call__(self, states: States, stopwatch: Stopwatch) -> Solution:
+    def __call__(
+        self, states: States, stopwatch: Stopwatch, warm_start: "WarmStart | None" = None
+    ) -> Solution:
         """Sweep until the bracket is met or settles, or the columns are full to 1e-6."""
+        del warm_start  # hot sweeps would forget it
         return solve_in_batches(
             states,
             solve_steps if kernels else solve_conflict_free,
@@ -91,16 +97,17 @@ class Sinkhorn:
         begin = time.perf_counter()
         ascent = _ascent()(batch.states, batch.wanted, self.gap, batch.weights, batch.prices)
         wanted = ascent.wide(0.0)
-        ascent.keep(ascent.wide(self.gap))
+        ascent.keep(ascent.wide())
         preparation = time.perf_counter() - begin
         half = 0.5 * float(min(batch.states.problem.switch_price_at.max(), 1.0))
         warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
         history: list[dict[str, float]] = []
-        status, count, late = "", 0, False
+        status: Status | None = None
+        count = 0
         if not ascent.open.any():
-            status = "the bracket is met"
+            status = Status.MET
             history.append(_check(ascent, wanted, 0, self.epsilon, 0.0))
-        while not status:
+        while status is None:
             cold = len(history) >= len(warm)
             epsilon = self.epsilon if cold else warm[len(history)]
             sweeps = min(CHECK if cold else WARM, MOST_SWEEPS - count)
@@ -110,26 +117,24 @@ class Sinkhorn:
             )
             count += done
             after = ascent.gap[wanted].sum()
-            ascent.keep(ascent.wide(self.gap))
+            ascent.keep(ascent.wide())
             history.append(_check(ascent, wanted, count, epsilon, violation))
             share = min(len(history) / (len(warm) + CHECKS), 0.95)
-            batch.progress.update(
-                batch, wanted, ascent.gap, ascent.cost, ascent.unassigned_cost, share
-            )
+            batch.progress.update(wanted, ascent.gap, ascent.cost, ascent.unassigned_cost, share)
             if not ascent.open.any():
-                status = "the bracket is met"
+                status = Status.MET
             elif batch.limit.late():
-                status, late = batch.limit.status, True
+                status = batch.limit.status
             elif cold and violation <= VIOLATION:
-                status = f"columns are full to {VIOLATION:g}"
+                status = Status.FULL
             elif cold and after > 0.95 * before:
-                status = "the bracket has stopped narrowing"
+                status = Status.SETTLED
             elif count >= MOST_SWEEPS:
-                status = "reached 2,000 sweeps"
+                status = Status.SWEPT
         return Answer(
             iterations=count,
             status=status,
-            open=np.flatnonzero(ascent.open) if late else np.zeros(0, np.int64),
+            open=np.flatnonzero(ascent.open & (status in (Status.LATE, Status.INTERRUPTED))),
             left=np.flatnonzero(wanted),
             work=ascent.work,
             sweeping=ascent.sweeping,

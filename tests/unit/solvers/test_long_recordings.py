@@ -1,5 +1,7 @@
 """Long recordings: what grows with them, and pieces of them that are solved apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fallback import without_kernels
@@ -8,17 +10,19 @@ from strategies import scene
 import tgospa_eval.solvers.active_set as active_set_module
 import tgospa_eval.solvers.certified as certified_module
 import tgospa_eval.solvers.exact as exact_module
+import tgospa_eval.solvers.lp_rounds as lp_rounds_module
 import tgospa_eval.solvers.restricted_lp as restricted_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
-from tgospa_eval.common.progress import LATE
+from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import price_cap
-from tgospa_eval.solvers.certified import _groups, _windows
 from tgospa_eval.solvers.dual_ascent import Ascent
+from tgospa_eval.solvers.lp_rounds import groups, windows
 from tgospa_eval.solvers.restricted_lp import solve_restricted_lp
+from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
 from tgospa_eval.solvers.subproblem import cut_out
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
@@ -90,8 +94,11 @@ def test_windows_and_groups_give_the_same_number(monkeypatch: pytest.MonkeyPatch
         return solve_restricted_lp(states, free, *rest, **told)  # type: ignore[arg-type]
 
     monkeypatch.setattr(restricted_lp_module, "solve_restricted_lp", noting)
-    for name, value in (("MANY", 100), ("MODEL", 100), ("LARGE", 500), ("FEW", 400)):
-        monkeypatch.setattr(certified_module, name, value)
+    programmes = replace(PROGRAMMES, group=100, early_states=400)
+    narrow = replace(WINDOWS, undecided=100, large=500)
+    for module in (lp_rounds_module, certified_module):
+        monkeypatch.setattr(module, "PROGRAMMES", programmes)
+        monkeypatch.setattr(module, "WINDOWS", narrow)
     parted = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Certified(jobs=1))
     assert plain.solver["status"] == parted.solver["status"] == "solved"
     assert parted.proof.bounds.upper == pytest.approx(plain.proof.bounds.upper, rel=1e-9)
@@ -103,19 +110,19 @@ def test_groups_are_whole_components_in_time() -> None:
     states = states_of()
     free = np.arange(len(states.begin))
     component = states.begin // 3
-    groups = _groups(states, free, component, None)
-    assert np.array_equal(np.sort(np.concatenate(groups)), free)
+    found = groups(states, free, component, None)
+    assert np.array_equal(np.sort(np.concatenate(found)), free)
     largest = np.bincount(component).max()
-    assert len(groups) == 1 or max(map(len, groups)) <= certified_module.MODEL + largest
-    assert all(np.all(np.diff(group) > 0) for group in groups)
-    assert _groups(states, free, component, 0) == []
+    assert len(found) == 1 or max(map(len, found)) <= PROGRAMMES.group + largest
+    assert all(np.all(np.diff(group) > 0) for group in found)
+    assert groups(states, free, component, 0) == []
 
 
 def test_windows_leave_out_what_is_allowed() -> None:
     lost = np.zeros(100)
     lost[[10, 50, 51]] = 1.0, 0.01, 0.02
-    assert np.flatnonzero(_windows(lost, 0.03, 2)).tolist() == [8, 9, 10, 11, 12]
-    assert not _windows(lost, 2.0, 2).any()
+    assert np.flatnonzero(windows(lost, 0.03, 2)).tolist() == [8, 9, 10, 11, 12]
+    assert not windows(lost, 2.0, 2).any()
 
 
 @compiled_only
@@ -149,7 +156,7 @@ def test_exact_does_not_begin_what_it_cannot_stop(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(exact_module, "_build", refuse)
     truth, estimate = scene(1, 8, 8, 20, side=8.0)
     result = evaluate(truth, estimate, 5.0, 2, 2.0, solver=Exact(time_limit=1e-3))
-    assert result.solver["status"].startswith(LATE)
+    assert result.solver["status"].startswith(Status.LATE)
     assert not result.solver["finished"]
     assert 0 <= result.proof.bounds.lower <= result.proof.bounds.upper
 

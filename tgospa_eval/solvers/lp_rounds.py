@@ -1,0 +1,305 @@
+"""Linear programmes on the states that prices left undecided, in rounds that reach farther.
+
+Each is localised: what has slack above the reach or is decided is held, components without a share
+in the gap are left out (docs/theory, "Programmes"). What comes out is judged on all states; whether
+it is the optimum is not known here.
+"""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.progress import StoppedError
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, repair
+from tgospa_eval.solvers.batches import Batch
+from tgospa_eval.solvers.bracket_progress import share_of_digits
+from tgospa_eval.solvers.capacities import load
+from tgospa_eval.solvers.dual_ascent import Ascent
+from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS, Round
+from tgospa_eval.solvers.subproblem import cut_out
+
+if TYPE_CHECKING:
+    from tgospa_eval.solvers.restricted_lp import Proposal
+
+Mask = NDArray[np.bool_]
+T = TypeVar("T")
+
+
+class Programmes:
+    """Linear programmes beside an ascent, which keeps the best of what they find.
+
+    Attributes
+    ----------
+    iterations, seconds : int, float
+        Of HiGHS, and of all that is done here.
+    """
+
+    def __init__(self, ascent: Ascent, batch: Batch) -> None:
+        self.ascent, self.batch = ascent, batch
+        self.tried = batch.wanted | batch.quickly
+        self.tempted = np.zeros(len(ascent.states.begin), bool)
+        self.interior = False
+        self.iterations, self.seconds = 0, 0.0
+
+    def report_progress(self) -> None:
+        """How far the brackets are, for whoever watches."""
+        ascent, tried = self.ascent, self.tried
+        width, cost = ascent.gap, ascent.cost
+        share = share_of_digits(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
+        self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
+
+    def run(self, rounds: tuple[Round, ...], most: int | None = None) -> None:
+        """A round of programmes each, until the brackets are met; components up to `most` states.
+
+        Where very much is undecided, programmes look at the neighbourhood of what keeps the
+        brackets open first.
+        """
+        ascent = self.ascent
+        begin, stuck = time.perf_counter(), 0.0
+        for number in rounds:
+            if self._done():
+                break
+            if number.reach == stuck:
+                continue
+            ascent.survey(ascent.prices, number.reach)
+            near = ascent.near(self.tempted)
+            if np.count_nonzero(near) > WINDOWS.undecided:
+                self._run_windows(near, number, most, len(near))
+                continue
+            before = ascent.open_gap
+            if not self._solve_undecided(near, number.box, most):
+                break
+            wide = max(PROGRAMMES.stuck * before, PROGRAMMES.early_gap * ascent.open_cost)
+            if most is None and ascent.open_gap > wide:
+                stuck = number.reach
+        self.seconds += time.perf_counter() - begin
+
+    def run_nearby(self, number: Round) -> None:
+        """Of a large problem only: programmes in windows, unless sweeps of all take less time."""
+        size = len(self.tempted)
+        if size < WINDOWS.large or self._done():
+            return
+        begin = time.perf_counter()
+        self.ascent.survey(self.ascent.prices, number.reach)
+        near = self.ascent.near(self.tempted)
+        self._run_windows(near, number, None, int(WINDOWS.share * size))
+        self.seconds += time.perf_counter() - begin
+
+    def _done(self) -> bool:
+        return self.batch.limit.late() or not bool(self.ascent.open.any())
+
+    def _run_windows(self, near: Mask, number: Round, most: int | None, room: int) -> None:
+        """Programmes around the steps that keep the brackets open, in growing windows of time.
+
+        Components of more than `most` states are left out, and windows of more than `room`.
+        """
+        ascent = self.ascent
+        span, reach = WINDOWS.span, number.reach
+        while not self._done():
+            before = ascent.open_gap
+            if span >= ascent.states.problem.steps:
+                self._solve_undecided(near, number.box, most)
+                return
+            spared = WINDOWS.spared * ascent.wanted_gap * ascent.open_cost
+            around = ascent.within(near, windows(ascent.losses(ascent.prices), spared, span))
+            if np.count_nonzero(around) > room:
+                return
+            self._solve_undecided(around, number.box, most)
+            if ascent.open_gap > WINDOWS.shrink * before:
+                if most is not None:
+                    return
+                # Either states that were left out win now, or the window is too short.
+                if reach < WINDOWS.farther:
+                    reach = WINDOWS.farther
+                else:
+                    span, reach = span * WINDOWS.widen, number.reach
+            ascent.survey(ascent.prices, reach)
+            near = ascent.near(self.tempted)
+
+    def _solve_undecided(self, near: Mask, box: float, most: int | None) -> bool:
+        """Solve what has to be decided among the states near; False if all of it is too large."""
+        states = self.ascent.states
+        free, component = self.ascent.undecided(near)
+        if not len(free) and np.isinf(box):  # what keeps the bracket open passes for rounding
+            pairs = self.ascent.open[states.pair_block]
+            free = np.flatnonzero(np.repeat(pairs, np.diff(states.pair_first)))
+            component = states.pair_block[states.pair[free]]
+        found = groups(states, free, component, most)
+        if found:
+            self._solve(found, box)
+            self.ascent.keep(self.ascent.wide())
+        # Where there is nothing to decide, what keeps the bracket open is farther away.
+        return bool(found) or not len(free)
+
+    def _solve(self, found: list[Ints], box: float) -> None:
+        """Propose what is best for each group of states, refined where tolerances matter.
+
+        The prices of a programme may miss the best by `PROGRAMMES.tolerance` for each state.
+        """
+        ascent, solved = self.ascent, []
+        for group in found:
+            left = self.batch.limit.left()
+            if left is not None and left <= PROGRAMMES.build * len(group):
+                break
+            try:
+                solved.append(self._solve_group(group, box, len(found) == 1))
+            except StoppedError:
+                break
+        if not solved:
+            return
+        self._propose(solved)
+        self.report_progress()
+        wide = ascent.wide()
+        size = sum(len(one.free) for one in solved)
+        if wide.any() and ascent.gap[wide].sum() <= PROGRAMMES.tolerance * size:
+            with suppress(StoppedError):
+                self._propose(self._apart(lambda: self._refined(solved), size))
+                self.report_progress()
+
+    def _solve_group(self, free: Ints, box: float, whole: bool) -> "_Solved":
+        """Solve one programme: of the problem itself, or of what a group touches, cut out."""
+        from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # HiGHS: slow to import
+
+        ascent, left = self.ascent, self.batch.limit.left()
+        if left is not None:
+            left = max(left - PROGRAMMES.build * len(free), 0.0)
+        states, own, given, slots = ascent.states, free, (ascent.weights, ascent.prices), None
+        if not whole:
+            piece = cut_out(states, free)
+            states, own, slots = piece.states, piece.free, piece.slot
+            given = given[0][piece.state], given[1][piece.slot]
+        found = self._apart(
+            lambda: solve_restricted_lp(
+                states, own, *given, ascent.switch_price, box, left, interior=self.interior
+            ),
+            len(free),
+        )
+        self.interior = found.interior
+        self.iterations += found.iterations
+        slot = found.slot if slots is None else slots[found.slot]
+        return _Solved(free=free, slot=slot, found=found)
+
+    def _refined(self, solved: "list[_Solved]") -> "list[_Solved]":
+        """The same with duals to the last place."""
+        from tgospa_eval.solvers.restricted_lp import refine  # HiGHS: slow to import
+
+        left = self.batch.limit.left
+        return [replace(one, found=refine(one.found, left())) for one in solved]
+
+    def _apart(self, work: Callable[[], T], size: int) -> T:
+        """Do work with a programme of so many states; HiGHS cannot be stopped, but left behind.
+
+        Raises
+        ------
+        StoppedError
+            The run was interrupted, or its time was up, before the work had ended.
+        """
+        return self.batch.limit.progress.apart(work) if size > PROGRAMMES.quick else work()
+
+    def _propose(self, solved: "list[_Solved]") -> None:
+        """Try weights and prices; mixtures of prices may be better: the dual value is convex."""
+        ascent = self.ascent
+        weights, prices = ascent.weights.copy(), ascent.prices.copy()
+        for one in solved:
+            weights[one.free] = one.found.weights
+            prices[one.slot] = one.found.prices
+        wide = ascent.open_gap
+        self._propose_weights(np.concatenate([one.free for one in solved]), weights)
+        slot = np.concatenate([one.slot for one in solved])
+        found, before = prices[slot], ascent.prices[slot]
+        if len(solved) > 1:
+            self._try_best(solved, prices)
+        ascent.try_prices(prices)
+        ascent.survey(prices, 0.0)
+        self.tempted |= ascent.has(kernels.TEMPTED)
+        if len(solved) > 1 and ascent.open_gap < 0.5 * wide:
+            return
+        for share in (0.5, 0.2):
+            prices[slot] = share * found + (1 - share) * before
+            ascent.try_prices(prices)
+        prices[:] = ascent.prices
+        prices[~ascent.full()] = 0.0
+        ascent.try_prices(prices)
+
+    def _propose_weights(self, free: Ints, proposed: Floats) -> None:
+        """Try the weights (S,), of which those of the free states are new, made feasible."""
+        states, weights, snap = self.ascent.states, proposed[free], PROGRAMMES.snap
+        proposed[free] = np.where(weights < snap, 0.0, np.where(weights > 1 - snap, 1.0, weights))
+        if any(
+            load(slots, proposed).max(initial=0.0) > 1 + PROGRAMMES.overfull
+            for slots in (states.rows, states.columns)
+        ):
+            proposed = repair(states, proposed) / ONE
+        self.ascent.try_weights(proposed)
+
+    def _try_best(self, solved: "list[_Solved]", prices: Floats) -> None:
+        """Try the new prices of the groups in whose time less is lost by them."""
+        ascent = self.ascent
+        states, prices = ascent.states, prices.copy()
+        change = ascent.losses(prices)
+        change -= ascent.losses(ascent.prices)
+        change = np.concatenate(([0.0], np.cumsum(change)))
+        for one in solved:
+            begin = states.begin[one.free].min()
+            end = states.begin[one.free].max() + PROGRAMMES.after
+            if change[min(end, len(change) - 1)] > change[begin]:
+                prices[one.slot] = ascent.prices[one.slot]
+        ascent.try_prices(prices)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Solved:
+    """A programme that was solved.
+
+    Parameters
+    ----------
+    free, slot : int arrays
+        Its free states and the slots that it has priced, in the whole.
+    found : Proposal
+        What it says of them.
+    """
+
+    free: Ints
+    slot: Ints
+    found: "Proposal"
+
+
+def groups(states: States, free: Ints, component: Ints, most: int | None) -> list[Ints]:
+    """The free states by programme: components that are neighbours in time share one.
+
+    Components of more than `most` states are left out.
+    """
+    _, number, size = np.unique(component, return_inverse=True, return_counts=True)
+    if most is not None and size.max(initial=0) > most:
+        kept = size[number] <= most
+        free = free[kept]
+        _, number, size = np.unique(number[kept], return_inverse=True, return_counts=True)
+    if len(free) <= PROGRAMMES.group:
+        return [free] if len(free) else []
+    begin = np.full(len(size), np.iinfo(np.int32).max)
+    np.minimum.at(begin, number, states.begin[free])
+    in_time = np.argsort(begin, kind="stable")
+    group = np.empty(len(size), np.int64)
+    group[in_time] = (np.cumsum(size[in_time]) - 1) // PROGRAMMES.group
+    of_state = group[number]
+    order = np.argsort(of_state, kind="stable")  # in each group the states stay in order
+    return np.split(free[order], np.flatnonzero(np.diff(of_state[order])) + 1)
+
+
+def windows(lost: Floats, allowed: float, span: int) -> Mask:
+    """The steps (T,) within `span` of those that lose most, but for as much as is allowed."""
+    order = np.argsort(lost)
+    bad = order[np.cumsum(lost[order]) > allowed]
+    change = np.zeros(len(lost) + 1, np.int32)
+    np.add.at(change, np.maximum(bad - span, 0), 1)
+    np.subtract.at(change, np.minimum(bad + span + 1, len(lost)), 1)
+    around: Mask = np.cumsum(change[:-1]) > 0
+    return around

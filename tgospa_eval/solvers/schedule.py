@@ -1,0 +1,152 @@
+"""Tuned numbers of the certified solver, each with what chose it.
+
+Nothing here decides what is proven: any prices bound the optimum from below and any feasible
+weights from above. The numbers decide how soon both meet. Measurements are those of
+docs/theory/solvers.md and of the log of changes; "not measured" says that a round number was taken.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Stage(NamedTuple):
+    """Sweeps at one temperature, a fraction of c^p."""
+
+    epsilon: float
+    sweeps: int
+
+
+class Round(NamedTuple):
+    """A linear programme of the states with slack up to `reach`; prices move by at most `box`."""
+
+    reach: float
+    box: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ascending:
+    """Sweeps, before anything is left to programmes."""
+
+    stages: tuple[Stage, ...] = (
+        Stage(0.1, 16),
+        Stage(0.05, 16),
+        Stage(0.02, 16),
+        Stage(0.01, 64),
+        Stage(0.005, 64),
+        Stage(0.002, 64),
+        Stage(0.001, 64),
+    )
+    """64 sweeps at small temperatures cost nearly nothing beside a programme, and bring the dual
+    value to 1e-5 of itself; programmes after 16 at 0.02 took 2 to 4 times the whole time."""
+
+    resumed: tuple[Stage, ...] = (
+        Stage(0.01, 32),
+        Stage(0.005, 32),
+        Stage(0.002, 64),
+        Stage(0.001, 64),
+    )
+    """From a warm start nearby: a tenth of the time from afar, on curves."""
+
+    calm: float = 0.1
+    calm_above: float = 0.01
+    """Above the temperature, columns violated by less are good enough to go on: a third of the
+    sweeps on sparse scenes."""
+
+    skip: float = 0.01
+    skip_above: float = 0.02
+    skip_above_large: float = 0.05
+    """Brackets narrower than this fraction of the cost skip a stage above the temperature; a large
+    problem has hard spots however narrow the bracket of the whole is. Not measured."""
+
+    thresholds: tuple[float, ...] = (1.0, 0.0, 3.0)
+    """Prices below these multiples of the temperature are tried at 0, where nobody competes. Not
+    measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Programming:
+    """Linear programmes of what the sweeps leave undecided.
+
+    A box is much smaller than the reach, or states that are left out would win, yet not so small
+    that it takes many rounds.
+    """
+
+    early: tuple[Round, ...] = (Round(0.05, 0.02), Round(0.2, 0.05))
+    early_from: float = 0.01
+    early_gap: float = 0.005
+    early_states: int = 3000
+    """Between stages, from the temperature on, if brackets are narrower than that fraction of the
+    cost, of components of so many states: larger ones were often in vain after 0.02."""
+
+    resumed: tuple[Round, ...] = 2 * (Round(0.05, 0.02), Round(0.05, 0.1))
+    """After the stages of a warm start, of which a few prices may be far off: without the wide box
+    one point of a curve of 100 x 110 x 500 took 36 s and 900 MB instead of 0.7 s."""
+
+    rounds: tuple[Round, ...] = (
+        Round(0.3, 0.07),
+        Round(0.3, 0.05),
+        Round(0.3, 0.05),
+        Round(0.4, 0.1),
+        Round(1.0, 0.3),
+        Round(np.inf, np.inf),
+    )
+    """At the end: the first closed every crowd of the benchmark with a fractional optimum, where
+    (0.2, 0.03) took two to four rounds; the last is the plain programme, so the method ends."""
+
+    stuck: float = 0.5
+    """A round at the end that leaves more than this of a wide gap is followed by one that reaches
+    farther. Not measured."""
+
+    group: int = 3000
+    """States of components that share a programme: the time of the simplex method grows faster than
+    its size, so that components in one programme cost more than one after the other."""
+
+    after: int = 10
+    """Steps after the last state of a group in which what it loses may still show. Not measured."""
+
+    quick: int = 500
+    build: float = 1e-5
+    """States of a programme that is solved before anyone waits; seconds for each state that
+    building one takes, and HiGHS to begin: 3 to 10 us measured."""
+
+    tolerance: float = 1e-9
+    """What HiGHS takes for zero, for each state: what is open by less has its duals refined."""
+
+    snap: float = 1e-9
+    overfull: float = 1e-15
+    """Weights this near to 0 or 1 are meant to be; sums of them that exceed 1 by more than rounding
+    are scaled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windowing:
+    """Programmes around what keeps brackets open, where very much is undecided.
+
+    Chosen on recordings of which one component had a million undecided states: one model of HiGHS
+    for all took time that grows faster than its size.
+    """
+
+    undecided: int = 50_000
+    """More states than this are looked at in windows. Not measured."""
+
+    span: int = 25
+    widen: int = 4
+    shrink: float = 0.3
+    """Steps to both sides; by how much they grow where more than this share of the gap stays. Not
+    measured."""
+
+    farther: float = 1.0
+    """Reach in a window that did not help, before the span grows: more states before more steps."""
+
+    spared: float = 0.25
+    """Steps of least loss are left out up to this share of what is allowed. Not measured."""
+
+    large: int = 200_000
+    share: float = 0.02
+    """A problem of more states is searched in windows between stages too, as long as no more than
+    this share of them is undecided there: a stage of sweeps takes about as long."""
+
+
+ASCENT, PROGRAMMES, WINDOWS = Ascending(), Programming(), Windowing()
