@@ -64,17 +64,9 @@ def stored(scene: Scene, seed: int, method: str, store: Store) -> Reading | None
 
 
 def _measure_instance(scene: Scene, seed: int, store: Store, say: Callable[[str], None]) -> None:
-    readings: dict[str, Reading] = {}
     spent: dict[str, float] = {}
-    missing = []
     instance = Instance(scene, seed)
-    for method in instance.methods:
-        reading = stored(scene, seed, method, store)
-        first = stored(scene, 0, method, store)
-        if reading is not None:
-            readings[method] = reading
-        elif (first is None or first.seconds <= SLOW) and instance.offers(method):
-            missing.append(method)
+    readings, missing = _readings(instance, scene, seed, store)
     if missing:
         _warm_up()
     for turn in range(ROUNDS):
@@ -93,6 +85,22 @@ def _measure_instance(scene: Scene, seed: int, store: Store, say: Callable[[str]
     for method in missing:
         if readings[method].seconds <= QUICK:
             _keep(scene, seed, method, readings[method], store)
+
+
+def _readings(
+    instance: Instance, scene: Scene, seed: int, store: Store
+) -> tuple[dict[str, Reading], list[str]]:
+    """What is stored, and the methods that are to be measured."""
+    readings: dict[str, Reading] = {}
+    missing = []
+    for method in instance.methods:
+        reading = stored(scene, seed, method, store)
+        first = stored(scene, 0, method, store)
+        if reading is not None:
+            readings[method] = reading
+        elif (first is None or first.seconds <= SLOW) and instance.offers(method):
+            missing.append(method)
+    return readings, missing
 
 
 @cache

@@ -38,7 +38,7 @@ def dense_costs(
     return costs
 
 
-def tgospa_lp(
+def tgospa_lp(  # noqa: PLR0913  (the letters of the definition)
     truth: Array,
     estimate: Array,
     c: float,

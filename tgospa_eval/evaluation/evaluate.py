@@ -39,7 +39,7 @@ GAP = 1e-9
 
 
 @spoken_in_python(reads=False)
-def evaluate(
+def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     truth: TrajectoriesLike,
     estimate: TrajectoriesLike,
     cutoff: float | None = None,

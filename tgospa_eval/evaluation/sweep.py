@@ -45,7 +45,7 @@ Values = float | Sequence[float] | Floats
 
 
 @spoken_in_python(reads=False)
-def sweep(
+def sweep(  # noqa: PLR0913  (public: settings are keywords)
     truth: TrajectoriesLike,
     estimate: TrajectoriesLike,
     cutoff: Values | None = None,

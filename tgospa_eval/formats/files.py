@@ -87,7 +87,7 @@ def read(
 
 
 @spoken_in_python()
-def read_trajectories(
+def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     path: str | os.PathLike[str],
     *,
     role: str = "truth",

@@ -202,7 +202,7 @@ class Problem:
         return price
 
 
-def tgospa_problem(
+def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
     *,
     parameters: Parameters,
     steps: int,

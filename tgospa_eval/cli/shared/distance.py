@@ -44,7 +44,7 @@ class DistanceOptions:
         of_matrix = self.named.name == "mahalanobis"
         of_pairs = of_matrix and not self.path and options.pairwise
         moments = self.named.name == "gaussian-wasserstein"
-        of_laws = moments or of_pairs
+        of_gaussians = moments or of_pairs
         of_norms = isinstance(self.named, Norm) or moments
         zero = options.missing_cov != "error"
         of_clouds = self.named.name == "cloud-wasserstein"
@@ -56,8 +56,8 @@ class DistanceOptions:
                 of_norms or of_matrix or of_clouds,
                 "the norms, mahalanobis, gaussian-wasserstein and cloud-wasserstein",
             ),
-            ("fix-cov", options.fix_cov, of_laws, "gaussian-wasserstein"),
-            ("missing-cov", zero, of_laws, "gaussian-wasserstein"),
+            ("fix-cov", options.fix_cov, of_gaussians, "gaussian-wasserstein"),
+            ("missing-cov", zero, of_gaussians, "gaussian-wasserstein"),
             ("mixed", self.mixed != "error", moments, "gaussian-wasserstein"),
             ("covariance", self.path, of_matrix, "mahalanobis"),
             *((name, True, of_clouds, "cloud-wasserstein") for name in given_particles(options)),
