@@ -49,7 +49,7 @@ class EvaluationRequest:
     defaults: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        if self.curve and self.solver.name != "certified":
+        if self.curve and not self.solver.proves:
             raise ConfigError(f"the curve needs the solver certified, not {self.solver.name}")
 
 

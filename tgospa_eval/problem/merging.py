@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.errors import check_size
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Ints, Problem
@@ -152,9 +153,8 @@ def _split(
     if single:
         length = run_end.astype(np.int64) - run_begin + 1
         check_size("states", len(pair) + int(length.sum()))
-        offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
         run_pair = np.repeat(run_pair, length)
-        run_begin = np.repeat(run_begin, length) + offset
+        run_begin = concatenated(run_begin, length)
     pair = np.concatenate((pair, run_pair))
     begin = np.concatenate((step, run_begin))
     entry = np.concatenate((order, np.full(len(run_pair), -1)))

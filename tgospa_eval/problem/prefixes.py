@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.paths import down, up
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import States
@@ -151,7 +152,7 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
     problem, slots, pair = states.problem, states.columns, states.pair
     # What happens: a state begins; a slot of it does, and costs its price.
     count = slots.end - slots.begin
-    slot = np.arange(count.sum()) + np.repeat(slots.begin - (np.cumsum(count) - count), count)
+    slot = concatenated(slots.begin, count)
     charged = np.repeat(np.arange(len(pair)), count)
 
     gaining = np.flatnonzero(states.entry >= 0)

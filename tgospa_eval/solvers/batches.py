@@ -1,6 +1,5 @@
 """Blocks in batches, batches in threads; what comes out does not depend on the threads."""
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -8,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.cores import cores
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.common.status import Status
 from tgospa_eval.common.timing import Stopwatch
@@ -189,7 +189,7 @@ def _solve_some(
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    threads = min(jobs or _cores(), len(cuts))
+    threads = min(jobs or cores(), len(cuts))
     if threads <= 1:
         answers = list(map(work, range(len(cuts))))
     else:
@@ -246,13 +246,6 @@ def _answer(
     for name, seconds in answer.seconds.items():
         spent[name] = spent.get(name, 0.0) + seconds
     return replace(answer, seconds=spent)
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots, parts
 
@@ -81,8 +82,7 @@ def capacity_rows(
     low = group[np.searchsorted(slot, begin)]
     length = group[np.searchsorted(slot, end) - 1] + 1 - low
     entry = np.repeat(state, length)
-    offset = np.arange(len(entry)) - np.repeat(np.cumsum(length) - length, length)
-    constraint = number[np.repeat(low, length) + offset]
+    constraint = number[concatenated(low, length)]
     of_slot = number[group]
     return CapacityRows(
         constraint=constraint[constraint >= 0],

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components
@@ -354,13 +355,14 @@ class Ascent:
         pair = np.searchsorted(s.pair_first, free, side="right") - 1
         size = len(free)
         joined = np.flatnonzero((np.diff(free) == 1) & (np.diff(pair) == 0))
-        one, other, nodes = [joined], [joined + 1], size
+        nodes = size
+        one: list[Ints] = [joined]
+        other: list[Ints] = [joined + 1]
         for slots in (s.rows, s.columns):
             begin = slots.begin[free]
             length = slots.end[free] - begin
-            offset = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
             one.append(np.repeat(np.arange(size), length))
-            other.append(nodes + np.repeat(begin, length) + offset)
+            other.append(nodes + concatenated(begin, length))
             nodes += len(slots.step)
         found = connected_components(np.concatenate(one), np.concatenate(other), nodes)
         return found[:size]

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.best_paths import dual_values
@@ -261,8 +262,7 @@ def _chain(states: States, left: Ints) -> tuple[Ints, Ints]:
     chosen = np.sort(chosen[order[np.cumsum(length[order]) <= room]])
     length = states.end[chosen] - states.begin[chosen] + 1
     state = np.repeat(chosen, length)
-    offset = np.arange(len(state)) - np.repeat(np.cumsum(length) - length, length)
-    return state, states.begin[state] + offset
+    return state, concatenated(states.begin[chosen], length)
 
 
 def _log_sum(value: Floats, other: Floats | None, offsets: Ints, group: Ints) -> Floats:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.best_paths import paths
@@ -38,11 +39,7 @@ def _losers(states: States, claimed: Ints, preference: Floats) -> Ints:
     claimed = claimed[slots.end[claimed] > slots.begin[claimed]]
     length = slots.end[claimed] - slots.begin[claimed]
     state = np.repeat(claimed, length)
-    slot = (
-        np.arange(len(state))
-        - np.repeat(np.cumsum(length) - length, length)
-        + np.repeat(slots.begin[claimed], length)
-    )
+    slot = concatenated(slots.begin[claimed], length)
     order = np.lexsort((-preference[state], slot))
     second = np.flatnonzero(np.diff(slot[order]) == 0) + 1
     return np.unique(state[order[second]])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States
@@ -114,4 +115,4 @@ def _joined(low: Ints, high: Ints) -> tuple[Ints, Ints]:
     """All numbers of the ranges, one range after the other, and where each range begins."""
     first = np.zeros(len(low) + 1, np.int32)
     np.cumsum(high - low, out=first[1:])
-    return np.arange(first[-1]) + np.repeat(low - first[:-1], high - low), first
+    return concatenated(low, high - low), first

@@ -93,7 +93,7 @@ def evaluate_files(
         where = f"{counted(int(missed), 'step')} of the curve"
         say(f"accuracy not reached at {where}, asked was {result.gap:g}")
     elif not result.finished:
-        asked = f", asked was {result.gap:g}" if settings.solver.name == "certified" else ""
+        asked = f", asked was {result.gap:g}" if settings.solver.proves else ""
         narrowest = ""
         if result.gap < NARROWEST:
             narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"

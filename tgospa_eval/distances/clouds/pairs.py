@@ -9,13 +9,13 @@ with the Bures distance B of their covariances; it is attained where one cloud i
 the cutoff or beyond it gains nothing, so that only pairs whose bounds are below it are solved.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.cores import cores
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.clouds.transport import (
     LARGEST,
@@ -206,7 +206,7 @@ def _solved(
         return np.zeros(0)
     sizes = [part.counts[at] for part, at in zip(clouds, rows, strict=True)]
     _check_sizes(sizes, rows, sides)
-    jobs = min(effort.jobs or _cores(), count)
+    jobs = min(effort.jobs or cores(), count)
     seconds = estimated_seconds(*sizes, is_line=len(sides[0].columns) == 1) / jobs
     if seconds > PATIENCE:
         most = int(max(size.max() for size in sizes))
@@ -289,11 +289,6 @@ def _check_sizes(
 def _parts(rows: Ints) -> Iterator[Ints]:
     for begin in range(0, len(rows), TOGETHER):
         yield rows[begin : begin + TOGETHER]
-
-
-def _cores() -> int:
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 def _time(seconds: float) -> str:
