@@ -20,6 +20,7 @@ from tgospa_eval.problem.gospa import (
     per_step_gospa,
 )
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.result import Result
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
@@ -71,10 +72,7 @@ def against(result: Result) -> Against:
     differing[problem.entry_step[changed]] = True
     return Against(
         gospa=gospa,
-        parts={
-            name: scale * float(getattr(found, name).sum())
-            for name in ("localisation", "missed", "false")
-        },
+        parts={name: scale * float(getattr(found, name).sum()) for name in PARTS[:3]},
         changes=changes,
         values={
             "gospa": value,

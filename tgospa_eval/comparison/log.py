@@ -16,9 +16,9 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.files import is_regular, named
-from tgospa_eval.comparison.runs import PARTS
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.results.records import PARTS
 
 Json = dict[str, Any]
 Key = tuple[int, int, int]

@@ -19,9 +19,9 @@ from tgospa_eval._version import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import Against, against, against_document, differences
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
-from tgospa_eval.comparison.runs import PARTS, bracket_of
+from tgospa_eval.comparison.runs import bracket_of
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import Columns, FileRecord, Time
+from tgospa_eval.results.records import PARTS, Columns, FileRecord, Time
 from tgospa_eval.results.result import Result
 
 StepCosts = tuple[list[Time], dict[str, list[float]]]
@@ -291,8 +291,8 @@ def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
             table["total"] += _totals(own).tolist()
             table["difference"] += (_totals(own) - _totals(other)).tolist()
             if with_rules:
-                for name in extra:
-                    table[name] += own[name].tolist()
+                for column in extra:
+                    table[column] += own[column].tolist()
     return table
 
 

@@ -19,11 +19,10 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
-
-PARTS = ("localisation", "missed", "false", "switch")
 
 APART: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
 """Ctrl-C reaches the one who asked, who stops the process."""

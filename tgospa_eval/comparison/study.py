@@ -19,7 +19,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket
-from tgospa_eval.comparison.runs import PARTS, Run, failed, run_here, warm_up
+from tgospa_eval.comparison.runs import Run, failed, run_here, warm_up
 from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
@@ -27,6 +27,7 @@ from tgospa_eval.evaluation.evaluate import solver_settings
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 

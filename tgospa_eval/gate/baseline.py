@@ -8,7 +8,8 @@ from typing import Any, NoReturn, TypeAlias
 
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.gate.rules import COSTS, PROVEN, SPLIT, Key, Value
+from tgospa_eval.gate.rules import PROVEN, SPLIT, Key, Value
+from tgospa_eval.results.records import PARTS, json_text
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -150,7 +151,7 @@ def dump(baseline: Baseline) -> str:
             for name, entry in baseline.items()
         },
     }
-    return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
+    return json_text(document)
 
 
 def load(path: str) -> Baseline | None:
@@ -295,8 +296,8 @@ def _agree(values: dict[str, float], order: object, where: str) -> None:
         wrong = "lower_bound is above upper_bound"
     elif not _is_power(total, upper, order):
         wrong = "total is not tgospa to the power of the order"
-    elif not math.isclose(sum(values[part] for part in COSTS), total, rel_tol=ADD_UP):
-        wrong = f"{', '.join(COSTS)} do not add up to total"
+    elif not math.isclose(sum(values[part] for part in PARTS), total, rel_tol=ADD_UP):
+        wrong = f"{', '.join(PARTS)} do not add up to total"
     else:
         return
     raise ConfigError(f"{where}: values contradict each other: {wrong}; {REMEDY}")

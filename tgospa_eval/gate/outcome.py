@@ -9,7 +9,6 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
-    COSTS,
     STATUS,
     Finding,
     Key,
@@ -22,6 +21,7 @@ from tgospa_eval.gate.rules import (
     worst,
 )
 from tgospa_eval.gate.suite import Pair
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
@@ -234,7 +234,7 @@ def _parts(values: Mapping[Key, Value], entry: Entry) -> Iterator[str]:
     """Where the cost went, as far as the split shows."""
     moved = [
         f"{path} {number(entry.values[path], 7)} -> {number(values[path].upper, 7)}"
-        for path in COSTS
+        for path in PARTS
         if abs(values[path].upper - entry.values[path]) > values[path].tolerance
     ]
     if moved:

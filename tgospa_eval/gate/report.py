@@ -1,6 +1,5 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
-import json
 import math
 import textwrap
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from tgospa_eval.gate.suite import ALONE
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import WIDTH
 from tgospa_eval.reports.escape import markdown_code
+from tgospa_eval.results.records import json_text as document_text
 from tgospa_eval.text import visible
 
 SCHEMA = "tgospa-eval/gate/1"
@@ -131,7 +131,7 @@ def json_text(report: Report) -> str:
         "update": report.advice,
         "pairs": [_pair(outcome) for outcome in report.outcomes],
     }
-    return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
+    return document_text(document)
 
 
 def _pair(outcome: Outcome) -> dict[str, Any]:

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.text import quoted
 
 PROVEN = ("total", "tgospa", "normalised.tgospa")
 """Values with a proven bracket."""
 
-COSTS = ("localisation", "missed", "false", "switch")
-SPLIT = (*COSTS, "counts.missed", "counts.false", "counts.switch")
+SPLIT = (*PARTS, "counts.missed", "counts.false", "counts.switch")
 """Values of one optimal assignment; another one may split the same total in another way."""
 
 BY_CLASS = "by_class."

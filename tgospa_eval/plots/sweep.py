@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.plots import MARKERS, figure, label
+from tgospa_eval.results.records import PARTS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +17,6 @@ NAMES = {
     "order": "order $p$",
     "switch_penalty": r"switch penalty $\gamma$",
 }
-PARTS = ("localisation", "missed", "false", "switch")
 CROWDED = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""
 

@@ -14,8 +14,9 @@ import numpy as np
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.drawing import BOX, NONE, PARTS, document
+from tgospa_eval.reports.drawing import BOX, NONE, document
 from tgospa_eval.reports.moments import edges, placed
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 

@@ -1,6 +1,5 @@
 """What associate and reduce found, as tables, JSON and CSV."""
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,16 +14,6 @@ ROWS = 40
 
 ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
-
-
-def json_text(document: Json) -> str:
-    """The document with sorted keys."""
-    return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
-
-
-def records(table: Columns) -> list[dict[str, Any]]:
-    """A table as the rows of a JSON document."""
-    return [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
 
 
 def association_text(document: Json) -> str:

@@ -1,18 +1,12 @@
 """Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
 
-import json
-
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.phrases import Json
 from tgospa_eval.reports.ranking import estimates_columns, estimates_document, estimates_paper
 from tgospa_eval.reports.solvers import solvers_columns, solvers_document
 from tgospa_eval.reports.study import study_columns, study_document
 from tgospa_eval.reports.tables import as_latex, as_markdown, as_text
-
-
-def json_text(document: Json) -> str:
-    """The document with sorted keys; no NaN."""
-    return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
+from tgospa_eval.results.records import json_text
 
 
 def render(document: Json, format: str) -> str:

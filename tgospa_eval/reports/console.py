@@ -8,12 +8,12 @@ import numpy as np
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.words import counted
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, visible
 
 WIDTH = 80
 SHOWN = 5
-PARTS = ("localisation", "missed", "false", "switch")
 COUNTED = {
     "missed": ("object-step without estimate", "object-steps without estimate"),
     "false": ("estimate-step without object", "estimate-steps without object"),

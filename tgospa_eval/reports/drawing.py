@@ -16,7 +16,7 @@ from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
 from tgospa_eval.reports.moments import EXACT, moments
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -36,7 +36,6 @@ NONE = -1
 PLAIN = 300_000
 """Bytes of arrays that are not worth deflating."""
 
-PARTS = ("localisation", "missed", "false", "switch")
 BOX = ("left", "top", "width", "height")
 
 

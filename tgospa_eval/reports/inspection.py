@@ -1,6 +1,5 @@
 """What was read, as a table of 80 columns or as JSON."""
 
-import json
 import math
 import textwrap
 from collections.abc import Iterator
@@ -29,11 +28,6 @@ LEFT_OUT = {
     "region": "outside --region",
 }
 """Why rows are left out, where the JSON's word for it is not enough."""
-
-
-def json_text(document: Json) -> str:
-    """The document with sorted keys."""
-    return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
 
 
 def table(document: Json) -> str:

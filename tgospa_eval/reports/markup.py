@@ -2,17 +2,18 @@
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
-from tgospa_eval.reports.console import PARTS, headline
+from tgospa_eval.reports.console import headline
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 
 
 def _rows(result: Summary) -> list[tuple[str, str, str, str]]:
-    costs = {name: getattr(result, name) for name in PARTS}
+    costs: dict[str, float] = {name: getattr(result, name) for name in PARTS}
     if result.split is not None:
         means, spread = result.split
         halves = {"of which means": means, "of which spread": spread}
         costs = {"localisation": costs.pop("localisation"), **halves, **costs}
-    rows = []
+    rows: list[tuple[str, str, str, str]] = []
     for name, cost in costs.items():
         count = number(result.counts[name]) if name in result.counts else ""
         share = f"{100 * cost / result.total:.1f}" if result.total > 0 else ""

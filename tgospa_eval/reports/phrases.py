@@ -4,7 +4,6 @@ from typing import Any
 
 Json = dict[str, Any]
 
-PARTS = ("localisation", "missed", "false", "switch")
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
-    PARTS,
     RANK,
     SPLIT,
     STUDY,
@@ -17,7 +16,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.tables import Document, Table
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import PARTS, Columns
 
 RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 
@@ -189,7 +188,8 @@ def _normalised_table(document: Json, *, places: bool = False) -> Table:
         head=(
             f"per step{mean}",
             *(["place"] if places else []),
-            *("TGOSPA", "localisation", "missed", "false", "switch"),
+            "TGOSPA",
+            *PARTS,
         ),
         rows=[
             (

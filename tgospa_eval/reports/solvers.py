@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
-    PARTS,
     RANK,
     Json,
     error_of,
@@ -14,7 +13,7 @@ from tgospa_eval.reports.phrases import (
     unit_of,
 )
 from tgospa_eval.reports.tables import Document, Table
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import PARTS, Columns
 
 
 def solvers_document(document: Json) -> Document:

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from tgospa_eval.reports.phrases import (
     EXACT,
-    PARTS,
     SPLIT,
     Json,
     counted,
@@ -13,7 +12,7 @@ from tgospa_eval.reports.phrases import (
     parameters_of,
 )
 from tgospa_eval.reports.tables import Document, Table, as_markdown
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import PARTS, Columns
 
 
 def study_document(document: Json) -> Document:
@@ -115,7 +114,7 @@ def _rms_table(document: Json) -> Table:
     """The metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     return Table(
-        head=(f"per step, {mean} of runs", "TGOSPA", "localisation", "missed", "false", "switch"),
+        head=(f"per step, {mean} of runs", "TGOSPA", *PARTS),
         rows=[
             (
                 f"m = {size['targets']}, T = {size['steps']}",

@@ -1,6 +1,5 @@
 """The document of a sweep of a parameter as a table. Computes nothing that is not in it."""
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,18 +8,17 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import COUNTED_PARTS, Columns, json_text
 
 Json = dict[str, Any]
 
 LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma"}
-PARTS = ("missed", "false", "switch")
 
 
 def render(document: Json, format: str, table: Columns) -> str:
     """What ``--format`` prints; `table` are the points as columns."""
     if format == "json":
-        return json.dumps(document, sort_keys=True, indent=1, allow_nan=False) + "\n"
+        return json_text(document)
     if format == "csv":
         return csv_text(table)
     page = sweep_document(document)
@@ -37,7 +35,7 @@ def sweep_document(document: Json) -> Document:
         lines=[_parameters(document), "costs, and in brackets how many of each:"],
         tables=[
             Table(
-                head=(letter, *lower, "TGOSPA", "localisation", *PARTS),
+                head=(letter, *lower, "TGOSPA", "localisation", *COUNTED_PARTS),
                 rows=[
                     (
                         number(point["value"]),
@@ -46,7 +44,7 @@ def sweep_document(document: Json) -> Document:
                         number(point["localisation"], 5),
                         *(
                             f"{number(point[part], 5)} ({number(point['counts'][part])})"
-                            for part in PARTS
+                            for part in COUNTED_PARTS
                         ),
                     )
                     for point in document["points"]
@@ -101,7 +99,7 @@ def _notes(document: Json) -> Iterator[str]:
     letter, points = LETTERS[document["parameter"]], document["points"]
     if len(points) < 2 or not document["certified"]:
         return
-    for key, names in (("missed_false", PARTS[:2]), ("switch", PARTS[2:])):
+    for key, names in (("missed_false", COUNTED_PARTS[:2]), ("switch", COUNTED_PARTS[2:])):
         words = " and ".join("switches" if name == "switch" else name for name in names)
         span = document["unchanged"][key]
         if span is None:

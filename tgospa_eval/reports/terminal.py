@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.text import Text
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.reports.console import PARTS, SHOWN, WIDTH, blocks, clip, fitting, worst
+from tgospa_eval.reports.console import SHOWN, WIDTH, blocks, clip, fitting, worst
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import visible
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
 from tgospa_eval.results.records import (
+    PARTS,
     Columns,
     Costs,
     FileInfo,
@@ -72,7 +73,7 @@ class ByClass(Summary):
 
     def per_class_table(self) -> Columns:
         """Value and costs of each class; the costs add up, the values do not."""
-        names = ("tgospa", "total", "localisation", "missed", "false", "switch")
+        names = ("tgospa", "total", *PARTS)
         parts = self.results.values()
         return {"class": list(self.results)} | {
             name: [getattr(part, name) for part in parts] for name in names

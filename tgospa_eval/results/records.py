@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NotRequired, TypeAlias, TypedDict
+from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
 
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.problem.solution import Bounds, Breakdown
 
-PARTS = ("localisation", "missed", "false", "switch")
-"""The parts of the cost, in the order of every output."""
+Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
+CountedPart: TypeAlias = Literal["missed", "false", "switch"]
+
+COUNTED_PARTS: tuple[CountedPart, ...] = ("missed", "false", "switch")
+PARTS: tuple[Part, ...] = ("localisation", *COUNTED_PARTS)
+"""The parts of the cost, in the order of every output; those that also have a number."""
 
 Json: TypeAlias = dict[str, Any]
 """A JSON object of plain Python values."""
@@ -121,6 +125,13 @@ class Timings(TypedDict):
     total: float
     curve: NotRequired[float]
     nanoseconds_per_state: NotRequired[float]
+
+
+def json_text(document: Mapping[str, object]) -> str:
+    """A document as JSON: sorted keys, no NaN, full doubles."""
+    import json  # here: the table does without
+
+    return json.dumps(document, sort_keys=True, allow_nan=False, indent=1) + "\n"
 
 
 def records(table: Columns) -> list[Json]:

@@ -16,7 +16,7 @@ from tgospa_eval.common.words import counted, install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.notebook import card
 from tgospa_eval.results.numbers import Numbers
-from tgospa_eval.results.records import PARTS, Columns, Json, records
+from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 
 if TYPE_CHECKING:
     import os
@@ -87,9 +87,7 @@ class Summary(Numbers, ABC):
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""
-        import json  # here: the table does without
-
-        return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
+        return json_text(self.to_dict())
 
     def quantity(self, value: float) -> str:
         """A value in words, with the unit of the states."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.results.records import Columns, FileRecord, Json
+from tgospa_eval.results.records import Columns, FileRecord, Json, json_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,9 +149,7 @@ class Sweep:
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""
-        import json  # here: the table does without
-
-        return json.dumps(self.to_dict(), sort_keys=True, allow_nan=False, indent=1) + "\n"
+        return json_text(self.to_dict())
 
     def _range(self, *counts: str) -> Json | None:
         found = self.unchanged(*counts)

@@ -374,6 +374,6 @@ def test_what_the_picture_shows() -> None:
         ]
     assert list(shown["TGOSPA"]) == [point.tgospa for point in found.points]
     assert all(axis.get_xscale() == "log" for axis in axes)
-    first, second = (plots.pictures(sweep_pictures, found.to_dict()) for _ in range(2))
+    first, second = (plots.pictures(lambda: sweep_pictures(found.to_dict())) for _ in range(2))
     assert first == second
     assert first["sweep.png"].startswith(b"\x89PNG")

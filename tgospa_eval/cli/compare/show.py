@@ -7,10 +7,11 @@ from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.streams import emit, say
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
-from tgospa_eval.reports.comparison import json_text, render
+from tgospa_eval.reports.comparison import render
 from tgospa_eval.reports.folders import COMPARISON, STUDY
 from tgospa_eval.reports.phrases import Json
 from tgospa_eval.reports.study import study_report
+from tgospa_eval.results.records import json_text
 
 
 def show(

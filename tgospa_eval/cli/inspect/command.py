@@ -41,7 +41,8 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
     from tgospa_eval.cli.inspect.run import inspect_files
     from tgospa_eval.cli.shared.streams import emit
     from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-    from tgospa_eval.reports.inspection import json_text, table
+    from tgospa_eval.reports.inspection import table
+    from tgospa_eval.results.records import json_text
 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"

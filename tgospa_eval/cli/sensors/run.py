@@ -21,11 +21,10 @@ from tgospa_eval.formats.write import TABLES
 from tgospa_eval.inspection import spread
 from tgospa_eval.reports.clouds import (
     association_text,
-    json_text,
-    records,
     reduction_text,
 )
 from tgospa_eval.reports.files import check_file, csv_text, write_file
+from tgospa_eval.results.records import json_text, records
 from tgospa_eval.sensors.association import associate
 from tgospa_eval.sensors.reduction import reduce_trajectories
 
