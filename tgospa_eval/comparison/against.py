@@ -6,11 +6,11 @@ MathWorks      (GOSPA_k^p + gamma^p n_k)^(1/p)
 with n_k changes into step k.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.problem.gospa import (
     Changes,
@@ -20,10 +20,9 @@ from tgospa_eval.problem.gospa import (
     per_step_gospa,
 )
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports.records import RULES, EstimateRecord, PerStepRecord, Rule, RuleRecord
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.result import Result
-
-RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +47,7 @@ class Against:
     parts: dict[str, float]
     changes: dict[str, Changes]
     values: dict[str, Floats]
-    differing: Any
+    differing: NDArray[np.bool_]
 
 
 def against(result: Result) -> Against:
@@ -83,30 +82,45 @@ def against(result: Result) -> Against:
     )
 
 
-def against_document(found: Against, order: float) -> dict[str, Any]:
+def against_document(found: Against, order: float) -> PerStepRecord:
     """The sums over all steps, for the JSON document."""
     return {
         "total": float(found.gospa.sum()),
-        **found.parts,
+        "localisation": found.parts["localisation"],
+        "missed": found.parts["missed"],
+        "false": found.parts["false"],
         "steps_differing": int(found.differing.sum()),
-        **{
-            rule: {
-                "switches": float(found.changes[rule].total.sum()),
-                "halves": float(found.changes[rule].half.sum()),
-                "total": float((found.values[rule] ** order).sum()),
-                "mean": float(found.values[rule].mean()) if len(found.gospa) else 0.0,
-            }
-            for rule in RULES
-        },
+        "stone_soup": _rule_record(found, "stone_soup", order),
+        "mathworks": _rule_record(found, "mathworks", order),
     }
 
 
-def differences(document: dict[str, Any], order: float) -> Iterator[str]:
+def _rule_record(found: Against, rule: Rule, order: float) -> RuleRecord:
+    return {
+        "switches": float(found.changes[rule].total.sum()),
+        "halves": float(found.changes[rule].half.sum()),
+        "total": float((found.values[rule] ** order).sum()),
+        "mean": float(found.values[rule].mean()) if len(found.gospa) else 0.0,
+    }
+
+
+def differences(
+    document: EstimateRecord, step: PerStepRecord, steps: Sequence[int], order: float
+) -> Iterator[str]:
     """Why the numbers of one estimate differ, a sentence each.
 
-    `document` is that of the estimate, with TGOSPA's own numbers beside `per_step_gospa`.
+    Parameters
+    ----------
+    document : EstimateRecord
+        TGOSPA's own numbers.
+    step : PerStepRecord
+        Those of per-step GOSPA.
+    steps : sequence of int
+        Steps of each run.
+    order : float
+        Of the metric.
     """
-    step, total = document["per_step_gospa"], document["total"]
+    total = document["total"]
     own = document["counts"]["switch"]
     share = (
         f"{100 * step['total'] / total:.4g} % of the total of TGOSPA"
@@ -119,7 +133,7 @@ def differences(document: dict[str, Any], order: float) -> Iterator[str]:
     )
     count = step["steps_differing"]
     yield (
-        f"at {count:.4g} of {sum(document['steps']) / len(document['steps']):.6g} steps TGOSPA "
+        f"at {count:.4g} of {sum(steps) / len(steps):.6g} steps TGOSPA "
         "found another assignment than the cheapest of that step alone"
         if count
         else "TGOSPA found the assignment of every step that is the cheapest of that step alone"

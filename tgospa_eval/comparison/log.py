@@ -8,9 +8,10 @@ import json
 import os
 import platform
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn, TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -18,10 +19,11 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.files import is_regular, named
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.reports.records import SceneRecord
 from tgospa_eval.results.records import PARTS
 
-Json = dict[str, Any]
 Key = tuple[int, int, int]
+Kind: TypeAlias = type | tuple[type, ...]
 
 SCHEMA = "tgospa-eval/study/1"
 NAME = "runs.jsonl"
@@ -33,19 +35,19 @@ NUMBER = (int, float)
 LARGEST = 1e100
 """Beyond any cost, count or time; squares of it are finite."""
 
-RECORD = {
+RECORD: dict[str, Kind] = {
     **dict.fromkeys(("targets", "steps", "run"), int),
     **dict.fromkeys(("occupied", "sizes", "prepare_seconds"), object),
     "runs": list,
 }
-MADE = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
-RUN = {
+MADE: dict[str, Kind] = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
+RUN: dict[str, Kind] = {
     **dict.fromkeys(("name", "solver", "status"), str),
     "epsilon": (*NUMBER, type(None)),
     "finished": bool,
 }
-PROVEN = dict.fromkeys(("lower", "upper", "iterations", "seconds", *PARTS), NUMBER)
-FAILED = dict.fromkeys(PROVEN, type(None))
+PROVEN: dict[str, Kind] = dict.fromkeys(("lower", "upper", "iterations", "seconds", *PARTS), NUMBER)
+FAILED: dict[str, Kind] = dict.fromkeys(PROVEN, type(None))
 """What a record must hold, that of a scene that could be made, each run, one with a bracket."""
 
 
@@ -79,7 +81,7 @@ class Log:
         or cannot be read or written.
     """
 
-    def __init__(self, folder: str, settings: Json) -> None:
+    def __init__(self, folder: str, settings: Mapping[str, object]) -> None:
         self.path = Path(folder) / NAME
         header = {
             "schema": SCHEMA,
@@ -88,7 +90,7 @@ class Log:
             "settings": settings,
         }
         self.header = json.loads(json.dumps(header))
-        self.known: dict[Key, Json] = {}
+        self.known: dict[Key, SceneRecord] = {}
         with named(str(self.path), ConfigError, "cannot be opened"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("a+b")
@@ -116,7 +118,7 @@ class Log:
         with suppress(OSError):  # what could not be written is known
             self._file.close()
 
-    def keep(self, record: Json) -> None:
+    def keep(self, record: Mapping[str, object]) -> None:
         """Add a record; it is on the disk when this returns."""
         line = json.dumps(record, sort_keys=True, allow_nan=False) + "\n"
         with named(str(self.path), ConfigError, "cannot be written"):
@@ -170,7 +172,7 @@ class Log:
     def _refuse(self) -> NoReturn:
         raise ConfigError(f"{self.path}: not the file of a study; name another folder")
 
-    def _check(self, header: Any) -> None:
+    def _check(self, header: object) -> None:
         """The settings must be the same."""
         if not isinstance(header, dict) or header.get("schema") != SCHEMA:
             self._refuse()
@@ -183,10 +185,11 @@ class Log:
                 )
 
 
-def is_record(document: Any, solvers: int) -> bool:
+def is_record(document: object, solvers: int) -> TypeGuard[SceneRecord]:
     """Whether this has everything that a record of so many solvers needs."""
     return (
-        _has(document, RECORD)
+        isinstance(document, dict)
+        and _has(document, RECORD)
         and len(document["runs"]) == solvers
         and all(_has(run, RUN) for run in document["runs"])
         and (
@@ -203,7 +206,7 @@ def is_record(document: Any, solvers: int) -> bool:
     )
 
 
-def _has(document: Any, fields: dict[str, Any]) -> bool:
+def _has(document: object, fields: Mapping[str, Kind]) -> bool:
     return isinstance(document, dict) and all(
         name in document
         and isinstance(document[name], kind)
@@ -212,9 +215,9 @@ def _has(document: Any, fields: dict[str, Any]) -> bool:
     )
 
 
-def _flat(document: Json, prefix: str = "") -> Json:
+def _flat(document: Mapping[str, object], prefix: str = "") -> dict[str, object]:
     """Values by dotted names."""
-    found: Json = {}
+    found: dict[str, object] = {}
     for name, value in document.items():
         if isinstance(value, dict):
             found |= _flat(value, f"{prefix}{name}.")

@@ -19,9 +19,19 @@ from tgospa_eval._version import __version__
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import Against, against, against_document, differences
 from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
-from tgospa_eval.comparison.runs import bracket_of
+from tgospa_eval.comparison.runs import bracket_of, costs_of
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import PARTS, Columns, FileRecord, Time
+from tgospa_eval.reports.records import (
+    RULES,
+    Costs,
+    EstimateRecord,
+    Metric,
+    PairRecord,
+    PerStepRecord,
+    RankingRecord,
+    RuleRecord,
+)
+from tgospa_eval.results.records import PARTS, Columns, FileRecord, Part, Time
 from tgospa_eval.results.result import Result
 
 StepCosts = tuple[list[Time], dict[str, list[float]]]
@@ -56,7 +66,7 @@ class Outcome:
     """
 
     bracket: Bracket
-    parts: dict[str, float]
+    parts: Costs
     counts: dict[str, float]
     steps: dict[str, Floats]
     moments: NDArray[Any]
@@ -73,7 +83,7 @@ def outcome(result: Result, moments: NDArray[Any], *, per_step: bool) -> Outcome
     split = result.proof.breakdown
     return Outcome(
         bracket=bracket_of(result),
-        parts={name: getattr(result, name) for name in PARTS},
+        parts=costs_of(result),
         counts=result.counts,
         steps={name: result.scale * getattr(split, name) for name in PARTS},
         moments=moments,
@@ -115,8 +125,11 @@ def durations(entrants: Sequence[Entrant]) -> list[int]:
 
 
 def document(
-    entrants: Sequence[Entrant], truths: Sequence[str], parameters: Mapping[str, Any]
-) -> dict[str, Any]:
+    entrants: Sequence[Entrant],
+    truths: Sequence[str],
+    parameters: Metric,
+    warnings: list[dict[str, str]],
+) -> RankingRecord:
     """The JSON document, the estimates in the order of their values.
 
     Parameters
@@ -125,8 +138,10 @@ def document(
         At least one, each with the same number of runs.
     truths : sequence of str
         The file with the truth of each run.
-    parameters : dict
+    parameters : Metric
         Every option that changes the number.
+    warnings : list of dict
+        What looks wrong with the data.
     """
     order = parameters["order"]
     steps = durations(entrants)
@@ -137,9 +152,9 @@ def document(
     place = places(normal, lambda *pair: _verdict(entrants, normal, pair) == "equal")
     estimates = []
     for k in ranked:
-        item = _entry(entrants[k], steps, order) | {"place": list(place[k])}
+        item = _entry(entrants[k], steps, order, place[k])
         if item["per_step_gospa"] is not None:
-            item["differences"] = list(differences(item | {"steps": steps}, order))
+            item["differences"] = list(differences(item, item["per_step_gospa"], steps, order))
         estimates.append(item)
     return {
         "schema": SCHEMA,
@@ -160,28 +175,36 @@ def document(
             for a, b in itertools.combinations(ranked, 2)
         ],
         "parameters": parameters,
+        "warnings": warnings,
     }
 
 
-def _entry(entrant: Entrant, steps: list[int], order: float) -> dict[str, Any]:
+def _entry(
+    entrant: Entrant, steps: list[int], order: float, place: tuple[int, int]
+) -> EstimateRecord:
     outcomes = entrant.outcomes
     total = _mean([item.bracket for item in outcomes])
     shares = np.array(steps, float)
 
-    def root(costs: Any) -> float:
+    def root(costs: Sequence[float]) -> float:
         return float(np.mean(np.asarray(costs) / shares) ** (1 / order))
 
-    found: list[dict[str, Any]] = [
-        against_document(item.against, order) for item in outcomes if item.against is not None
-    ]
+    def mean(part: Part) -> float:
+        return float(np.mean([item.parts[part] for item in outcomes]))
+
+    found = [against_document(item.against, order) for item in outcomes if item.against is not None]
     return {
         "name": entrant.name,
         "paths": list(entrant.paths),
+        "place": list(place),
         "tgospa": total.upper ** (1 / order),
         "lower_bound": total.lower ** (1 / order),
         "total": total.upper,
         "total_lower": total.lower,
-        **{name: float(np.mean([item.parts[name] for item in outcomes])) for name in PARTS},
+        "localisation": mean("localisation"),
+        "missed": mean("missed"),
+        "false": mean("false"),
+        "switch": mean("switch"),
         "counts": {
             name: float(np.mean([item.counts[name] for item in outcomes]))
             for name in outcomes[0].counts
@@ -202,17 +225,28 @@ def _entry(entrant: Entrant, steps: list[int], order: float) -> dict[str, Any]:
             }
             for item in outcomes
         ],
-        "per_step_gospa": _averages(found) if found else None,
+        "per_step_gospa": _mean_per_step(found) if found else None,
     }
 
 
-def _averages(found: list[dict[str, Any]]) -> dict[str, Any]:
-    """The mean of numbers by name, also one level below."""
+def _mean_per_step(found: Sequence[PerStepRecord]) -> PerStepRecord:
     return {
-        name: _averages([item[name] for item in found])
-        if isinstance(value, dict)
-        else float(np.mean([item[name] for item in found]))
-        for name, value in found[0].items()
+        "total": float(np.mean([item["total"] for item in found])),
+        "localisation": float(np.mean([item["localisation"] for item in found])),
+        "missed": float(np.mean([item["missed"] for item in found])),
+        "false": float(np.mean([item["false"] for item in found])),
+        "steps_differing": float(np.mean([item["steps_differing"] for item in found])),
+        "stone_soup": _mean_rule([item["stone_soup"] for item in found]),
+        "mathworks": _mean_rule([item["mathworks"] for item in found]),
+    }
+
+
+def _mean_rule(found: Sequence[RuleRecord]) -> RuleRecord:
+    return {
+        "switches": float(np.mean([item["switches"] for item in found])),
+        "halves": float(np.mean([item["halves"] for item in found])),
+        "total": float(np.mean([item["total"] for item in found])),
+        "mean": float(np.mean([item["mean"] for item in found])),
     }
 
 
@@ -234,7 +268,7 @@ def _pair(
     normal: tuple[Bracket, Bracket],
     runs: tuple[list[Bracket], list[Bracket]],
     durations: list[int],
-) -> dict[str, Any]:
+) -> PairRecord:
     """The second less the first, which has the smaller value; costs per step, means over runs."""
     first, second = entrants
     pairs = list(zip(first.outcomes, second.outcomes, strict=True))
@@ -242,6 +276,10 @@ def _pair(
     shares = np.array(durations, float)
     count = len(pairs)
     steps = [_signs(*_joined(b, a)) for a, b in pairs]
+
+    def change_of(part: Part) -> float:
+        return float(np.mean([b.parts[part] - a.parts[part] for a, b in pairs] / shares))
+
     totals = [_mean([item.bracket for item in entrant.outcomes]) for entrant in entrants]
     return {
         "first": first.name,
@@ -250,10 +288,10 @@ def _pair(
         "opposed": totals[1].upper < totals[0].upper * (1 - EQUAL),
         "per_step": {
             "total": [normal[1].lower - normal[0].upper, normal[1].upper - normal[0].lower],
-            **{
-                name: float(np.mean([b.parts[name] - a.parts[name] for a, b in pairs] / shares))
-                for name in PARTS
-            },
+            "localisation": change_of("localisation"),
+            "missed": change_of("missed"),
+            "false": change_of("false"),
+            "switch": change_of("switch"),
         },
         "steps": {
             "better": int(sum((sign < 0).sum() for sign in steps)),
@@ -273,26 +311,24 @@ def steps_columns(entrants: Sequence[Entrant], best: str) -> Columns:
 
     A step that an estimate's evaluation has not, because nothing is there, costs nothing.
     """
-    extra = ["gospa", "stone_soup", "mathworks"]
-    with_rules = entrants[0].outcomes[0].against is not None
+    extra = [] if entrants[0].outcomes[0].against is None else ["gospa", *RULES]
     differences = ["difference", *(f"difference_{name}" for name in PARTS)]
-    names = ["run", "t", "estimate", *PARTS, "total", *differences, *(extra if with_rules else [])]
+    names = ["run", "t", "estimate", *PARTS, "total", *differences, *extra]
     table: Columns = {name: [] for name in names}
     leader = next(entrant for entrant in entrants if entrant.name == best)
     for entrant in entrants:
         for run, (item, first) in enumerate(zip(entrant.outcomes, leader.outcomes, strict=True)):
             own, other = _joined(item, first)
-            table["run"] += [run + 1] * len(own["moments"])
-            table["t"] += own["times"]
-            table["estimate"] += [entrant.name] * len(own["moments"])
+            table["run"] += [run + 1] * len(own.times)
+            table["t"] += own.times
+            table["estimate"] += [entrant.name] * len(own.times)
             for name in PARTS:
-                table[name] += own[name].tolist()
-                table[f"difference_{name}"] += (own[name] - other[name]).tolist()
-            table["total"] += _totals(own).tolist()
-            table["difference"] += (_totals(own) - _totals(other)).tolist()
-            if with_rules:
-                for column in extra:
-                    table[column] += own[column].tolist()
+                table[name] += own.costs[name].tolist()
+                table[f"difference_{name}"] += (own.costs[name] - other.costs[name]).tolist()
+            table["total"] += own.total.tolist()
+            table["difference"] += (own.total - other.total).tolist()
+            for rule in extra:
+                table[rule] += own.costs[rule].tolist()
     return table
 
 
@@ -320,36 +356,44 @@ def steps_costs(entrants: Sequence[Entrant]) -> StepCosts:
     return (times[0] if same else [*range(1, len(times[0]) + 1)]), found
 
 
-def _joined(first: Outcome, second: Outcome) -> tuple[dict[str, Any], dict[str, Any]]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Joined:
+    """Costs by name on the steps of two outcomes; 0 at those that one has not."""
+
+    times: list[Time]
+    costs: dict[str, Floats]
+
+    @property
+    def total(self) -> Floats:
+        total: Floats = sum((self.costs[name] for name in PARTS), np.zeros(len(self.times)))
+        return total
+
+
+def _joined(first: Outcome, second: Outcome) -> tuple[_Joined, _Joined]:
     """Costs of both on the steps of either."""
     moments = np.union1d(first.moments, second.moments)
-    times: list[Any] = [None] * len(moments)
-    found = []
+    times: dict[int, Time] = {}
     for item in (second, first):
-        at = np.searchsorted(moments, item.moments)
-        for k, time in zip(at.tolist(), item.times, strict=True):
-            times[k] = time
-        columns = dict(item.steps)
-        if item.against is not None:
-            columns |= item.against.values
-        costs: dict[str, Any] = {"moments": moments, "times": times}
-        for name, values in columns.items():
-            costs[name] = np.zeros(len(moments))
-            costs[name][at] = values
-        found.append(costs)
-    return found[1], found[0]
+        times |= zip(np.searchsorted(moments, item.moments).tolist(), item.times, strict=True)
+    shown = [times[k] for k in range(len(moments))]
+    own, other = (_spread(item, moments) for item in (first, second))
+    return _Joined(times=shown, costs=own), _Joined(times=shown, costs=other)
 
 
-def _totals(costs: dict[str, Any]) -> Floats:
-    total: Floats = sum((costs[name] for name in PARTS), np.zeros(len(costs["moments"])))
-    return total
+def _spread(item: Outcome, moments: NDArray[Any]) -> dict[str, Floats]:
+    """Costs by name, and the values of other rules, at these steps."""
+    at = np.searchsorted(moments, item.moments)
+    found: dict[str, Floats] = {}
+    for name, values in (item.steps | (item.against.values if item.against else {})).items():
+        found[name] = np.zeros(len(moments))
+        found[name][at] = values
+    return found
 
 
-def _signs(own: dict[str, Any], other: dict[str, Any]) -> Floats:
+def _signs(own: _Joined, other: _Joined) -> Floats:
     """Whether each step costs less (-1), the same but for rounding (0), or more (1)."""
-    difference = _totals(own) - _totals(other)
-    small = np.abs(difference) <= EQUAL * np.maximum(_totals(own), _totals(other))
-    return np.where(small, 0.0, np.sign(difference))
+    small = np.abs(own.total - other.total) <= EQUAL * np.maximum(own.total, other.total)
+    return np.where(small, 0.0, np.sign(own.total - other.total))
 
 
 def _scaled(bracket: Bracket, factor: float) -> Bracket:

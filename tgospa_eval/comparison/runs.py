@@ -19,10 +19,13 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.problem import Parameters
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.reports.records import Costs, Memory, NoCosts, Seconds
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
+
+NO_COSTS: NoCosts = {"localisation": None, "missed": None, "false": None, "switch": None}
+"""Of a run that failed."""
 
 APART: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
 """Ctrl-C reaches the one who asked, who stops the process."""
@@ -50,7 +53,7 @@ class Run:
     tgospa, lower_bound : float, optional
         The same bounds as values.
     parts, counts : dict
-        Costs and counts of the feasible assignment.
+        Costs and counts of the feasible assignment; None and nothing if the solver failed.
     status : str
         How the solver ended.
     finished : bool
@@ -70,13 +73,13 @@ class Run:
     bracket: Bracket | None
     tgospa: float | None
     lower_bound: float | None
-    parts: dict[str, Any]
+    parts: Costs | None
     counts: dict[str, float]
     status: str
     finished: bool
     iterations: int | None
-    seconds: dict[str, Any] | None
-    memory: dict[str, int] | None = None
+    seconds: Seconds | None
+    memory: Memory | None = None
     history: Sequence[dict[str, float]] = ()
 
     @property
@@ -98,6 +101,16 @@ def name_of(solver: Solver) -> str:
     return called(solver.name, getattr(solver, "epsilon", None))
 
 
+def costs_of(result: Summary) -> Costs:
+    """The parts of the cost of a result."""
+    return {
+        "localisation": result.localisation,
+        "missed": result.missed,
+        "false": result.false,
+        "switch": result.switch,
+    }
+
+
 def bracket_of(result: Summary) -> Bracket:
     """The proven bounds of the total, as costs."""
     lower, upper = result.total_bounds
@@ -108,7 +121,7 @@ def failed(solver: Solver, error: BaseException) -> Run:
     """What is left of a run whose solver raised."""
     return Run(
         solver=solver.name, epsilon=getattr(solver, "epsilon", None), bracket=None, tgospa=None,
-        lower_bound=None, parts=dict.fromkeys(PARTS), counts={}, status=f"failed: {reason(error)}",
+        lower_bound=None, parts=None, counts={}, status=f"failed: {reason(error)}",
         finished=False, iterations=None, seconds=None,
     )  # fmt: skip
 
@@ -133,7 +146,7 @@ def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = N
         bracket=bracket_of(result),
         tgospa=result.tgospa,
         lower_bound=result.lower_bound,
-        parts={name: getattr(result, name) for name in PARTS},
+        parts=costs_of(result),
         counts=result.counts,
         status=result.solver["status"],
         finished=bool(result.solver["finished"]),
@@ -205,7 +218,7 @@ def _listen(
                 target.write(b"s")
 
 
-def _write_all(target: Any, message: bytes) -> None:
+def _write_all(target: IO[bytes], message: bytes) -> None:
     """Write to a pipe without a buffer, which may take less than all at once."""
     rest = memoryview(message)
     while rest:

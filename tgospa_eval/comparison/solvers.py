@@ -4,14 +4,15 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import cast
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket, excess, narrowest, overlap, shortfall
-from tgospa_eval.comparison.runs import Run, failed, name_of, run_apart
+from tgospa_eval.comparison.runs import NO_COSTS, Run, failed, name_of, run_apart
 from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.reports.records import Metric, SolverRun, SolversRecord
 from tgospa_eval.solvers import Solver
 
 
@@ -92,8 +93,12 @@ def compare_solvers(
 
 
 def document(
-    comparison: Comparison, prepared: Prepared, left_out: dict[str, str], seconds: dict[str, float]
-) -> dict[str, Any]:
+    comparison: Comparison,
+    prepared: Prepared,
+    left_out: dict[str, str],
+    seconds: dict[str, float],
+    warnings: list[dict[str, str]],
+) -> SolversRecord:
     """The JSON document.
 
     Parameters
@@ -106,6 +111,8 @@ def document(
         Solvers that did not run, and why.
     seconds : dict
         What was done once for all, and how long it took.
+    warnings : list of dict
+        What looks wrong with the data.
     """
     referee = comparison.referee
     order = prepared.parameters.order
@@ -124,14 +131,15 @@ def document(
         },
         "runs": [run_document(comparison, run) for run in comparison.runs],
         "left_out": left_out,
-        "parameters": prepared.settings,
+        "parameters": cast("Metric", prepared.settings),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
         "input": prepared.input,
         "seconds": seconds,
+        "warnings": warnings,
     }
 
 
-def run_document(comparison: Comparison, run: Run) -> dict[str, Any]:
+def run_document(comparison: Comparison, run: Run) -> SolverRun:
     """One run, with its errors against what all of them prove."""
     error, bracket = comparison.error(run), run.bracket
     return {
@@ -144,7 +152,7 @@ def run_document(comparison: Comparison, run: Run) -> dict[str, Any]:
         "total_lower": None if bracket is None else bracket.lower,
         "error": error if error is not None and math.isfinite(error) else None,
         "lower_error": comparison.lower_error(run),
-        **run.parts,
+        **(run.parts or NO_COSTS),
         "counts": run.counts,
         "status": run.status,
         "finished": run.finished,

@@ -7,10 +7,10 @@ is there as it is.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Literal, cast
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.brackets import Bracket
-from tgospa_eval.comparison.runs import Run, failed, run_here, warm_up
+from tgospa_eval.comparison.runs import NO_COSTS, Run, failed, run_here, warm_up
 from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
@@ -27,11 +27,20 @@ from tgospa_eval.evaluation.evaluate import solver_settings
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.reports.records import (
+    Metric,
+    SceneRecord,
+    SceneRun,
+    SizeRecord,
+    SolverSummary,
+    Spread,
+    StudyRecord,
+    StudySettings,
+)
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.solvers import Solver
 
-Json = dict[str, Any]
 Size = tuple[int, int]
 
 
@@ -88,18 +97,21 @@ class Study:
         return [(targets, steps) for targets in self.targets for steps in self.steps]
 
     @property
-    def settings(self) -> Json:
+    def settings(self) -> StudySettings:
         """Everything that a record depends on, but for its own size and number."""
         scene = asdict(self.scene)
         return {
             "scene": {name: scene[name] for name in ("scenario", "area", "state")},
             "tracker": asdict(self.tracker) | {"false_length": list(self.tracker.false_length)},
             "seed": self.seed,
-            "parameters": {
-                **asdict(self.parameters),
-                "distance": self.distance.name,
-                **self.distance.settings(("x", "y")),
-            },
+            "parameters": cast(
+                "Metric",
+                {
+                    **asdict(self.parameters),
+                    "distance": self.distance.name,
+                    **self.distance.settings(("x", "y")),
+                },
+            ),
             "solvers": [solver_settings(s) | {"jobs": getattr(s, "jobs", 1)} for s in self.solvers],
         }
 
@@ -112,10 +124,10 @@ class Study:
 
 def carry_out(
     study: Study,
-    known: dict[tuple[int, int, int], Json],
-    keep: Callable[[Json], None],
+    known: dict[tuple[int, int, int], SceneRecord],
+    keep: Callable[[SceneRecord], None],
     notify: Callable[[str, float], None] = lambda text, share: None,  # noqa: ARG005
-) -> list[Json]:
+) -> list[SceneRecord]:
     """The records of all scenes that are wanted; those that are not known are made.
 
     Parameters
@@ -146,11 +158,10 @@ def carry_out(
     return records
 
 
-def measure(study: Study, targets: int, steps: int, run: int) -> Json:
+def measure(study: Study, targets: int, steps: int, run: int) -> SceneRecord:
     """One scene through all solvers; what fails is recorded, and does not stop the study."""
     rng = np.random.default_rng([study.seed, targets, steps, run])
     stopwatch = Stopwatch()
-    record: Json = {"targets": targets, "steps": steps, "run": run}
     request = EvaluationRequest(
         parameters=study.parameters, distance=study.distance, solver=study.solvers[0]
     )
@@ -159,11 +170,22 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
         prepared = prepare(fit(*sides, request), request, stopwatch=stopwatch)
     except Exception as error:  # whatever it is: the other scenes are to be done
         runs = [_recorded(failed(solver, error)) for solver in study.solvers]
-        return record | {"occupied": None, "sizes": None, "prepare_seconds": None, "runs": runs}
+        return {
+            "targets": targets,
+            "steps": steps,
+            "run": run,
+            "occupied": None,
+            "sizes": None,
+            "prepare_seconds": None,
+            "runs": runs,
+        }
     found = compare_solvers(prepared, study.solvers, run_here)
     problem = prepared.states.problem
     occupied = len(np.union1d(problem.truth_step, problem.estimate_step))
-    return record | {
+    return {
+        "targets": targets,
+        "steps": steps,
+        "run": run,
         "occupied": max(occupied, 1),
         "sizes": {**prepared.sizes, "states": len(prepared.states.begin)},
         "prepare_seconds": sum(
@@ -173,7 +195,7 @@ def measure(study: Study, targets: int, steps: int, run: int) -> Json:
     }
 
 
-def _recorded(made: Run) -> Json:
+def _recorded(made: Run) -> SceneRun:
     """What a record keeps of a run."""
     bracket, seconds = made.bracket, made.seconds
     return {
@@ -182,7 +204,7 @@ def _recorded(made: Run) -> Json:
         "epsilon": made.epsilon,
         "lower": None if bracket is None else bracket.lower,
         "upper": None if bracket is None else bracket.upper,
-        **made.parts,
+        **(made.parts or NO_COSTS),
         "iterations": made.iterations,
         "finished": made.finished,
         "status": made.status,
@@ -190,9 +212,9 @@ def _recorded(made: Run) -> Json:
     }
 
 
-def document(study: Study, records: Sequence[Json], machine: str) -> Json:
+def document(study: Study, records: Sequence[SceneRecord], machine: str) -> StudyRecord:
     """The JSON document: mean and spread of each size and solver."""
-    by_size: dict[Size, list[tuple[Json, Comparison]]] = {size: [] for size in study.sizes}
+    by_size: dict[Size, list[tuple[SceneRecord, Comparison]]] = {size: [] for size in study.sizes}
     for record in records:
         comparison = Comparison(runs=[_run(made) for made in record["runs"]])
         by_size[record["targets"], record["steps"]].append((record, comparison))
@@ -205,7 +227,7 @@ def document(study: Study, records: Sequence[Json], machine: str) -> Json:
         "runs": study.runs,
         "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],
         "contradictions": [
-            [record["targets"], record["steps"], record["run"], a.name, b.name]
+            (record["targets"], record["steps"], record["run"], a.name, b.name)
             for scenes in by_size.values()
             for record, comparison in scenes
             for a, b in comparison.contradictions
@@ -213,38 +235,38 @@ def document(study: Study, records: Sequence[Json], machine: str) -> Json:
     }
 
 
-def _size(size: Size, scenes: Sequence[tuple[Json, Comparison]], study: Study) -> Json:
+def _size(size: Size, scenes: Sequence[tuple[SceneRecord, Comparison]], study: Study) -> SizeRecord:
     """All scenes of one size; those whose brackets contradict each other have no part in means."""
     sound = [(record, comparison) for record, comparison in scenes if not comparison.contradictions]
-    made = [record for record, _ in scenes if record["sizes"] is not None]
+    made = [record for record, _ in scenes]
     best = [
-        (min((run for run in record["runs"] if run["upper"] is not None),
-             key=lambda run: run["upper"]), record["occupied"])
+        (_best(record), record["occupied"] or 1)
         for record, comparison in sound
         if comparison.referee is not None
-    ]  # fmt: skip
+    ]
 
-    def root(name: str) -> float | None:
+    def root(name: Literal["upper", "localisation", "missed", "false", "switch"]) -> float | None:
         if not best:
             return None
-        return float(np.mean([run[name] / t for run, t in best]) ** (1 / study.parameters.order))
+        costs = [(run[name] or 0.0) / t for run, t in best]
+        return float(np.mean(costs) ** (1 / study.parameters.order))
 
     return {
         "targets": size[0],
         "steps": size[1],
         "left_out": len(scenes) - len(best),
-        "states": spread([record["sizes"]["states"] for record in made]),
-        "prepare_seconds": spread([record["prepare_seconds"] for record in made]),
+        "states": spread([record["sizes"]["states"] for record in made if record["sizes"]]),
+        "prepare_seconds": _spread_of(record["prepare_seconds"] for record in made),
         "normalised": {"tgospa": root("upper"), **{name: root(name) for name in PARTS}},
         "solvers": [_solver(scenes, sound, k) for k in range(len(study.solvers))],
     }
 
 
 def _solver(
-    scenes: Sequence[tuple[Json, Comparison]],
-    sound: Sequence[tuple[Json, Comparison]],
+    scenes: Sequence[tuple[SceneRecord, Comparison]],
+    sound: Sequence[tuple[SceneRecord, Comparison]],
     k: int,
-) -> Json:
+) -> SolverSummary:
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
     every = [record["runs"][k] for record, _ in scenes]
     made = [record["runs"][k] for record, _ in sound if record["runs"][k]["upper"] is not None]
@@ -260,17 +282,27 @@ def _solver(
         "name": every[0]["name"],
         "solver": every[0]["solver"],
         "epsilon": every[0]["epsilon"],
-        "seconds": spread([run["seconds"] for run in made]),
+        "seconds": _spread_of(run["seconds"] for run in made),
         "error": spread([error for error in errors if math.isfinite(error)]),
         "infinite_errors": sum(math.isinf(error) for error in errors),
         "lower_error": spread(lower_errors),
-        "iterations": spread([run["iterations"] for run in made]),
+        "iterations": _spread_of(run["iterations"] for run in made),
         "failed": sum(run["upper"] is None for run in every),
         "unfinished": sum(not run["finished"] and run["upper"] is not None for run in every),
     }
 
 
-def spread(values: Sequence[float]) -> Json:
+def _best(record: SceneRecord) -> SceneRun:
+    """The run with the least upper bound."""
+    proven = [run for run in record["runs"] if run["upper"] is not None]
+    return min(proven, key=lambda run: run["upper"] or 0.0)
+
+
+def _spread_of(values: Iterable[float | None]) -> Spread:
+    return spread([value for value in values if value is not None])
+
+
+def spread(values: Sequence[float]) -> Spread:
     """Mean, standard deviation (divisor n - 1) and largest; null where there is none."""
     if not len(values):
         return {"mean": None, "deviation": None, "max": None}
@@ -282,12 +314,12 @@ def spread(values: Sequence[float]) -> Json:
     }
 
 
-def _run(made: Json) -> Run:
+def _run(made: SceneRun) -> Run:
     bracket = None
-    if made["upper"] is not None:
+    if made["lower"] is not None and made["upper"] is not None:
         bracket = Bracket(lower=made["lower"], upper=made["upper"])
     return Run(
         solver=made["solver"], epsilon=made["epsilon"], bracket=bracket, tgospa=None,
-        lower_bound=None, parts={}, counts={}, status=made["status"], finished=made["finished"],
+        lower_bound=None, parts=None, counts={}, status=made["status"], finished=made["finished"],
         iterations=made["iterations"], seconds=None,
     )  # fmt: skip

@@ -3,7 +3,8 @@
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from operator import itemgetter
+from typing import TYPE_CHECKING, Literal
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
@@ -11,21 +12,32 @@ from tgospa_eval.plots import COLOURS, MARKERS, figure, label
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.plots.overtime import name_times
 from tgospa_eval.reports.moments import edges, moments, placed
+from tgospa_eval.reports.records import (
+    Ends,
+    SizeRecord,
+    SolverRun,
+    SolversRecord,
+    SolverSummary,
+    Spread,
+    StudyRecord,
+)
+from tgospa_eval.results.records import Time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-Json = dict[str, Any]
-
 FLOOR = 1e-9
 """Errors below count as none; they are drawn here."""
+
+Size = Literal["targets", "steps"]
+SIZES: tuple[Size, ...] = ("targets", "steps")
 
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
-def solver_pictures(document: Json) -> "dict[str, Figure]":
+def solver_pictures(document: SolversRecord) -> "dict[str, Figure]":
     """By file name, those pictures that have something to show; none if there is no true value."""
     if document["referee"] is None:
         return {}
@@ -45,15 +57,16 @@ def _seen(errors: Iterable[float | None]) -> bool:
     return any(error is not None and error > FLOOR for error in errors)
 
 
-def error_over_epsilon(document: Json) -> "Figure":
+def error_over_epsilon(document: SolversRecord) -> "Figure":
     """How far the bounds of `sinkhorn` are from what all runs prove, by temperature."""
     made, ((axis,),) = figure(5.2, 3.6)
-    runs = sorted(_temperatures(document), key=lambda run: run["epsilon"])
-    x = [run["epsilon"] for run in runs]
-    for k, (name, title) in enumerate(
-        (("error", "upper bound (TGOSPA)"), ("lower_error", "lower bound"))
-    ):
-        y = [floored(run[name]) for run in runs]
+    runs = sorted(_temperatures(document), key=_epsilon)
+    x = [*map(_epsilon, runs)]
+    lines = {
+        "upper bound (TGOSPA)": [floored(run["error"]) for run in runs],
+        "lower bound": [floored(run["lower_error"]) for run in runs],
+    }
+    for k, (title, y) in enumerate(lines.items()):
         axis.plot(x, y, f"-{MARKERS[k]}", color=COLOURS[k], label=title, clip_on=False, zorder=3)
     axis.set_xscale("log")
     error_axis(axis)
@@ -65,7 +78,7 @@ def error_over_epsilon(document: Json) -> "Figure":
     return made
 
 
-def time_over_error(document: Json) -> "Figure":
+def time_over_error(document: SolversRecord) -> "Figure":
     """What an accuracy costs: solving and proof; bars of the time where nobody errs."""
     runs = [run for run in document["runs"] if run["seconds"] is not None]
     if not _seen(run["error"] for run in runs):
@@ -85,7 +98,7 @@ def time_over_error(document: Json) -> "Figure":
     return made
 
 
-def _times(runs: Sequence[Json]) -> "Figure":
+def _times(runs: Sequence[SolverRun]) -> "Figure":
     made, ((axis,),) = figure(6.2, 0.9 + 0.3 * len(runs))
     place, spent = range(len(runs)), [_spent(run) for run in runs]
     axis.barh(place, spent, 0.6, color=COLOURS[0])
@@ -102,14 +115,19 @@ def _times(runs: Sequence[Json]) -> "Figure":
     return made
 
 
-def _spent(run: Json) -> float:
-    seconds: float = run["seconds"]["solve"] + run["seconds"]["certify"]
-    return seconds
+def _spent(run: SolverRun) -> float:
+    seconds = run["seconds"]
+    return 0.0 if seconds is None else seconds["solve"] + seconds["certify"]
 
 
-def convergence(document: Json) -> "Figure":
+def _epsilon(run: SolverRun | SolverSummary) -> float:
+    return run["epsilon"] or 0.0
+
+
+def convergence(document: SolversRecord) -> "Figure":
     """Bounds of `sinkhorn` while it sweeps, against what all runs prove."""
     made, ((axis,),) = figure(5.2, 3.6)
+    assert document["referee"] is not None
     referee = document["referee"]["total"]
     runs = [run for run in document["runs"] if run["history"]]
     for k, run in enumerate(runs):
@@ -166,11 +184,11 @@ def floored(error: float | None) -> float:
     return float("nan") if error is None else max(error, FLOOR)
 
 
-def _relative(difference: float, referee: dict[str, float]) -> float:
+def _relative(difference: float, referee: Ends) -> float:
     return max(difference / referee["upper"], FLOOR) if referee["upper"] > 0 else FLOOR
 
 
-def _temperatures(document: Json) -> Sequence[Json]:
+def _temperatures(document: SolversRecord) -> Sequence[SolverRun]:
     return [
         run for run in document["runs"] if run["epsilon"] is not None and run["seconds"] is not None
     ]
@@ -179,7 +197,7 @@ def _temperatures(document: Json) -> Sequence[Json]:
 # --- study ----------------------------------------------------------------------------------------
 
 
-def study_pictures(document: Json) -> "dict[str, Figure]":
+def study_pictures(document: StudyRecord) -> "dict[str, Figure]":
     """By file name, those pictures that have something to show."""
     sizes = document["sizes"]
     made = {}
@@ -196,7 +214,7 @@ def study_pictures(document: Json) -> "dict[str, Figure]":
     return made
 
 
-def study_errors(document: Json) -> "Figure":
+def study_errors(document: StudyRecord) -> "Figure":
     """Error over temperature, a line for each number of targets, at the largest number of steps."""
     made, ((axis,),) = figure(5.2, 3.6)
     longest = max(size["steps"] for size in document["sizes"])
@@ -207,9 +225,9 @@ def study_errors(document: Json) -> "Figure":
     for k, size in enumerate(sizes):
         runs = sorted(
             (run for run in size["solvers"] if run["epsilon"] is not None),
-            key=lambda run: run["epsilon"],
+            key=_epsilon,
         )
-        x = [run["epsilon"] for run in runs]
+        x = [*map(_epsilon, runs)]
         _line(axis, x, [run["error"] for run in runs], k, f"m = {size['targets']:,}", FLOOR)
     axis.set_xscale("log")
     axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
@@ -222,15 +240,15 @@ def study_errors(document: Json) -> "Figure":
     return made
 
 
-def scaling(document: Json) -> "Figure":
+def scaling(document: StudyRecord) -> "Figure":
     """Time and error over targets at the most steps, and over steps at the most targets."""
     sizes = document["sizes"]
-    most = {name: max(size[name] for size in sizes) for name in ("targets", "steps")}
+    most = {name: max(size[name] for size in sizes) for name in SIZES}
     rows = []
-    for varied, fixed in (("targets", "steps"), ("steps", "targets")):
+    for varied, fixed in zip(SIZES, SIZES[::-1], strict=True):
         chosen = [size for size in sizes if size[fixed] == most[fixed]]
         if len(chosen) > 1:
-            rows.append((varied, fixed, sorted(chosen, key=lambda size: size[varied])))
+            rows.append((varied, fixed, sorted(chosen, key=itemgetter(varied))))
     # A panel of errors is drawn where there are some.
     with_errors = any(
         _seen(run["error"]["max"] for size in chosen for run in size["solvers"])
@@ -265,7 +283,7 @@ def scaling(document: Json) -> "Figure":
     return made
 
 
-def _errors(axis: "Axes", varied: str, chosen: Sequence[Json]) -> list[str]:
+def _errors(axis: "Axes", varied: Size, chosen: Sequence[SizeRecord]) -> list[str]:
     """Lines of the errors of those that have any; returns the names of the others."""
     exact = []
     for k, run in enumerate(chosen[0]["solvers"]):
@@ -290,15 +308,17 @@ def _sizes(axis: "Axes", x: Sequence[int]) -> None:
 
 
 def _line(
-    axis: "Axes", x: Sequence[float], values: Sequence[Json], k: int, name: str, least: float
+    axis: "Axes", x: Sequence[float], values: Sequence[Spread], k: int, name: str, least: float
 ) -> None:
     """Means with a band of one standard deviation, at least `least`; nothing where all failed."""
-    kept = [(at, value) for at, value in zip(x, values, strict=True) if value["mean"] is not None]
-    x, values = [at for at, _ in kept], [value for _, value in kept]
+    kept = [
+        (at, max(value["mean"], least), value["deviation"] or 0.0)
+        for at, value in zip(x, values, strict=True)
+        if value["mean"] is not None
+    ]
     if not kept:
         return
-    mean = [max(value["mean"], least) for value in values]
-    spread = [value["deviation"] or 0.0 for value in values]
+    x, mean, spread = map(list, zip(*kept, strict=True))
     low = [max(m - s, least, m / 10) for m, s in zip(mean, spread, strict=True)]
     high = [m + s for m, s in zip(mean, spread, strict=True)]
     colour = COLOURS[k % len(COLOURS)]
@@ -310,13 +330,13 @@ def _line(
 
 
 def estimate_pictures(
-    series: Mapping[str, Sequence[float]], times: Sequence[Any]
+    series: Mapping[str, Sequence[float]], times: Sequence[Time]
 ) -> "dict[str, Figure]":
     """By file name: where the estimates part. `series` holds the costs of the steps by name."""
     return {"cumulative": cumulative(series, times)} if any(series.values()) else {}
 
 
-def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Any]) -> "Figure":
+def cumulative(series: Mapping[str, Sequence[float]], times: Sequence[Time]) -> "Figure":
     """Cost up to each step, a line for each estimate."""
     made, ((axis,),) = figure(6.2, 3.3 + 0.2 * len(series))
     lines, names = [], []  # kept here: names that begin with _ are hidden from a legend

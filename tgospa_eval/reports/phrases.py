@@ -1,8 +1,8 @@
 """Words and numbers that all documents of `compare` share."""
 
-from typing import Any
+from collections.abc import Mapping
 
-Json = dict[str, Any]
+from tgospa_eval.reports.records import Metric
 
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""
@@ -29,12 +29,13 @@ def error_of(value: float | None) -> str:
     return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
 
 
-def unit_of(parameters: Json) -> str:
+def unit_of(parameters: Metric) -> str:
     """The unit behind a number, if there is one."""
-    return f" {parameters['unit']}" if parameters["unit"] else ""
+    unit = parameters.get("unit")
+    return f" {unit}" if unit else ""
 
 
-def size_of(sizes: Json) -> str:
+def size_of(sizes: Mapping[str, int]) -> str:
     """How large a problem is."""
     return (
         f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
@@ -43,7 +44,7 @@ def size_of(sizes: Json) -> str:
     )
 
 
-def parameters_of(parameters: Json) -> str:
+def parameters_of(parameters: Metric) -> str:
     """Parameters of the metric, and the distance."""
     unit = unit_of(parameters)
     return (

@@ -1,7 +1,7 @@
 """A ranking of estimates, or one beside per-step GOSPA, as a document and as tables."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from tgospa_eval.common.figures import number
@@ -10,15 +10,13 @@ from tgospa_eval.reports.phrases import (
     RANK,
     SPLIT,
     STUDY,
-    Json,
     counted,
     parameters_of,
     unit_of,
 )
+from tgospa_eval.reports.records import RULES, EstimateRecord, PairRecord, RankingRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
-
-RULES = {"stone_soup": "Stone Soup", "mathworks": "MathWorks"}
 
 ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
 """Verdicts as the tables have them."""
@@ -35,8 +33,14 @@ TIES = (
     "their ids; other tie rules may count other switches"
 )
 
+GROUPS = {
+    "steps": ("better", "worse"),
+    "per_run": ("mean", "standard_error", "first_less", "second_less"),
+}
+"""Columns of a pair that are one level down, in their order."""
 
-def estimates_document(document: Json) -> Document:
+
+def estimates_document(document: RankingRecord) -> Document:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
     estimates, parameters = document["estimates"], document["parameters"]
     return Document(
@@ -65,51 +69,54 @@ def estimates_document(document: Json) -> Document:
     )
 
 
-def estimates_paper(document: Json) -> Document:
+def estimates_paper(document: RankingRecord) -> Document:
     """What goes into a paper: roots per step, RMS over runs."""
     page = estimates_document(document)
     return replace(page, tables=[_normalised_table(document)], notes=())
 
 
-def estimates_columns(document: Json) -> Columns:
+def estimates_columns(document: RankingRecord) -> Columns:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
+    plain: Sequence[Mapping[str, object]] = items
     table: Columns = {"name": [item["name"] for item in items]}
     table |= {f"place_{end}": [item["place"][k] for item in items]
               for k, end in enumerate(("best", "worst"))}  # fmt: skip
     for name in items[0]["normalised"]:
         table[f"normalised_{name}"] = [item["normalised"][name] for item in items]
     for name in ("tgospa", "lower_bound", "total", "total_lower", *PARTS):
-        table[name] = [item[name] for item in items]
+        table[name] = [item[name] for item in plain]
     for name in items[0]["counts"]:
         table[f"count_{name}"] = [item["counts"][name] for item in items]
-    if items[0]["per_step_gospa"] is not None:
-        steps = [item["per_step_gospa"] for item in items]
+    steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
+    if steps:
         table["gospa_total"] = [step["total"] for step in steps]
         for rule in RULES:
+            charged: Sequence[Mapping[str, object]] = [step[rule] for step in steps]
             for name in ("switches", "halves", "total", "mean"):
-                table[f"{rule}_{name}"] = [step[rule][name] for step in steps]
+                table[f"{rule}_{name}"] = [found[name] for found in charged]
     return table
 
 
-def pairs_columns(document: Json) -> Columns:
+def pairs_columns(document: RankingRecord) -> Columns:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
     own = ("first", "second", "verdict", "opposed")
-    table: Columns = {name: [pair[name] for pair in pairs] for name in own}
+    plain: Sequence[Mapping[str, object]] = pairs
+    table: Columns = {name: [pair[name] for pair in plain] for name in own}
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
     table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
-    for group, names in (
-        ("steps", ("better", "worse")),
-        ("per_run", ("mean", "standard_error", "first_less", "second_less")),
-    ):
-        for name in names:
-            table[f"{group}_{name}"] = [pair[group][name] for pair in pairs]
+    groups: dict[str, Sequence[Mapping[str, object]]] = {
+        "steps": [pair["steps"] for pair in pairs],
+        "per_run": [pair["per_run"] for pair in pairs],
+    }
+    for group, found in groups.items():
+        table |= {f"{group}_{name}": [item[name] for item in found] for name in GROUPS[group]}
     return table
 
 
-def _order(document: Json) -> str:
+def _order(document: RankingRecord) -> str:
     estimates, unit = document["estimates"], unit_of(document["parameters"])
     if len(estimates) == 1:
         item = estimates[0]
@@ -143,14 +150,14 @@ def _order(document: Json) -> str:
     return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
 
 
-def _best(document: Json) -> list[int]:
+def _best(document: RankingRecord) -> list[int]:
     """Which estimates are proven to be better than all others, or equal to such."""
     places = [item["place"] for item in document["estimates"]]
     best = [k for k, place in enumerate(places) if place == [1, 1]]
     return best if len(best) < len(places) else []
 
 
-def _what(document: Json) -> str:
+def _what(document: RankingRecord) -> str:
     """What this is, and what to type for what it is not."""
     count = len(document["estimates"])
     if count > 1:
@@ -160,7 +167,7 @@ def _what(document: Json) -> str:
     return f"Mean over the runs of one estimate; {RANK}"
 
 
-def _runs(document: Json) -> str:
+def _runs(document: RankingRecord) -> str:
     steps = sorted(set(document["steps"]))
     length = (
         counted(steps[0], "step")
@@ -179,7 +186,7 @@ def _shortened(paths: list[str]) -> str:
     return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
 
 
-def _normalised_table(document: Json, *, places: bool = False) -> Table:
+def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table:
     """What is ranked, and its parts; with places where there are several."""
     runs, order = document["runs"], document["parameters"]["order"]
     places = places and len(document["estimates"]) > 1
@@ -204,7 +211,7 @@ def _normalised_table(document: Json, *, places: bool = False) -> Table:
     )
 
 
-def _pair_tables(document: Json) -> Iterator[Table]:
+def _pair_tables(document: RankingRecord) -> Iterator[Table]:
     """Differences to the first estimate, costs per step."""
     first = document["estimates"][0]["name"]
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
@@ -230,7 +237,7 @@ def _pair_tables(document: Json) -> Iterator[Table]:
     )  # fmt: skip
 
 
-def opposed(document: Json) -> Iterator[str]:
+def opposed(document: RankingRecord) -> Iterator[str]:
     """Warnings: pairs whose mean totals are the other way round, for runs differ in length."""
     for pair in document["pairs"]:
         if pair["opposed"]:
@@ -241,10 +248,10 @@ def opposed(document: Json) -> Iterator[str]:
             )
 
 
-def _against_tables(document: Json) -> Iterator[Table]:
+def _against_tables(document: RankingRecord) -> Iterator[Table]:
     """TGOSPA, per-step GOSPA, and the two rules, for each estimate."""
     order = document["parameters"]["order"]
-    rows = []
+    rows: list[tuple[str, float, float | None, float | None]] = []
     for item in document["estimates"]:
         step = item["per_step_gospa"]
         if step is None:
@@ -271,7 +278,7 @@ def _against_tables(document: Json) -> Iterator[Table]:
     )
 
 
-def _notes(document: Json) -> Iterator[str]:
+def _notes(document: RankingRecord) -> Iterator[str]:
     estimates = document["estimates"]
     for item in estimates:
         for which, made in enumerate(item["runs"], start=1):
@@ -301,7 +308,7 @@ def _between(low: float, high: float, sign: str = "") -> str:
     return texts[1] if texts[0] == texts[1] else " to ".join(texts)
 
 
-def _place(item: Json, pairs: list[Json]) -> str:
+def _place(item: EstimateRecord, pairs: list[PairRecord]) -> str:
     """The range of places that are possible, or the only one, with = if it is shared."""
     best, worst = item["place"]
     if best < worst:

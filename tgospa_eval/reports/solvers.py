@@ -1,22 +1,25 @@
 """Solvers compared on one estimate, as a document and as a table."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
     RANK,
-    Json,
     error_of,
     number,
     parameters_of,
     size_of,
     unit_of,
 )
+from tgospa_eval.reports.records import Seconds, SolverRun, SolversRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
 
+MEMORY: tuple[Literal["before", "peak"], ...] = ("before", "peak")
 
-def solvers_document(document: Json) -> Document:
+
+def solvers_document(document: SolversRecord) -> Document:
     """One problem through several solvers."""
     runs = document["runs"]
     return Document(
@@ -55,23 +58,24 @@ def solvers_document(document: Json) -> Document:
     )
 
 
-def solvers_columns(document: Json) -> Columns:
+def solvers_columns(document: SolversRecord) -> Columns:
     """A row for each run, plain numbers."""
     runs = document["runs"]
+    plain: Sequence[Mapping[str, object]] = runs
     names = (
         "name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error",
         "lower_error", *PARTS, "iterations", "status", "finished",
     )  # fmt: skip
-    table: Columns = {name: [run[name] for run in runs] for name in names}
+    table: Columns = {name: [run[name] for run in plain] for name in names}
     split = [_split(run["seconds"]) for run in runs]
     for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
         table[f"{name}_seconds"] = [row[k] for row in split]
-    for name in ("before", "peak"):
-        table[f"{name}_bytes"] = [(run["memory"] or {}).get(name) for run in runs]
+    for name in MEMORY:
+        table[f"{name}_bytes"] = [run["memory"] and run["memory"][name] for run in runs]
     return table
 
 
-def _agreement(document: Json) -> str:
+def _agreement(document: SolversRecord) -> str:
     referee, unit = document["referee"], unit_of(document["parameters"])
     if not document["agree"]:
         pairs = "; ".join(f"{a} and {b}" for a, b in document["contradictions"])
@@ -85,13 +89,13 @@ def _agreement(document: Json) -> str:
     which = "Both" if count == 2 else f"All {count}"
     subject = "The bracket" if count == 1 else f"{which} brackets overlap; together they"
     verb = "says" if count == 1 else "say"
-    low, high = (f"{referee[name]:.9g}" for name in ("lower_bound", "upper_bound"))
+    low, high = f"{referee['lower_bound']:.9g}", f"{referee['upper_bound']:.9g}"
     if low == high:
         return f"{subject} {verb}: TGOSPA = {high}{unit}"
     return f"{subject} {verb}: TGOSPA is between {low} and {high}{unit}"
 
 
-def _notes(document: Json) -> Iterator[str]:
+def _notes(document: SolversRecord) -> Iterator[str]:
     once = document["seconds"]
     yield "once for all: " + ", ".join(f"{name} {value:.4f}" for name, value in once.items())
     for run in document["runs"]:
@@ -101,7 +105,7 @@ def _notes(document: Json) -> Iterator[str]:
         yield f"{name} left out: {reason}"
 
 
-def _split(seconds: Json | None) -> tuple[float | None, ...]:
+def _split(seconds: Seconds | None) -> tuple[float | None, ...]:
     """Solving and proof together, and what they consist of."""
     if seconds is None:
         return (None,) * 6
@@ -115,6 +119,6 @@ def _split(seconds: Json | None) -> tuple[float | None, ...]:
     return seconds["solve"] + seconds["certify"], *named, rest, seconds["certify"]
 
 
-def _memory(run: Json) -> str:
+def _memory(run: SolverRun) -> str:
     memory = run["memory"]
     return "-" if memory is None else f"{(memory['peak'] - memory['before']) / 1e6:.1f}"

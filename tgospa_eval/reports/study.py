@@ -1,21 +1,22 @@
 """A scaling study, as a document, a report and a table."""
 
 from collections.abc import Iterator
+from typing import Literal
 
 from tgospa_eval.reports.phrases import (
     EXACT,
     SPLIT,
-    Json,
     counted,
     error_of,
     number,
     parameters_of,
 )
+from tgospa_eval.reports.records import Spread, StudyRecord
 from tgospa_eval.reports.tables import Document, Table, as_markdown
 from tgospa_eval.results.records import PARTS, Columns
 
 
-def study_document(document: Json) -> Document:
+def study_document(document: StudyRecord) -> Document:
     """Solvers on synthetic scenes of many sizes."""
     return Document(
         kind="Scaling study on simulated scenes; on your files: tgospa-eval compare TRUTH A",
@@ -26,13 +27,28 @@ def study_document(document: Json) -> Document:
     )
 
 
-def study_report(document: Json, pictures: list[str]) -> str:
+def study_report(document: StudyRecord, pictures: list[str]) -> str:
     """The report as Markdown, with its pictures."""
     shown = "\n\n".join(f"![{CAPTIONS[name]}]({name}.png)" for name in pictures)
     return f"# Scaling study\n\n{as_markdown(study_document(document))}" + (
         f"\n{shown}\n" if shown else ""
     )
 
+
+KINDS: tuple[Literal["mean", "deviation", "max"], ...] = ("mean", "deviation", "max")
+SPREADS: tuple[Literal["seconds", "error", "lower_error", "iterations"], ...] = (
+    "seconds",
+    "error",
+    "lower_error",
+    "iterations",
+)
+Fault = Literal["infinite_errors", "failed", "unfinished"]
+FAULTS: tuple[Fault, ...] = ("infinite_errors", "failed", "unfinished")
+FACTS: dict[Fault, str] = {
+    "failed": "failed",
+    "unfinished": "not finished",
+    "infinite_errors": "error without bound, not in its mean,",
+}
 
 CAPTIONS = {
     "error_over_epsilon": "Error of sinkhorn by temperature, mean and one standard deviation",
@@ -41,7 +57,7 @@ CAPTIONS = {
 """What the pictures of a study show, by name."""
 
 
-def study_columns(document: Json) -> Columns:
+def study_columns(document: StudyRecord) -> Columns:
     """A row for each size and solver, plain numbers."""
     rows = [(size, made) for size in document["sizes"] for made in size["solvers"]]
     table: Columns = {
@@ -52,15 +68,15 @@ def study_columns(document: Json) -> Columns:
         "solver": [made["solver"] for _, made in rows],
         "epsilon": [made["epsilon"] for _, made in rows],
     }
-    for name in ("seconds", "error", "lower_error", "iterations"):
-        for kind in ("mean", "deviation", "max"):
+    for name in SPREADS:
+        for kind in KINDS:
             table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
-    for name in ("infinite_errors", "failed", "unfinished"):
-        table[name] = [made[name] for _, made in rows]
+    for fault in FAULTS:
+        table[fault] = [made[fault] for _, made in rows]
     return table | {"left_out": [size["left_out"] for size, _ in rows]}
 
 
-def _study_title(document: Json) -> str:
+def _study_title(document: StudyRecord) -> str:
     sizes, runs = document["sizes"], document["runs"]
     if document["contradictions"]:
         targets, steps, run, a, b = document["contradictions"][0]
@@ -78,19 +94,19 @@ def _study_title(document: Json) -> str:
     return f"{done}: all brackets overlap" if len(sizes[0]["solvers"]) > 1 else done
 
 
-def _study_lines(document: Json) -> Iterator[str]:
-    scene, tracker, parameters = (document[name] for name in ("scene", "tracker", "parameters"))
+def _study_lines(document: StudyRecord) -> Iterator[str]:
+    scene, tracker = document["scene"], document["tracker"]
     yield (
         f"scenario {scene['scenario']}, area {scene['area']:g}; noise {tracker['noise']:g}, "
         f"detection {tracker['detection']:g}, swaps {tracker['swaps']:g}, fragmentation "
         f"{tracker['fragmentation']:g}, false tracks {tracker['false_rate']:g} a step; "
         f"seed {document['seed']}"
     )
-    yield parameters_of(parameters | {"unit": None})
+    yield parameters_of(document["parameters"])
     yield document["machine"]
 
 
-def _times_table(document: Json) -> Table:
+def _times_table(document: StudyRecord) -> Table:
     """Time and error; mean and standard deviation over the runs."""
     rows = []
     for size in document["sizes"]:
@@ -110,7 +126,7 @@ def _times_table(document: Json) -> Table:
     )
 
 
-def _rms_table(document: Json) -> Table:
+def _rms_table(document: StudyRecord) -> Table:
     """The metric itself: roots per step, RMS over runs."""
     mean = "RMS" if document["parameters"]["order"] == 2 else "mean"
     return Table(
@@ -125,7 +141,7 @@ def _rms_table(document: Json) -> Table:
     )
 
 
-def _notes(document: Json) -> Iterator[str]:
+def _notes(document: StudyRecord) -> Iterator[str]:
     yield (
         "m targets, T steps; seconds of solving and proof; error: the total is at most so much "
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
@@ -141,16 +157,11 @@ def _notes(document: Json) -> Iterator[str]:
                 "out of times and errors too"
             )
         for made in size["solvers"]:
-            kinds = (
-                ("failed", "failed"),
-                ("unfinished", "not finished"),
-                ("infinite_errors", "error without bound, not in its mean,"),
-            )
-            for name, fact in kinds:
+            for name, fact in FACTS.items():
                 if made[name]:
                     yield f"{made['name']}, {where}: {fact} in {counted(made[name], 'run')}"
 
 
-def _deviation(values: Json, form: str) -> str:
+def _deviation(values: Spread, form: str) -> str:
     value = values["deviation"]
     return "-" if value is None else ("0" if value < EXACT else f"{value:{form}}")

@@ -1,6 +1,7 @@
 """``compare TRUTH A B``: estimates of one truth, or of that of each run, in their order."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import cast
 
 from tgospa_eval.cli.compare.files import Pairs, check_files, expand, short_names
 from tgospa_eval.cli.compare.show import show
@@ -21,8 +22,8 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.plots.comparison import estimate_pictures
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.phrases import Json
 from tgospa_eval.reports.ranking import opposed, pairs_columns
+from tgospa_eval.reports.records import Metric, RankingRecord
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
 
@@ -54,7 +55,7 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
     settings = options.checked_settings()
     stopwatch, quiet = Stopwatch(), options.output.quiet
 
-    def work() -> tuple[Json, dict[str, str], StepCosts]:
+    def work() -> tuple[RankingRecord, dict[str, str], StepCosts]:
         pairs = Pairs(settings, stopwatch, quiet=quiet)
         found, parameters = _outcomes(pairs, runs, solver, per_step=options.per_step)
         # If it was interrupted: the runs that are whole, or what there is of the first.
@@ -69,8 +70,8 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
                 f"interrupted: {whole} of {len(runs)} runs and {len(entrants)} of {len(names)} "
                 "estimates are compared"
             )
-        answer = document(entrants, [of_truth for of_truth, _ in runs[:whole]], parameters)
-        answer["warnings"] = pairs.warnings
+        truths = [of_truth for of_truth, _ in runs[:whole]]
+        answer = document(entrants, truths, parameters, pairs.warnings)
         best = answer["estimates"][0]["name"]
         tables = {"per_step.csv": csv_text(steps_columns(entrants, best))}
         return answer, tables, steps_costs(entrants)
@@ -106,7 +107,7 @@ def _solver(options: CompareOptions) -> Solver:
 
 def _outcomes(
     pairs: Pairs, runs: Runs, solver: Solver, *, per_step: bool
-) -> tuple[list[list[Outcome]], Mapping[str, object]]:
+) -> tuple[list[list[Outcome]], Metric]:
     """Of each estimate what came of its runs, as many as were done; and the parameters."""
     stopwatch, (_, first) = pairs.stopwatch, runs[0]
     found: list[list[Outcome]] = [[] for _ in first]
@@ -120,4 +121,4 @@ def _outcomes(
             prepared = pairs.prepared(truth, path, named=count > 1)
             result = solve(prepared, solver, stopwatch)
             found[k].append(outcome(result, prepared.moments, per_step=per_step))
-    return found, result.settings
+    return found, cast("Metric", result.settings)

@@ -9,13 +9,13 @@ from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.reports.comparison import render
 from tgospa_eval.reports.folders import COMPARISON, STUDY
-from tgospa_eval.reports.phrases import Json
+from tgospa_eval.reports.records import Comparison
 from tgospa_eval.reports.study import study_report
 from tgospa_eval.results.records import json_text
 
 
 def show(
-    answer: Json,
+    answer: Comparison,
     output: OutputOptions,
     tables: Mapping[str, str],
     draw: plots.Draw,
@@ -48,7 +48,7 @@ def show(
             **tables,
             **pictures,
         }
-        if kind is STUDY:
+        if answer["kind"] == "study":
             names = [name.removesuffix(".png") for name in pictures]
             files["report.md"] = study_report(answer, names)
         return files

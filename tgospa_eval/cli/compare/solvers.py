@@ -9,7 +9,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.runs import name_of, takes_long
 from tgospa_eval.comparison.solvers import compare_solvers, document
 from tgospa_eval.plots.comparison import solver_pictures
-from tgospa_eval.reports.phrases import Json
+from tgospa_eval.reports.records import SolversRecord
 from tgospa_eval.solvers import SOLVERS
 
 ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
@@ -29,7 +29,7 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
     settings = options.checked_settings()
     stopwatch, quiet = Stopwatch(), options.output.quiet
 
-    def work() -> Json:
+    def work() -> SolversRecord:
         pairs = Pairs(settings, stopwatch, quiet=quiet)
         prepared = pairs.prepared(truth, estimate)
         chosen, left_out = list(solvers), {}
@@ -46,7 +46,7 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
         for solver in chosen[len(found.runs) :]:
             left_out[name_of(solver)] = "interrupted before its turn"
         once = {name: stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
-        return document(found, prepared, left_out, once) | {"warnings": pairs.warnings}
+        return document(found, prepared, left_out, once, pairs.warnings)
 
     answer = run(work, stopwatch, show=not quiet)
     show(answer, options.output, {}, lambda: solver_pictures(answer))
@@ -56,4 +56,4 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
     for made in unfinished:
         missed = "" if made["total"] is None else "accuracy not reached: "
         say(f"{missed}{made['name']}: {made['status']}")
-    return bool(answer["agree"]) and not unfinished
+    return answer["agree"] and not unfinished

@@ -15,7 +15,7 @@ from tgospa_eval.comparison.log import Log, machine
 from tgospa_eval.comparison.study import Study, carry_out, document
 from tgospa_eval.plots.comparison import study_pictures
 from tgospa_eval.reports.folders import STUDY, probe_folder
-from tgospa_eval.reports.phrases import Json
+from tgospa_eval.reports.records import StudyRecord
 from tgospa_eval.simulation import COLUMNS
 
 
@@ -36,7 +36,7 @@ def study_sizes(options: CompareOptions, sizes: StudyOptions) -> bool:
         notifier(quiet=quiet)(notice)
     with nullcontext() if folder is None else Log(folder, study.settings) as log:
 
-        def work() -> Json:
+        def work() -> StudyRecord:
             def notify(text: str, share: float) -> None:
                 stopwatch.stage = text
                 stopwatch.progress.done(share)
