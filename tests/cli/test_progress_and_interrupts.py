@@ -73,7 +73,7 @@ def test_brackets_on_the_way_hold(
     solver: Solver, area: float, cutoff: float, size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of one component and of many in batches, with trivial ones, and with a cutoff far above."""
-    monkeypatch.setattr(batches, "SIZE", size)
+    monkeypatch.setattr(batches, "BATCH_STATES", size)
     monkeypatch.setattr(certified, "FEW", 0)  # small programmes come late: sweeps are seen
     monkeypatch.setattr(exact, "SLOW", 0.0)
     rng = np.random.default_rng(3)

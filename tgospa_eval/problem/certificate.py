@@ -28,13 +28,13 @@ from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, 
 EPS = 2.0**-53
 """Largest relative error of one rounded operation."""
 
-HALF = 1 << 31
+HALF_WORD = 1 << 31
 """Of a whole price: sums of as many as there can be of either half are no overflow."""
 
-CHUNK = 64
+TERMS_TOGETHER = 64
 """Terms of a cost that are added with rounding; sums of these are added without."""
 
-MOST = 1e100
+LARGEST_PRICE = 1e100
 """Prices above this are taken as 0."""
 
 
@@ -121,7 +121,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 
     A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
     """
-    return breakdown.total * (1 + (CHUNK + 8) * EPS) / (1 - problem.cost_error)
+    return breakdown.total * (1 + (TERMS_TOGETHER + 8) * EPS) / (1 - problem.cost_error)
 
 
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
@@ -148,7 +148,7 @@ def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = 
 
 def fair_prices(prices: Floats) -> Floats:
     """Prices that prove something: at least 0, and 0 for what is no number or too large."""
-    return np.where(prices <= MOST, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
+    return np.where(prices <= LARGEST_PRICE, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
 
 
 class _Objects:
@@ -228,7 +228,7 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
         node = rows.pair_column[np.searchsorted(rows.pair_first, priced, side="right") - 1]
         for half, of_slot in zip(left, _halves(whole[slot]), strict=True):
             np.subtract.at(half, node, of_slot)
-    terms[:, 0], terms[:, 3] = -up(unit * left[0]), -up(unit * HALF * left[1])
+    terms[:, 0], terms[:, 3] = -up(unit * left[0]), -up(unit * HALF_WORD * left[1])
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
     if objects.half is not None:
@@ -250,8 +250,8 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
 
 
 def _halves(whole: Ints) -> tuple[Ints, Ints]:
-    """Integers >= 0 as remainders and multiples of HALF."""
-    return whole % HALF, whole // HALF
+    """Integers >= 0 as remainders and multiples of HALF_WORD."""
+    return whole % HALF_WORD, whole // HALF_WORD
 
 
 def _whole_sums(value: Ints, first: Ints) -> Ints:
@@ -300,8 +300,12 @@ def home_blocks(states: States, inner: States) -> Ints:
 
 
 def _in_chunks(terms: Floats) -> list[float]:
-    """Sums of CHUNK terms each."""
-    return np.add.reduceat(terms, np.arange(0, len(terms), CHUNK)).tolist() if len(terms) else []
+    """Sums of TERMS_TOGETHER terms each."""
+    return (
+        np.add.reduceat(terms, np.arange(0, len(terms), TERMS_TOGETHER)).tolist()
+        if len(terms)
+        else []
+    )
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:

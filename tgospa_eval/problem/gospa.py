@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 
-DENSE = 4_000_000
+DENSE_MATRIX = 4_000_000
 """Elements up to which a matrix of pairs is always written out."""
 
-SPARSE = 8
+SPARSE_RATIO = 8
 """Beyond that it is if less than so many times as large as the number of near pairs."""
 
 
@@ -110,7 +110,7 @@ def _assign(rows: Ints, columns: Ints, loss: Floats, unpaired: float) -> Ints:
 
     row, column = (np.unique(axis, return_inverse=True)[1] for axis in (rows, columns))
     shape = int(row.max()) + 1, int(column.max()) + 1
-    if shape[0] * shape[1] > max(DENSE, SPARSE * len(loss)):
+    if shape[0] * shape[1] > max(DENSE_MATRIX, SPARSE_RATIO * len(loss)):
         return _assign_sparse(row, column, loss, unpaired, shape)
     matrix = np.full(shape, unpaired)
     matrix[row, column] = loss

@@ -13,7 +13,7 @@ from tgospa_eval.problem.problem import Floats, Ints, sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 
-CHUNK = 1024
+SUMMANDS = 1024
 """Terms of a sum whose rounding is bounded together."""
 
 
@@ -33,17 +33,17 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     A sum of n terms >= 0 is off by at most (n - 1) units of rounding, whatever the order; sums of
     chunks, and then of these, keep n small.
     """
-    if len(value) <= CHUNK:
+    if len(value) <= SUMMANDS:
         total, terms = sum_parts(value, first), np.diff(first)
     else:
         begins = np.zeros(len(value), bool)
-        begins[::CHUNK] = begins[first[first < len(value)]] = True
+        begins[::SUMMANDS] = begins[first[first < len(value)]] = True
         starts = np.flatnonzero(begins)
         chunks = np.add.reduceat(value, starts)
         of_part = np.searchsorted(starts, np.minimum(first, len(value)))
         of_part[first >= len(value)] = len(starts)
         total = sum_parts(chunks, of_part)
-        terms = np.minimum(np.diff(first), CHUNK) + np.diff(of_part)
+        terms = np.minimum(np.diff(first), SUMMANDS) + np.diff(of_part)
     total *= 1.0 - (terms + 2) * 2.0**-53
     return total
 

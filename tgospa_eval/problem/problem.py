@@ -25,7 +25,7 @@ use are off by less than two. Squares are rounded once."""
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
 
-SMALLEST = 1e-306
+SMALLEST_POWER = 1e-306
 """Costs and distances below this, near the end of the doubles, count as this much."""
 
 
@@ -241,10 +241,10 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
     cost **= order
     _check_powers(distance, cost, parameters)
     slack = 0.0
-    lifted = np.flatnonzero((cost < SMALLEST) | (distance < SMALLEST))
+    lifted = np.flatnonzero((cost < SMALLEST_POWER) | (distance < SMALLEST_POWER))
     lifted = lifted[distance[lifted] > 0]
     if len(lifted):
-        least = max(SMALLEST, min(SMALLEST / parameters.cutoff, 1.0) ** order)
+        least = max(SMALLEST_POWER, min(SMALLEST_POWER / parameters.cutoff, 1.0) ** order)
         cost[lifted] = np.maximum(cost[lifted], least)
         slack = least * min(len(truth_step), len(estimate_step))
     keep = (distance < parameters.cutoff) & (cost < 1.0)
@@ -278,7 +278,7 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
     Raises
     ------
     ConfigError
-        It is.
+        The cost is made of powers below the smallest double.
     """
     if 0 < 1e-9 * cost < problem.cost_slack:
         raise ConfigError(
@@ -298,8 +298,8 @@ def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> Non
     """Refuse powers of which all digits that decide are lost by underflow."""
     order, penalty = parameters.order, parameters.switch_penalty
     farthest = float(distance.max(initial=0.0))
-    lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST else 0.0
-    if penalty > 0 and parameters.switch_price < SMALLEST:
+    lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST_POWER else 0.0
+    if penalty > 0 and parameters.switch_price < SMALLEST_POWER:
         lost = max(lost, penalty)
     if lost:
         what = "distance" if lost == farthest else "switch penalty"

@@ -16,7 +16,7 @@ from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.states import States
 
-HUGE = 1e100
+LARGEST_SWITCH_PRICE = 1e100
 """Switch prices above this are no different."""
 
 
@@ -44,9 +44,9 @@ def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> St
             estimate_row=problem.estimate_row[entry],
             cost=problem.cost[entry] / scale,
             switch_price=(
-                min(price / scale, HUGE)
+                min(price / scale, LARGEST_SWITCH_PRICE)
                 if isinstance(price, float)
-                else np.minimum(price / scale, HUGE)
+                else np.minimum(price / scale, LARGEST_SWITCH_PRICE)
             ),
         )
     )

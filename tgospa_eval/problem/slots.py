@@ -16,8 +16,8 @@ from tgospa_eval.problem.problem import Floats, Ints, sum_parts
 PART = 1 << 19
 """States that are looked at together where arrays as long as all states would be too much."""
 
-CROWD, FULL = 4000, 1 << 61
-"""More pairs of a node than this may sum to more than FULL, where weights are below 2^50."""
+CROWD, FULL_SUM = 4000, 1 << 61
+"""More pairs of a node than this may sum to more than FULL_SUM, where weights are below 2^50."""
 
 CACHE = 1 << 16
 """States whose slots are made together: what is written in no order stays in the cache."""
@@ -109,12 +109,12 @@ class Slots:
         """Exact sum of the integer weights (S,) of the states over each slot, (K,).
 
         Weights are >= 0. Sums of nodes with so many pairs that integers could overflow are right
-        up to FULL, and FULL above that.
+        up to FULL_SUM, and FULL_SUM above that.
         """
         if len(self.pair_node) and int(np.bincount(self.pair_node).max()) > CROWD:
             sums = self._sums(weight)
             coarse = self._sums(weight >> 20)
-            return np.where(coarse >= FULL >> 20, FULL, sums)
+            return np.where(coarse >= FULL_SUM >> 20, FULL_SUM, sums)
         return self._sums(weight)
 
     def _sums(self, weight: Ints) -> Ints:

@@ -14,10 +14,10 @@ ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
 """The integer that stands for the weight 1: fractional optima have small denominators, and those up
 to 18 are exact. Near 2^50, so that sums of some thousand weights fit, and doubles hold each."""
 
-TURN = 32
+STATES_A_STEP = 32
 """States of a part for each step that it lasts: fewer cost no more than the call of a function."""
 
-SNAP = ONE * 1e-9
+SNAP_WHOLE = ONE * 1e-9
 """Weights this near to 0 or 1 are meant to be 0 or 1."""
 
 
@@ -35,8 +35,8 @@ def whole_weights(weights: Floats, whole: Ints) -> None:
         used = np.flatnonzero(weights[part] != 0)
         fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0
         fixed *= ONE
-        fixed[fixed < SNAP] = 0
-        fixed[fixed > ONE - SNAP] = ONE
+        fixed[fixed < SNAP_WHOLE] = 0
+        fixed[fixed > ONE - SNAP_WHOLE] = ONE
         whole[part] = 0
         whole[part][used] = np.rint(fixed)
 
@@ -79,7 +79,7 @@ def row_parts(states: States) -> Iterator[tuple[States, slice]]:
     Rows do not depend on each other once prices are given. Nodes and column slots keep their
     numbers. A pass over a part takes a turn for each step: parts of long recordings are larger.
     """
-    size = max(PART, TURN * int((states.block_end - states.block_begin).max(initial=0)))
+    size = max(PART, STATES_A_STEP * int((states.block_end - states.block_begin).max(initial=0)))
     if 0 < len(states.begin) <= size:
         yield states, slice(None)
         return

@@ -21,7 +21,7 @@ from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
 
-SIZE = 20_000
+BATCH_STATES = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
 
 
@@ -163,7 +163,7 @@ def _solve_some(
     weights = np.zeros(len(states.begin))
     prices = np.zeros(len(states.columns.step))
 
-    cuts = states.cuts(SIZE)
+    cuts = states.cuts(BATCH_STATES)
     bracket = BracketProgress(states, cuts, limit.progress)
 
     def work(number: int) -> Answer:

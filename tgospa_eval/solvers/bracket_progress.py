@@ -14,7 +14,7 @@ from tgospa_eval.solvers.block_costs import unassigned_costs
 FINEST = 1e-12
 """Relative gap that is as good as none."""
 
-MARGIN = 1e-12
+SUM_MARGIN = 1e-12
 """Of the cost of leaving all unassigned: more than sums in solvers lose."""
 
 
@@ -50,7 +50,7 @@ class BracketProgress:
         most = float(problem.truth_price.sum() + problem.estimate_price.sum())
         lower = float(np.where(self.begun, self.lower, -self.unassigned).sum())
         self.progress.prove(
-            most * (1 - MARGIN) + lower, most * (1 + MARGIN) + float(self.upper.sum())
+            most * (1 - SUM_MARGIN) + lower, most * (1 + SUM_MARGIN) + float(self.upper.sum())
         )
         self.progress.done(float(self._sizes() @ self.shares))
 

@@ -10,7 +10,7 @@ from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots, parts
 
-SAME = 1e-12
+SAME_ROOM = 1e-12
 """Rooms that differ by less are one."""
 
 
@@ -71,7 +71,7 @@ def capacity_rows(
     edge[begin] = edge[end] = edge[slots.first] = True
     fresh = edge[slot]
     fresh[:1] = True
-    fresh[1:] |= (np.diff(slot) > 1) | (np.abs(np.diff(room)) > SAME)
+    fresh[1:] |= (np.diff(slot) > 1) | (np.abs(np.diff(room)) > SAME_ROOM)
     group = np.cumsum(fresh) - 1
     first = np.flatnonzero(fresh)
     covers, room = covers[first], room[first]

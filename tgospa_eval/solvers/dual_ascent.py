@@ -20,11 +20,11 @@ from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.schedule import ASCENT
 
-LINKS, FEW, TINY = 8, 100_000, 1e-3
+LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
 unless it is tiny."""
 
-ROUNDING = 8 * 2.0**-53
+PRICE_ROUNDING = 8 * 2.0**-53
 """How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
 two parts and relative to "none", so that the length of a recording does not count."""
 
@@ -144,7 +144,7 @@ class Ascent:
         total[rows] = self.best[rows]
         total = sum_by(self.states.node_block, total, blocks)
         # What the values of paths may have lost by rounding counts as well.
-        return total + (1 + ROUNDING) * self._paid(prices)
+        return total + (1 + PRICE_ROUNDING) * self._paid(prices)
 
     def _paid(self, prices: Floats) -> Floats:
         """Sum of the prices of each open block, (B,)."""
@@ -239,7 +239,7 @@ class Ascent:
 
         A price that nobody competes for is as good as none, but sums of prices lose digits.
         """
-        lost = ROUNDING * self._paid(self.prices)
+        lost = PRICE_ROUNDING * self._paid(self.prices)
         if np.any(self.wide() & (self.gap < 4 * lost)):
             self.survey(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(kernels.NEAR))
@@ -249,14 +249,14 @@ class Ascent:
         """The chain of the working set; of a smaller one where it would be too long."""
         s = self.states
         chosen = np.zeros(len(s.begin), np.uint8)
-        most = max(LINKS * len(s.begin), FEW)
+        most = max(LINKS_EACH * len(s.begin), FEWEST_LINKS)
         while True:
             self.survey(self.soft, threshold)
             kernels.working_set(self.layout, self.weights, self.soft, self.flags, chosen)
             chain = kernels.Chain(self.layout, chosen, self.soft, most)
             if chain.links <= most:
                 return chain
-            if threshold < TINY:  # so many tie that no smaller set is in sight
+            if threshold < LEAST_THRESHOLD:  # so many tie that no smaller set is in sight
                 most = chain.links
             threshold *= 0.5
 

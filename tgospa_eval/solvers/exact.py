@@ -31,9 +31,9 @@ from tgospa_eval.solvers.trivial import solve_rows
 if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
 
-GAP = 1e-9
+REFEREE_GAP = 1e-9
 
-IMPORT, BUILD, FACTOR, WIDTH = 2.0, 6e-5, 4e-7, 1.1
+IMPORT, BUILD, FACTOR, WIDTH_POWER = 2.0, 6e-5, 4e-7, 1.1
 """Seconds that importing cvxpy takes; that compiling a programme takes for each state; and a first
 factorisation by Clarabel, for each state and that power of the states that begin at a step. Nothing
 can stop these once they have begun. Measured on crowds of 2,000 to 40,000 states, within a factor
@@ -42,14 +42,14 @@ of three."""
 SLOW = 2.0
 """Where it takes longer than so many seconds, a first bracket is worth its time."""
 
-ENDS = {
+CVXPY_ENDS = {
     "optimal": Status.SOLVED,
     "optimal_inaccurate": Status.SOLVED,  # to a looser tolerance; the bracket says how good it is
     "user_limit": Status.LATE,
 }
 """What CVXPY calls the ends that can be."""
 
-SETTINGS = {
+CLARABEL_SETTINGS = {
     "tol_gap_abs": 1e-11,
     "tol_gap_rel": 1e-11,
     "tol_feas": 1e-11,
@@ -74,7 +74,7 @@ class Exact:
 
     name: ClassVar[str] = "exact"
     proves: ClassVar[bool] = False
-    gap: ClassVar[float] = GAP
+    gap: ClassVar[float] = REFEREE_GAP
     jobs: ClassVar[int | None] = 1
     time_limit: float | None = None
 
@@ -220,7 +220,7 @@ def _seconds(states: States) -> tuple[float, float]:
     size = len(states.begin)
     width = size / max(len(np.unique(states.begin)), 1)
     begun = 0.0 if "cvxpy" in sys.modules else IMPORT
-    return begun + size * BUILD, size * FACTOR * width**WIDTH
+    return begun + size * BUILD, size * FACTOR * width**WIDTH_POWER
 
 
 def _short(batch: Batch, seconds: float) -> bool:
@@ -279,7 +279,7 @@ def _solve(programme: _Programme, seconds: float | None) -> tuple[Status, str, i
     """Run Clarabel; how it ended, and its iterations."""
     import cvxpy as cp
 
-    settings: dict[str, float] = dict(SETTINGS)
+    settings: dict[str, float] = dict(CLARABEL_SETTINGS)
     if seconds is not None:
         settings["time_limit"] = max(seconds, 1e-3)
     problem = programme.problem
@@ -289,6 +289,6 @@ def _solve(programme: _Programme, seconds: float | None) -> tuple[Status, str, i
             problem.solve(solver=cp.CLARABEL, warm_start=False, **settings)
     except cp.error.SolverError as error:
         return Status.CLARABEL_FAILED, " ".join(str(error).split())[:80], 0
-    if problem.status not in ENDS:
+    if problem.status not in CVXPY_ENDS:
         raise SolverError(f"Clarabel calls a programme {problem.status} that is neither")
-    return ENDS[problem.status], "", int(problem.solver_stats.num_iters or 0)
+    return CVXPY_ENDS[problem.status], "", int(problem.solver_stats.num_iters or 0)

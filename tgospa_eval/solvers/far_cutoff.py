@@ -23,17 +23,17 @@ from tgospa_eval.problem.weights import repair
 from tgospa_eval.solvers.block_costs import block_costs
 from tgospa_eval.solvers.warm_start import make_warm_start, save_solution
 
-FAR = 2.0**-8
+FAR_CUTOFF = 2.0**-8
 """At a fraction of c^p up to this, a smaller cutoff is chosen before anything else is tried."""
 
-NEAR = 2.0**-2
+NEAR_CUTOFF = 2.0**-2
 """Fractions above this are no different from 1."""
 
-DOUBTFUL, ROUNDED = 2.0**-20, 1e-12
+DOUBTFUL, PROOF_ROUNDING = 2.0**-20, 1e-12
 """At a fraction of c^p below this the digits of a solver do not tell whether a block is solved: the
-certificate is asked. It rounds outward by less than ROUNDED, relative."""
+certificate is asked. It rounds outward by less than PROOF_ROUNDING, relative."""
 
-ROOM = 16.0
+CUTOFF_ROOM = 16.0
 """A cutoff price fits that is so many times the largest cost that cannot be avoided."""
 
 STEP, LEAP = 2.0**6, 2.0**1000
@@ -79,7 +79,7 @@ def solve_at_fitting_cutoffs(
     if doubtful.any():
         cost = block_costs(states, found.weights)
         width = cost - lower_bounds(states, found.prices)
-        missing |= doubtful & (width > max(gap, ROUNDED) * cost)
+        missing |= doubtful & (width > max(gap, PROOF_ROUNDING) * cost)
     if not missing.any() or states.problem.pair_price is None:
         return found
     scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))
@@ -113,7 +113,7 @@ def fitting_scales(states: States) -> Floats:
     for block in np.flatnonzero(most == 0).tolist():
         cost = problem.cost[_entries_of(states, block)]
         least[block] = min(least[block], cost.min(where=cost > 0, initial=np.inf))
-    return _powers(np.where(most > 0, most, np.where(least < np.inf, least, 0.0)), FAR)
+    return _powers(np.where(most > 0, most, np.where(least < np.inf, least, 0.0)), FAR_CUTOFF)
 
 
 def _entries_of(states: States, block: int) -> Ints:
@@ -129,12 +129,12 @@ def _scales_of_costs(states: States, weights: Floats) -> Floats:
     most = np.zeros(len(states.block_begin))
     block = states.pair_block[np.searchsorted(states.pair_first, used, side="right") - 1]
     np.maximum.at(most, block, problem.cost[states.entry[used]])
-    return _powers(most, NEAR)
+    return _powers(most, NEAR_CUTOFF)
 
 
 def _powers(most: Floats, largest: float) -> Floats:
-    """The next power of 2 above ROOM times each cost; 1 where that is beyond the largest, or 0."""
-    scale = np.ldexp(1.0, np.frexp(ROOM * np.minimum(most, 1.0))[1])
+    """The next power of 2 above CUTOFF_ROOM times each cost; 1 beyond the largest, or for 0."""
+    scale = np.ldexp(1.0, np.frexp(CUTOFF_ROOM * np.minimum(most, 1.0))[1])
     return np.where((most > 0) & (scale <= largest), scale, 1.0)
 
 
@@ -168,7 +168,7 @@ class _Ladder:
             pending &= ~(chosen & self._attempt(chosen, size, LEAP if again else self.step))
             first &= ~chosen
             scale[chosen] *= self.step
-            last = pending & (scale > NEAR)
+            last = pending & (scale > NEAR_CUTOFF)
             if last.any():
                 self._solve_directly(last)
                 pending &= ~last

@@ -14,8 +14,8 @@ from tgospa_eval.solvers.block_costs import block_costs, unassigned_costs
 from tgospa_eval.solvers.rounding import round_paths
 from tgospa_eval.solvers.schedule import ASCENT
 
-NEGLIGIBLE = 1e-12
-CHAIN = 2_000_000
+NEGLIGIBLE_MASS = 1e-12
+LONGEST_CHAIN = 2_000_000
 """States of one step that the sweeps may have; eight for each gain if that is more."""
 
 
@@ -76,7 +76,7 @@ class PlainAscent:
                 break
         self.sweeping += time.perf_counter() - begin
         soft, prices = self.sweeps.marginals(), self.sweeps.slot_prices()
-        self.sweeps.drop(NEGLIGIBLE)
+        self.sweeps.drop(NEGLIGIBLE_MASS)
         swept = time.perf_counter()
         for cut in ASCENT.thresholds:
             trial = np.where(prices > cut * epsilon, prices, 0.0)
@@ -258,7 +258,7 @@ def _chain(states: States, left: Ints) -> tuple[Ints, Ints]:
     chosen = np.flatnonzero(np.isin(states.pair_block, left)[states.pair])
     length = states.end[chosen] - states.begin[chosen] + 1
     order = np.argsort(length, kind="stable")
-    room = max(CHAIN, 8 * len(states.problem.cost))
+    room = max(LONGEST_CHAIN, 8 * len(states.problem.cost))
     chosen = np.sort(chosen[order[np.cumsum(length[order]) <= room]])
     length = states.end[chosen] - states.begin[chosen] + 1
     state = np.repeat(chosen, length)

@@ -14,7 +14,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.basis import Marks, suggest
 from tgospa_eval.solvers.programme import Long, Programme, make_programme
 
-LARGE, PATIENCE, WORK, SAMPLE = 2000, 2.0, 150, 6
+LARGE_LP, ITERATIONS_EACH, WORK_EACH, SAMPLED_ROWS = 2000, 2.0, 150, 6
 """A programme with so many constraints that takes the simplex method more than so many iterations,
 or so much work, for each of them is dense with ties: the interior point method is up to ten times
 quicker there, and two to four times slower elsewhere. Work is the sum over the iterations of what a
@@ -28,13 +28,13 @@ ROOMIER = 1e-6
 """Columns have so much more room while duals are refined, so that of all best prices the least are
 taken: a basis that is best then is best without it, and prices near 1 drop small digits."""
 
-VIOLATION, REFINEMENTS = 1e-25, 4
+DUAL_VIOLATION, REFINEMENTS = 1e-25, 4
 """Duals are refined until none is wrong by more, or so many times."""
 
-DENOMINATORS, SNAP = 64, 1e-9
+DENOMINATORS, SNAP_FRACTION = 64, 1e-9
 """Weights this near to a fraction of a small denominator are meant to be it."""
 
-SUM = 1e-13
+SNAP_EXCESS = 1e-13
 """Snapped weights may exceed a capacity by no more than this."""
 
 
@@ -155,7 +155,7 @@ def refine(found: Proposal, seconds: float | None) -> Proposal:
     for _ in range(REFINEMENTS):
         cost = np.append(p.reduced_long(dual), p.offset - dual)
         wrong = float(np.where(basic, np.abs(cost), np.where(free, -cost, 0.0)).max(initial=0.0))
-        if solved and wrong <= VIOLATION:
+        if solved and wrong <= DUAL_VIOLATION:
             break
         scale = min(SCALE, 2.0 ** -np.ceil(np.log2(max(wrong, 1e-40))))
         scaled = np.clip((cost * scale).astype(np.float64), -SHIFT, SHIFT)
@@ -208,11 +208,11 @@ def _snapped(p: Programme, values: Floats) -> Floats:
         if not len(left):
             break
         whole = np.rint(weights[left] * denominator) / denominator
-        near = np.abs(whole - weights[left]) <= SNAP
+        near = np.abs(whole - weights[left]) <= SNAP_FRACTION
         snapped[left[near]] = whole[near]
         left = left[~near]
     for capacity in (p.rows, p.columns):
-        room = capacity.room + SUM
+        room = capacity.room + SNAP_EXCESS
         over = np.bincount(capacity.constraint, snapped[capacity.state], len(room)) - room
         was = np.bincount(capacity.constraint, weights[capacity.state], len(room)) - room
         if np.any(over > np.maximum(was, 0.0)):
@@ -270,7 +270,7 @@ def _solve(
     the simplex method, however long it takes, if that fails in turn.
     """
     deadline = None if seconds is None else time.monotonic() + seconds
-    model, large = _model(p), len(p.full) >= LARGE
+    model, large = _model(p), len(p.full) >= LARGE_LP
     interior &= large
     simplex, iterations = _highs(model), 0
     if not interior:
@@ -300,17 +300,17 @@ def _simplex(highs: highspy.Highs, deadline: float | None) -> tuple[bool, int]:
         finished, iterations = _run(highs, deadline)
         done += iterations
         stopped = highs.getModelStatus() == highspy.HighsModelStatus.kIterationLimit
-        if not stopped or done > PATIENCE * rows:
+        if not stopped or done > ITERATIONS_EACH * rows:
             return finished, done
         work += iterations * _density(highs, rows)
-        if work > WORK * rows:
+        if work > WORK_EACH * rows:
             return finished, done
         portion = rows // 8
 
 
 def _density(highs: highspy.Highs, rows: int) -> float:
     """Mean number of entries other than 0 of a row of the inverse of the basis, by a sample."""
-    sample = np.linspace(0, rows - 1, SAMPLE).astype(int).tolist()
+    sample = np.linspace(0, rows - 1, SAMPLED_ROWS).astype(int).tolist()
     found = [highs.getBasisInverseRowSparse(row) for row in sample]  # type: ignore[attr-defined]
     return float(np.mean([count for _, _, count, *_ in found]))
 

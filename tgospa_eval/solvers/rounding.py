@@ -7,7 +7,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.best_paths import paths
 
-ROUNDS = 12
+ROUNDINGS = 12
 
 
 def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
@@ -23,7 +23,7 @@ def round_paths(states: States, value: Floats, preference: Floats) -> Floats:
         Who wins where two rows claim a column at once.
     """
     value = value.copy()
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDINGS):
         weights = paths(states, value)
         lost = _losers(states, np.flatnonzero(weights), preference)
         if not len(lost):

@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     from tgospa_eval.solvers.plain_sweeps import PlainAscent
     from tgospa_eval.solvers.warm_start import WarmStart
 
-SCHEDULE = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-"""Temperatures on the way to a smaller one, each for `WARM` sweeps."""
+WARM_STAGES = (0.3, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+"""Temperatures on the way to a smaller one, each for `WARM_SWEEPS` sweeps."""
 
-WARM = 12
-CHECK, CHECKS = 24, 4
+WARM_SWEEPS = 12
+CHECK_SWEEPS, CHECKS = 24, 4
 """Sweeps between two looks at the bracket, and how many of these it takes as a rule."""
 
 MOST_SWEEPS = 2000
-VIOLATION = 1e-6
-NEGLIGIBLE = 25.0
+FULL_TO = 1e-6
+NEGLIGIBLE_SLACK = 25.0
 """States with more slack than so many temperatures have a share below 1e-10 and are left out."""
 
 
@@ -100,7 +100,7 @@ class Sinkhorn:
         ascent.keep(ascent.wide())
         preparation = time.perf_counter() - begin
         half = 0.5 * float(min(batch.states.problem.switch_price_at.max(), 1.0))
-        warm = [epsilon for epsilon in SCHEDULE if epsilon > self.epsilon]
+        warm = [epsilon for epsilon in WARM_STAGES if epsilon > self.epsilon]
         history: list[dict[str, float]] = []
         status: Status | None = None
         count = 0
@@ -110,10 +110,10 @@ class Sinkhorn:
         while status is None:
             cold = len(history) >= len(warm)
             epsilon = self.epsilon if cold else warm[len(history)]
-            sweeps = min(CHECK if cold else WARM, MOST_SWEEPS - count)
+            sweeps = min(CHECK_SWEEPS if cold else WARM_SWEEPS, MOST_SWEEPS - count)
             before = ascent.gap[wanted].sum()
             done, violation = ascent.stage(
-                epsilon, sweeps, NEGLIGIBLE * epsilon + half, batch.limit.late
+                epsilon, sweeps, NEGLIGIBLE_SLACK * epsilon + half, batch.limit.late
             )
             count += done
             after = ascent.gap[wanted].sum()
@@ -125,7 +125,7 @@ class Sinkhorn:
                 status = Status.MET
             elif batch.limit.late():
                 status = batch.limit.status
-            elif cold and violation <= VIOLATION:
+            elif cold and violation <= FULL_TO:
                 status = Status.FULL
             elif cold and after > 0.95 * before:
                 status = Status.SETTLED

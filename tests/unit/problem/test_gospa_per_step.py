@@ -63,8 +63,8 @@ def test_sparse_assignment_is_as_good(seed: int) -> None:
     problem = evaluate(truth, estimate, 2.0, 2, 0.0).proof.states.problem
     dense = per_step.per_step_gospa(problem)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(per_step, "DENSE", 0)
-        patch.setattr(per_step, "SPARSE", 0)
+        patch.setattr(per_step, "DENSE_MATRIX", 0)
+        patch.setattr(per_step, "SPARSE_RATIO", 0)
         sparse = per_step.per_step_gospa(problem)
     assert sparse.total == pytest.approx(dense.total)
 

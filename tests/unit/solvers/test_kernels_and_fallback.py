@@ -232,7 +232,7 @@ def bytes_of(truth: np.ndarray, estimate: np.ndarray, solver: Certified | Sinkho
 def test_threads_do_not_change_a_byte(kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
     import tgospa_eval.solvers.batches as batches
 
-    monkeypatch.setattr(batches, "SIZE", 100)
+    monkeypatch.setattr(batches, "BATCH_STATES", 100)
     truth, estimate = scene(11, 5, 6, 16, side=5.0)
     offsets = 1e4 * np.arange(5)[:, None, None, None]
     many = np.concatenate(list(truth[None] + offsets), axis=1)

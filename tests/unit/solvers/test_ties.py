@@ -116,8 +116,8 @@ def test_prices_suggest_a_basis() -> None:
 def test_both_methods_agree(scene, monkeypatch: pytest.MonkeyPatch) -> None:
     states = states_of(scene(0, 8, 8, 20), 4.0, 1, 2.0)
     simplex = whole(states)
-    monkeypatch.setattr(programmes, "LARGE", 1)
-    monkeypatch.setattr(programmes, "WORK", 0)
+    monkeypatch.setattr(programmes, "LARGE_LP", 1)
+    monkeypatch.setattr(programmes, "WORK_EACH", 0)
     interior = whole(states)
     assert not simplex.interior
     assert interior.interior
