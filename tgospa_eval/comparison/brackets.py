@@ -2,45 +2,32 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+
+from tgospa_eval.common.interval import Interval
 
 EQUAL = 1e-9
 """Values that differ by at most this share of themselves are equal."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Bracket:
-    """Proven: ``lower <= value <= upper``, in one unit for all that are compared.
-
-    Parameters
-    ----------
-    lower, upper : float
-        The bounds.
-    """
-
-    lower: float
-    upper: float
-
-
-def overlap(first: Bracket, second: Bracket) -> bool:
+def overlap(first: Interval, second: Interval) -> bool:
     """Whether both can hold the same value."""
     return first.lower <= second.upper and second.lower <= first.upper
 
 
-def less(first: Bracket, second: Bracket) -> bool:
+def less(first: Interval, second: Interval) -> bool:
     """Whether the first value is proven to be below the second."""
     return first.upper < second.lower
 
 
-def equal(first: Bracket, second: Bracket) -> bool:
+def equal(first: Interval, second: Interval) -> bool:
     """Whether both values are proven to be the same, but for `EQUAL` of them."""
     most = max(first.upper - second.lower, second.upper - first.lower)
     return most <= EQUAL * max(first.upper, second.upper)
 
 
-def narrowest(brackets: Sequence[Bracket]) -> Bracket:
+def narrowest(brackets: Sequence[Interval]) -> Interval:
     """The intersection of brackets of one value: the largest lower and the least upper bound."""
-    return Bracket(
+    return Interval(
         lower=max(bracket.lower for bracket in brackets),
         upper=min(bracket.upper for bracket in brackets),
     )
@@ -59,7 +46,7 @@ def shortfall(value: float, ceiling: float) -> float:
 
 
 def places(
-    brackets: Sequence[Bracket], alike: Callable[[int, int], bool] | None = None
+    brackets: Sequence[Interval], alike: Callable[[int, int], bool] | None = None
 ) -> list[tuple[int, int]]:
     """Best and worst place, counted from 1, that each can have in the order of the values.
 
@@ -67,7 +54,7 @@ def places(
 
     Parameters
     ----------
-    brackets : sequence of Bracket
+    brackets : sequence of Interval
         Of the values.
     alike : callable, optional
         Whether two of them, by their numbers, are equal; by default if their brackets prove it.

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import Against, against, against_document, differences
-from tgospa_eval.comparison.brackets import EQUAL, Bracket, equal, less, places
+from tgospa_eval.comparison.brackets import EQUAL, equal, less, places
 from tgospa_eval.comparison.runs import bracket_of, costs_of
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.records import (
@@ -47,7 +48,7 @@ class Outcome:
 
     Parameters
     ----------
-    bracket : Bracket
+    bracket : Interval
         Proven bounds of the total.
     parts, counts : dict
         Costs and counts.
@@ -65,7 +66,7 @@ class Outcome:
         Per-step GOSPA.
     """
 
-    bracket: Bracket
+    bracket: Interval
     parts: Costs
     counts: dict[str, float]
     steps: dict[str, Floats]
@@ -145,7 +146,7 @@ def document(
     """
     order = parameters["order"]
     steps = durations(entrants)
-    per_step = [[_scaled(o.bracket, 1 / t) for o, t in zip(e.outcomes, steps, strict=True)]
+    per_step = [[o.bracket.scaled(1 / t) for o, t in zip(e.outcomes, steps, strict=True)]
                 for e in entrants]  # fmt: skip
     normal = [_mean(brackets) for brackets in per_step]
     ranked = sorted(range(len(entrants)), key=lambda k: (normal[k].upper, normal[k].lower))
@@ -251,7 +252,7 @@ def _mean_rule(found: Sequence[RuleRecord]) -> RuleRecord:
 
 
 def _verdict(
-    entrants: Sequence[Entrant], normal: Sequence[Bracket], pair: tuple[int, int] = (0, 1)
+    entrants: Sequence[Entrant], normal: Sequence[Interval], pair: tuple[int, int] = (0, 1)
 ) -> str:
     """What is proven of two of them: equal data have equal values, whatever the brackets are."""
     first, second = (normal[k] for k in pair)
@@ -265,8 +266,8 @@ def _verdict(
 
 def _pair(
     entrants: tuple[Entrant, Entrant],
-    normal: tuple[Bracket, Bracket],
-    runs: tuple[list[Bracket], list[Bracket]],
+    normal: tuple[Interval, Interval],
+    runs: tuple[list[Interval], list[Interval]],
     durations: list[int],
 ) -> PairRecord:
     """The second less the first, which has the smaller value; costs per step, means over runs."""
@@ -396,15 +397,8 @@ def _signs(own: _Joined, other: _Joined) -> Floats:
     return np.where(small, 0.0, np.sign(own.total - other.total))
 
 
-def _scaled(bracket: Bracket, factor: float) -> Bracket:
-    return Bracket(
-        lower=bracket.lower * factor,
-        upper=bracket.upper * factor,
-    )
-
-
-def _mean(brackets: Sequence[Bracket]) -> Bracket:
-    return Bracket(
+def _mean(brackets: Sequence[Interval]) -> Interval:
+    return Interval(
         lower=float(np.mean([bracket.lower for bracket in brackets])),
         upper=float(np.mean([bracket.upper for bracket in brackets])),
     )

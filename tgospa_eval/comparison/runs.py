@@ -10,9 +10,9 @@ from typing import IO, Any, cast
 
 import numpy as np
 
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError, SolverError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
@@ -48,7 +48,7 @@ class Run:
         Its name.
     epsilon : float, optional
         Its temperature, if it has one.
-    bracket : Bracket, optional
+    bracket : Interval, optional
         Proven bounds of the total; None if the solver failed, and then there is only a status.
     tgospa, lower_bound : float, optional
         The same bounds as values.
@@ -70,7 +70,7 @@ class Run:
 
     solver: str
     epsilon: float | None
-    bracket: Bracket | None
+    bracket: Interval | None
     tgospa: float | None
     lower_bound: float | None
     parts: Costs | None
@@ -111,10 +111,10 @@ def costs_of(result: Summary) -> Costs:
     }
 
 
-def bracket_of(result: Summary) -> Bracket:
+def bracket_of(result: Summary) -> Interval:
     """The proven bounds of the total, as costs."""
     lower, upper = result.total_bounds
-    return Bracket(lower=lower, upper=upper)
+    return Interval(lower=lower, upper=upper)
 
 
 def failed(solver: Solver, error: BaseException) -> Run:

@@ -15,10 +15,10 @@ from typing import Literal, cast
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison import SCHEMA
-from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.comparison.runs import NO_COSTS, Run, failed, run_here, warm_up
 from tgospa_eval.comparison.solvers import Comparison, compare_solvers
 from tgospa_eval.distances import Distance
@@ -317,7 +317,7 @@ def spread(values: Sequence[float]) -> Spread:
 def _run(made: SceneRun) -> Run:
     bracket = None
     if made["lower"] is not None and made["upper"] is not None:
-        bracket = Bracket(lower=made["lower"], upper=made["upper"])
+        bracket = Interval(lower=made["lower"], upper=made["upper"])
     return Run(
         solver=made["solver"], epsilon=made["epsilon"], bracket=bracket, tgospa=None,
         lower_bound=None, parts=None, counts={}, status=made["status"], finished=made["finished"],

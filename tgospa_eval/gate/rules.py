@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.text import quoted
@@ -74,7 +75,7 @@ def worst(statuses: Iterable[int]) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Value:
+class Value(Interval):
     """A number and what is known of it.
 
     Parameters
@@ -87,8 +88,6 @@ class Value:
         c^p for costs, 1 for counts: the scale of tolerances.
     """
 
-    lower: float
-    upper: float
     proven: bool
     unit: float
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.status import Status
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
@@ -91,7 +92,7 @@ class Reduced:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bounds:
+class Bounds(Interval):
     """Proven: ``lower <= optimum <= upper``, in units of c^p, rounded outward.
 
     Parameters
@@ -102,8 +103,6 @@ class Bounds:
         An `upper` below this may come from the last places of the states alone.
     """
 
-    lower: float
-    upper: float
     rounding: float = 0.0
 
     @property

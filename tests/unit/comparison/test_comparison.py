@@ -13,8 +13,9 @@ from answer import Answer
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import runs, solvers
-from tgospa_eval.comparison.brackets import Bracket, equal, excess, less, narrowest, overlap, places
+from tgospa_eval.comparison.brackets import equal, excess, less, narrowest, overlap, places
 from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
@@ -28,8 +29,8 @@ Write = Callable[[str, str], str]
 Invoke = Callable[..., Answer]
 
 
-def bracket(lower: float, upper: float) -> Bracket:
-    return Bracket(lower=lower, upper=upper)
+def bracket(lower: float, upper: float) -> Interval:
+    return Interval(lower=lower, upper=upper)
 
 
 def track(*positions: float) -> str:
@@ -100,7 +101,7 @@ def here(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 
 def test_wrong_solver_is_found(write: Write, invoke: Invoke, here, tmp_path: Path) -> None:
     """A solver whose proof says 0 to 3 of a total that the others prove to be 4."""
-    wrong = Bracket(lower=0.0, upper=3.0)
+    wrong = Interval(lower=0.0, upper=3.0)
     here(lambda solver, made: replace(made, bracket=wrong) if solver.name == "exact" else made)
     paths = write("t.csv", TRUTH), write("e.csv", track(0, 2, 0))
     answer = invoke("compare", *paths, "-c", "5", "-g", "1", "--epsilon", "0.1", "-o", "out")

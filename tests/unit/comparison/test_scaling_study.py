@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 from answer import Answer
 
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import study
-from tgospa_eval.comparison.brackets import Bracket
 from tgospa_eval.comparison.log import NAME, Log
 from tgospa_eval.comparison.study import spread
 from tgospa_eval.errors import ConfigError, SolverError
@@ -194,7 +194,7 @@ def test_failing_and_contradicting_scenes_are_counted(
         if solver.name == "sinkhorn" and at[0] == 2:
             raise SolverError("gave up")
         if solver.name == "sinkhorn" and at[0] == 3:
-            return replace(made, bracket=Bracket(lower=0.0, upper=1e-3))
+            return replace(made, bracket=Interval(lower=0.0, upper=1e-3))
         return made
 
     monkeypatch.setattr(study, "prepare", prepare)
