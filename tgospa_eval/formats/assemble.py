@@ -1,6 +1,6 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,11 @@ from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import more
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
+from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.columns.spread import Spread
+    from tgospa_eval.formats.particles import Particles
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
@@ -31,112 +32,63 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     InputError
         An (id, t) is repeated and `on_duplicate` is ``"error"``, or a box has no size.
     """
-    roles, times = rows.roles, rows.times
+    roles = rows.roles
     state = roles.mixed(rows.numbers, roles.state)
-    moments, step = _number_times(times.value)
-    labels = None
-    if times.text is not None:
-        labels = np.empty(len(moments), dtype=object)
-        labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
-    chosen = _Choice(len(state))
+    choice = _Choice(len(state))
     for rule, (apart, sentence) in rows.apart.items():
-        chosen.keep(~apart, rule, sentence)
-    filled = np.ones(len(state), bool)
-    for column in state.T:
-        filled &= column == column  # NaN is not
-    chosen.keep(filled, "blank", "with a blank or NaN position: absent at that step")
-    if options.moments is not None:
-        inside = options.moments.inside(moments, times.clock, rows.name)
-        chosen.keep(inside[step], "time", "left out by --time")
-        moments, labels = moments[inside], None if labels is None else labels[inside]
-        step = (np.cumsum(inside) - 1)[step]
-    if options.classes is not None and rows.classes is not None:
-        names = {name.strip() for name in options.classes}
-        known = np.array([name in names for name in rows.classes[0]], bool)
-        chosen.keep(known[rows.classes[1]], "class", "left out by --class")
-        for name in sorted(names - set(rows.classes[0])):
-            there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
-            chosen.notices.append(f"no row of class {quoted(name)}; there are {there}")
-    elif options.classes is not None:
-        chosen.notices.append("no column class: --class leaves all its rows in")
+        choice.keep(~apart, rule, sentence)
+    choice.keep(_filled(state), "blank", "with a blank or NaN position: absent at that step")
+    grid = _grid(rows, options, choice)
+    _keep_classes(rows, options, choice)
     track_ids, track = rows.ids
-    key = step.astype(np.int64) * max(len(track_ids), 1) + track
+    key = grid.step.astype(np.int64) * max(len(track_ids), 1) + track
     particles = None
     if roles.weight is not None:
-        from tgospa_eval.formats.particles import gather  # here, as below: most states are points
+        from tgospa_eval.formats.particles import gather  # here: most states are points
 
-        particles = gather(rows, key, chosen.mask, always=options.clouds and roles.spread is None)
-    if roles.region:
-        values = roles.mixed(rows.numbers, tuple(roles.region.values()))
-        if particles is not None:  # a cloud is where its mean is
-            values = particles.means(values)
-        inside = np.ones(len(state), bool)
-        for column, (low, high) in zip(values.T, options.ranges.values(), strict=True):
-            inside &= (column >= low) & (column <= high)
-        chosen.keep(inside, "region", "left out by --region")
-    _check_states(rows, state, chosen.mask, options)
+        particles = gather(rows, key, choice.mask, always=options.clouds and roles.spread is None)
+    _keep_region(rows, options, particles, choice)
+    _check_states(rows, state, choice.mask, options)
 
-    taken, ordered = _by_key(key, None if chosen.all() else np.flatnonzero(chosen.mask))
-    again = np.flatnonzero(ordered[1:] == ordered[:-1])
+    taken, ordered = _by_key(key, None if choice.all() else np.flatnonzero(choice.mask))
     clouds = None
-    warnings: list[Notice] = []
     if particles is not None:
         clouds, taken, ordered = particles.clouds(rows, state, taken, ordered)
-        chosen.notices += particles.notices(clouds, compared=options.clouds)
-    elif len(again):
-        from tgospa_eval.formats.repeats import most_repeat, refusal  # here: few files have any
-
-        if options.on_duplicate == "error":
-            raise InputError(refusal(taken, again, key, rows, format))
-        warnings += most_repeat(taken, again, rows, options.on_duplicate)
-        drop = again + 1 if options.on_duplicate == "first" else again
-        taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
-        rows_repeat = counted(len(again), "row repeats", "rows repeat")
-        chosen.notices.append(f"{rows_repeat} an (id, t): the {options.on_duplicate} one was taken")
-        chosen.left_out["duplicate"] = len(again)
-
+        choice.notices += particles.notices(clouds, compared=options.clouds)
+    else:
+        drop = _repeats(rows, key, taken, ordered, options.on_duplicate, format, choice)
+        if drop is not None:
+            taken, ordered = np.delete(taken, drop), np.delete(ordered, drop)
     # From the sorted keys: cheaper than gathering two columns from all over the table.
-    step_used, track_used = np.divmod(ordered, max(len(track_ids), 1))
-    has_rows = np.bincount(track_used, minlength=len(track_ids)) > 0
-    used = np.flatnonzero(has_rows)
-    if len(used) < len(track_ids):
-        track_used = (np.cumsum(has_rows) - 1)[track_used]
-    notices = chosen.notices
-    covariance: Floats | None = None
+    step, track = np.divmod(ordered, max(len(track_ids), 1))
+    used, track = _renumbered(track, len(track_ids))
+    covariance = None
     if roles.spread is not None and clouds is None:
-        covariance, said = _covariances(rows, taken, roles.spread, options)
-        warnings += [notice for notice in said if notice.code]
-        notices += [notice.text for notice in said if not notice.code]
+        covariance = _covariances(rows, taken, roles.spread, options, choice)
     trajectories = Trajectories(
-        step=step_used,
-        track=track_used,
+        step=step,
+        track=track,
         state=state.take(taken, axis=0) if clouds is None else clouds.means,
         clouds=clouds,
         ids=track_ids[used],
-        times=cast(NDArray[np.float64], moments),
+        times=grid.moments,
         columns=roles.names,
-        clock=times.clock,
-        labels=labels,
+        clock=rows.times.clock,
+        labels=grid.labels,
         covariance=covariance,
     )
-    classes, klass = (), None
-    if options.by_class and rows.classes is not None:
-        number = rows.classes[1][taken]
-        present = np.flatnonzero(np.bincount(number, minlength=len(rows.classes[0])))
-        classes, klass = tuple(rows.classes[0][present]), np.searchsorted(present, number)
-        if "" in classes:
-            count = int(np.count_nonzero(klass == classes.index("")))
-            rows_have = counted(count, "row has", "rows have")
-            chosen.notices.append(f'{rows_have} no class: evaluated as a class named ""')
-    if roles.centres:
-        notices = ["boxes are compared by their centres (x, y); overlap: --distance iou", *notices]
-    notices = [*roles.notices(clouds=clouds is not None), *notices]
+    classes, klass = _classes(rows, taken, options, choice)
+    centres = ["boxes are compared by their centres (x, y); overlap: --distance iou"]
     return Reading(
         trajectories=trajectories,
         rows=len(state),
-        notices=tuple(notices),
-        warnings=tuple(warnings),
-        left_out=chosen.left_out,
+        notices=(
+            *roles.notices(clouds=clouds is not None),
+            *(centres if roles.centres else ()),
+            *choice.notices,
+        ),
+        warnings=tuple(choice.warnings),
+        left_out=choice.left_out,
         format=format,
         classes=classes,
         klass=klass,
@@ -148,12 +100,13 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
 
 class _Choice:
-    """Rows that still take part, and what became of the others."""
+    """Rows that still take part, what became of the others, and what the user should know."""
 
     def __init__(self, rows: int) -> None:
         self.mask = np.ones(rows, bool)
         self.left_out: dict[str, int] = {}
         self.notices: list[str] = []
+        self.warnings: list[Notice] = []
 
     def keep(self, inside: Flags, rule: str, sentence: str) -> None:
         """Leave out what is not inside."""
@@ -167,6 +120,68 @@ class _Choice:
     def all(self) -> bool:
         """Whether nothing was left out."""
         return not self.left_out
+
+
+class _Grid(NamedTuple):
+    """Distinct times in order, the number of each row's, and the times as they were read."""
+
+    moments: TimeArray
+    step: Ints
+    labels: NDArray[np.object_] | None
+
+
+def _filled(state: Floats) -> Flags:
+    """Rows without NaN."""
+    filled = np.ones(len(state), bool)
+    for column in state.T:
+        filled &= column == column  # NaN is not
+    return filled
+
+
+def _grid(rows: Rows, options: ReadOptions, choice: _Choice) -> _Grid:
+    """The steps of the file within the range of time; rows outside it are left out."""
+    times = rows.times
+    moments, step = _number_times(times.value)
+    labels = None
+    if times.text is not None:
+        labels = np.empty(len(moments), dtype=object)
+        labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
+    if options.moments is None:
+        return _Grid(moments, step, labels)
+    inside = options.moments.inside(moments, times.clock, rows.name)
+    choice.keep(inside[step], "time", "left out by --time")
+    labels = None if labels is None else labels[inside]
+    return _Grid(moments[inside], (np.cumsum(inside) - 1)[step], labels)
+
+
+def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
+    """Leave out rows of other classes, if a filter asks for some."""
+    if options.classes is None:
+        return
+    if rows.classes is None:
+        choice.notices.append("no column class: --class leaves all its rows in")
+        return
+    names = {name.strip() for name in options.classes}
+    known = np.array([name in names for name in rows.classes[0]], bool)
+    choice.keep(known[rows.classes[1]], "class", "left out by --class")
+    for name in sorted(names - set(rows.classes[0])):
+        there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
+        choice.notices.append(f"no row of class {quoted(name)}; there are {there}")
+
+
+def _keep_region(
+    rows: Rows, options: ReadOptions, particles: "Particles | None", choice: _Choice
+) -> None:
+    """Leave out rows outside the region, clouds by their means."""
+    if not rows.roles.region:
+        return
+    values = rows.roles.mixed(rows.numbers, tuple(rows.roles.region.values()))
+    if particles is not None:
+        values = particles.means(values)
+    inside = np.ones(len(values), bool)
+    for column, (low, high) in zip(values.T, options.ranges.values(), strict=True):
+        inside &= (column >= low) & (column <= high)
+    choice.keep(inside, "region", "left out by --region")
 
 
 def _check_states(rows: Rows, state: Floats, mask: Flags, options: ReadOptions) -> None:
@@ -194,10 +209,57 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: ReadOptions) 
         raise InputError(f"{rows.where(int(chosen[row]))}, column {quoted(name)}: {what}")
 
 
+def _repeats(
+    rows: Rows, key: Ints, taken: Ints, ordered: Ints, kept: str, format: str, choice: _Choice
+) -> Ints | None:
+    """Places in `taken`, sorted by key, of rows that repeat an (id, t) and are not kept.
+
+    Raises
+    ------
+    InputError
+        There are some, and `kept` is ``"error"``.
+    """
+    again = np.flatnonzero(ordered[1:] == ordered[:-1])
+    if not len(again):
+        return None
+    from tgospa_eval.formats.repeats import most_repeat, refusal  # here: few files have any
+
+    if kept == "error":
+        raise InputError(refusal(taken, again, key, rows, format))
+    choice.warnings += most_repeat(taken, again, rows, kept)
+    rows_repeat = counted(len(again), "row repeats", "rows repeat")
+    choice.notices.append(f"{rows_repeat} an (id, t): the {kept} one was taken")
+    choice.left_out["duplicate"] = len(again)
+    return again + 1 if kept == "first" else again
+
+
+def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
+    """Which of so many numbers occur, and theirs among those."""
+    occurs = np.bincount(number, minlength=count) > 0
+    used = np.flatnonzero(occurs)
+    return used, number if len(used) == count else (np.cumsum(occurs) - 1)[number]
+
+
+def _classes(
+    rows: Rows, taken: Ints, options: ReadOptions, choice: _Choice
+) -> tuple[tuple[str, ...], Ints | None]:
+    """Names of the classes of some rows, and the number of each row's, if they are asked for."""
+    if not options.by_class or rows.classes is None:
+        return (), None
+    names, number = rows.classes
+    used, klass = _renumbered(number[taken], len(names))
+    classes = tuple(names[used])
+    if "" in classes:
+        count = int(np.count_nonzero(klass == classes.index("")))
+        rows_have = counted(count, "row has", "rows have")
+        choice.notices.append(f'{rows_have} no class: evaluated as a class named ""')
+    return classes, klass
+
+
 def _covariances(
-    rows: Rows, taken: Ints, spread: "Spread", options: ReadOptions
-) -> tuple[Floats, list[Notice]]:
-    """The covariances of some rows, and what to say of them."""
+    rows: Rows, taken: Ints, spread: "Spread", options: ReadOptions, choice: _Choice
+) -> Floats:
+    """The covariances of some rows."""
     from tgospa_eval.formats.columns.spread import Cells, covariances_of
 
     numbers = rows.roles.numbers
@@ -206,9 +268,12 @@ def _covariances(
         row=taken,
         where=lambda row: f"{rows.where(row)} (id {rows.called(row)}, t {rows.moment(row)})",
     )
-    return covariances_of(
+    covariance, notices = covariances_of(
         cells, spread, missing=options.missing_covariance, fix=options.fix_covariance
     )
+    choice.warnings += [notice for notice in notices if notice.code]
+    choice.notices += [notice.text for notice in notices if not notice.code]
+    return covariance
 
 
 def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
@@ -226,7 +291,7 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
     return (rows if chosen is None else chosen[rows]), key[rows]
 
 
-def _number_times(value: NDArray[Any]) -> tuple[NDArray[Any], Ints]:
+def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
     """Distinct times in order, and the number of each row's."""
     if value.dtype.kind == "i" and len(value):
         low, high = int(value.min()), int(value.max())
@@ -235,4 +300,4 @@ def _number_times(value: NDArray[Any]) -> tuple[NDArray[Any], Ints]:
             seen[value - low] = True
             return np.flatnonzero(seen) + low, (np.cumsum(seen) - 1)[value - low]
     moments, step = np.unique(value, return_inverse=True)
-    return moments, step
+    return cast(TimeArray, moments), step

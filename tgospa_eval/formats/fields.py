@@ -21,10 +21,10 @@ def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
     return np.array(list(map(float, texts)), dtype=np.float64)
 
 
-def is_number(text: str) -> bool:
-    """Whether a text is a number, with a point if any."""
+def is_number(text: str, decimal: str = ".") -> bool:
+    """Whether a text is a number, with this mark if any."""
     try:
-        floats([text])
+        floats([text], decimal)
     except ValueError:
         return False
     return True

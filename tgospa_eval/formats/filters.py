@@ -3,7 +3,6 @@
 import math
 import re
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.trajectories import CLOCKS
+from tgospa_eval.tracks.trajectories import CLOCKS, TimeArray
 
 Flags = NDArray[np.bool_]
 
@@ -36,7 +35,7 @@ class Moments:
     clock: str
     text: str
 
-    def inside(self, times: NDArray[Any], clock: str, where: str) -> Flags:
+    def inside(self, times: TimeArray, clock: str, where: str) -> Flags:
         """Which of the times lie in the range; integers are compared exactly.
 
         Raises

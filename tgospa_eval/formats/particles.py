@@ -9,7 +9,6 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import BLANK, more
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, Clouds, are_normalised
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
@@ -146,6 +145,4 @@ def gather(rows: Rows, key: Ints, mask: Flags, *, always: bool) -> Particles | N
 
 
 def _name(rows: Rows, row: int) -> str:
-    times = rows.times
-    moment = times.text[row].strip() if times.text is not None else times.value[row].item()
-    return f"id {quoted(rows.ids[0][rows.ids[1][row]])}, t {moment}"
+    return f"id {rows.called(row)}, t {rows.moment(row)}"

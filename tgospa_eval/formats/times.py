@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
 ISO = re.compile(r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)")
 EXACT = 2.0**53
@@ -31,7 +31,7 @@ class Times:
         The texts, where they are no numbers.
     """
 
-    value: NDArray[np.int64] | NDArray[np.float64]
+    value: TimeArray
     clock: str
     text: Sequence[str] | None
 
@@ -44,9 +44,7 @@ class TimeError(ValueError):
         self.row = row
 
 
-def parse_times(
-    texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]
-) -> Times:
+def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
     """All texts of a column; they must be of one kind.
 
     Parameters
@@ -86,7 +84,7 @@ def parse_times(
     return Times(value=value + 0.0, clock="number", text=None)  # + 0.0 makes -0.0 the same step
 
 
-def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> Times:
+def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Floats]) -> Times:
     """ISO-8601 times, each distinct text parsed once."""
     known = {text: _parse(text, to_floats) for text in dict.fromkeys(texts)}
     wrong = [row for row, text in enumerate(texts) if known[text][1] == "none"]
@@ -114,7 +112,7 @@ def _iso(texts: Sequence[str], to_floats: Callable[[Sequence[str]], NDArray[np.f
     return Times(value=value, clock=clock, text=texts)
 
 
-def _parse(text: str, to_floats: Callable[[Sequence[str]], NDArray[np.float64]]) -> tuple[int, str]:
+def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int, str]:
     """Nanoseconds and kind of one text."""
     try:
         to_floats([text])

@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
+TimeArray = NDArray[np.int64] | NDArray[np.float64]
 
 CLOCKS = {
     "number": "numbers",
@@ -67,7 +68,7 @@ class Trajectories:
     track: Ints
     state: Floats
     ids: NDArray[np.object_]
-    times: NDArray[np.int64] | Floats
+    times: TimeArray
     columns: tuple[str, ...]
     clock: str = "number"
     labels: NDArray[np.object_] | None = None
@@ -83,6 +84,23 @@ class Trajectories:
         object.__setattr__(self, "state", np.asarray(self.state, np.float64))
         object.__setattr__(self, "times", np.asarray(self.times))
         object.__setattr__(self, "ids", np.asarray(self.ids, dtype=object))
+        self._check_states()
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
+        if self.clouds is not None:
+            self._check_clouds(self.clouds)
+        self._check_order()
+        for name, size in (("step", len(self.times)), ("track", len(self.ids))):
+            kind = np.int32 if size <= np.iinfo(np.int32).max else np.int64
+            object.__setattr__(self, name, getattr(self, name).astype(kind, copy=False))
+        for name, value in list(vars(self).items()):
+            if isinstance(value, np.ndarray):
+                frozen = value.view()
+                frozen.setflags(write=False)
+                object.__setattr__(self, name, frozen)
+
+    def _check_states(self) -> None:
+        """Names, shapes and finiteness."""
         if self.clock not in CLOCKS:
             raise InputError(f"clock is {quoted(self.clock)}: must be one of {', '.join(CLOCKS)}")
         if len(set(self.ids.tolist())) != len(self.ids):
@@ -97,29 +115,21 @@ class Trajectories:
             raise InputError("states must be finite; leave the row out where an object is absent")
         if self.covariance is not None and self.clouds is not None:
             raise InputError("states have a covariance each, or a cloud, not both")
-        if self.covariance is not None:
-            object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
-        if self.clouds is not None:
-            self._check_clouds(self.clouds)
+
+    def _check_order(self) -> None:
+        """Times and rows increase strictly, and rows point into times and ids."""
         if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
             raise InputError("times must increase strictly")
-        if rows:
-            if self.step.min() < 0 or self.step.max() >= len(self.times):
-                raise InputError("a step lies outside the times")
-            if self.track.min() < 0 or self.track.max() >= len(self.ids):
-                raise InputError("a track lies outside the ids")
-            earlier = self.step[1:] > self.step[:-1]
-            beside = (self.step[1:] == self.step[:-1]) & (self.track[1:] > self.track[:-1])
-            if not np.all(earlier | beside):
-                raise InputError("rows must be sorted by (step, track), each at most once")
-        for name, size in (("step", len(self.times)), ("track", len(self.ids))):
-            kind = np.int32 if size <= np.iinfo(np.int32).max else np.int64
-            object.__setattr__(self, name, getattr(self, name).astype(kind, copy=False))
-        for name, value in list(vars(self).items()):
-            if isinstance(value, np.ndarray):
-                frozen = value.view()
-                frozen.setflags(write=False)
-                object.__setattr__(self, name, frozen)
+        if not len(self.step):
+            return
+        if self.step.min() < 0 or self.step.max() >= len(self.times):
+            raise InputError("a step lies outside the times")
+        if self.track.min() < 0 or self.track.max() >= len(self.ids):
+            raise InputError("a track lies outside the ids")
+        later = self.step[1:] > self.step[:-1]
+        beside = (self.step[1:] == self.step[:-1]) & (self.track[1:] > self.track[:-1])
+        if not np.all(later | beside):
+            raise InputError("rows must be sorted by (step, track), each at most once")
 
     def _packed(self, covariance: Floats) -> Floats:
         rows, d = self.state.shape
@@ -165,11 +175,11 @@ class Trajectories:
         return table
 
     @property
-    def shown(self) -> NDArray[Any]:
+    def shown(self) -> TimeArray | NDArray[np.object_]:
         """The times as they were read (T,)."""
         return self.times if self.labels is None else self.labels
 
-    def chosen(self, rows: Ints, step: Ints, times: NDArray[Any]) -> "Trajectories":
+    def chosen(self, rows: Ints, step: Ints, times: TimeArray) -> "Trajectories":
         """Some of the rows, in order, at new steps, with the tracks that still have any."""
         track = self.track[rows]
         has_rows = np.zeros(len(self.ids), bool)
@@ -196,7 +206,7 @@ class Trajectories:
         return "point" if self.covariance is None else "gaussian"
 
     @property
-    def beside(self) -> tuple[NDArray[Any], ...]:
+    def beside(self) -> tuple[Ints | Floats, ...]:
         """Arrays of what states are beside their place: covariances, or particles."""
         if self.clouds is not None:
             return self.clouds.first, self.clouds.points, self.clouds.weights

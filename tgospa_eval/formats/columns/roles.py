@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -177,75 +177,30 @@ def find_roles(
         The columns asked for cannot be understood.
     """
     names = [name.strip() for name in header]
-    if 2 * sum(map(is_number, names)) > len(names):
-        raise InputError(
-            f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
-            "(--truth-format, --estimate-format)"
-        )
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)
     if options.boxes:
-        if set(wanted) - set(BOX):
-            (other, *_) = (name for name in wanted if name not in BOX)
-            raise ConfigError(
-                f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, "
-                "height"
-            )
-        wanted = BOX
+        wanted = _box_states(wanted)
     headers = Headers(names, mapped, options.option, where)
     lacking = without_maps(headers, options)
-    find, plainly = headers.find, partial(headers.find, plainly=True)
-    plain_box = _box(plainly)
-    box = cache(lambda: plain_box or _box(find))  # where it is needed: its headers may be doubtful
-
-    def quantity(name: str) -> Mix | None:
-        found = plainly(name)
-        if found is None and name in ("x", "y", "z") and "z" in wanted:
-            found = find(f"loc_{name}")
-        if found is None and name not in plain_box:
-            found = find(name)
-        if found is None and name not in box():
-            found = headers.last(name)
-        return box().get(name) if found is None else ((found, 1.0),)
-
-    identity, time = find("id"), find("t")
+    mixes = _Mixes(headers)
+    identity, time = headers.find("id"), headers.find("t")
     if identity is None:
         identity = headers.last("id")
-    wanted = wanted or _default_states(plainly, lambda: plain_box) or _default_states(find, box)
-    wanted = wanted or _default_states(headers.last, dict)
-    state = tuple(mix for name in wanted if (mix := quantity(name)) is not None)
+    wanted = wanted or mixes.default_states()
+    found = {name: mixes.of(name, wanted) for name in wanted}
+    state = tuple(mix for mix in found.values() if mix is not None)
     if identity is None or time is None or not wanted or len(state) < len(wanted):
-        states = {name: quantity(name) for name in wanted}
-        fault = absent(headers, (identity, time), states, sample)
+        fault = absent(headers, (identity, time), found, sample)
         raise InputError(f"{fault}; this format has no other" if fixed else fault)
-    region = {}
-    for name in options.ranges:
-        mix = quantity(name)
-        if mix is None:
-            raise InputError(
-                f"{where}: no column {quoted(name)} for --region (found: {headers.shown}); "
-                "name one that both files have"
-            )
-        region[name] = mix
-    klass = None
-    if options.classes is not None or options.by_class:
-        klass = find("class")
-        if klass is None:
-            fault = no_class(headers, options, fixed=fixed)
-            if options.by_class or "class" not in options.shared:
-                raise InputError(fault)
-            lacking["class"] = fault
-    spread = None
-    if options.covariance:
-        from tgospa_eval.formats.columns.spread import find_spread
-
-        for naming in _namings(wanted, state, headers):
-            spread = spread or find_spread(naming, find, where)
-    weight = None if options.boxes else find(WEIGHT)
+    region = _region(mixes, wanted, options)
+    klass = _class_column(headers, options, lacking, fixed=fixed)
+    spread = _spread(headers, wanted, state) if options.covariance else None
+    weight = None if options.boxes else headers.find(WEIGHT)
     centres = not options.boxes and any(len(mix) > 1 for mix in state)
-    sizes = (box()["width"], box()["height"]) if centres or options.boxes else ()
-    mixes = (*state, *region.values(), *sizes)
-    used = {identity, time, klass, *(k for mix in mixes for k, _ in mix)}
+    sizes = (mixes.box["width"], mixes.box["height"]) if centres or options.boxes else ()
+    used = {identity, time, klass}
+    used |= {column for mix in (*state, *region.values(), *sizes) for column, _ in mix}
     if weight in used:
         weight = None
     used |= {weight, *(spread.columns if spread else ())}
@@ -265,9 +220,94 @@ def find_roles(
         asked=options.covariance and not options.clouds,
         headers=tuple(names),
         fixed=fixed,
-        passed=tuple(said for name in ("id", "t") for said in headers.passed_over(name, unused)),
+        passed=(*headers.passed_over("id", unused), *headers.passed_over("t", unused)),
         lacking=lacking,
     )
+
+
+class _Mixes:
+    """Quantities of a table: columns, or what edges and sizes of boxes say of them.
+
+    Headers that are the very name go before aliases, and both before those looked at last.
+    """
+
+    def __init__(self, headers: Headers) -> None:
+        self.headers = headers
+        self.plainly = partial(headers.find, plainly=True)
+        self.plain_box = _box(self.plainly)
+
+    @cached_property
+    def box(self) -> dict[str, Mix]:
+        """The box also by aliases: only where it is needed, as these may be doubtful."""
+        return self.plain_box or _box(self.headers.find)
+
+    def of(self, name: str, states: Sequence[str]) -> Mix | None:
+        """A quantity, beside these states: in space x is a place, not the centre of a box."""
+        found = self.plainly(name)
+        if found is None and name in ("x", "y", "z") and "z" in states:
+            found = self.headers.find(f"loc_{name}")
+        if found is None and name not in self.plain_box:
+            found = self.headers.find(name)
+        if found is None and name not in self.box:
+            found = self.headers.last(name)
+        return self.box.get(name) if found is None else ((found, 1.0),)
+
+    def default_states(self) -> tuple[str, ...]:
+        """x, y, z as far as they are there, else lat and lon, else the centres of boxes."""
+        return (
+            _default_states(self.plainly, lambda: self.plain_box)
+            or _default_states(self.headers.find, lambda: self.box)
+            or _default_states(self.headers.last, dict)
+        )
+
+
+def _box_states(wanted: Sequence[str]) -> tuple[str, ...]:
+    """The states where these are boxes, unless other columns were asked for."""
+    other = next((name for name in wanted if name not in BOX), None)
+    if other is not None:
+        raise ConfigError(
+            f"columns: {quoted(other)} is no part of a box; for boxes map left, top, width, height"
+        )
+    return BOX
+
+
+def _region(mixes: _Mixes, states: Sequence[str], options: ReadOptions) -> dict[str, Mix]:
+    """What the filter by region looks at."""
+    region = {}
+    for name in options.ranges:
+        mix = mixes.of(name, states)
+        if mix is None:
+            headers = mixes.headers
+            raise InputError(
+                f"{headers.where}: no column {quoted(name)} for --region (found: {headers.shown}); "
+                "name one that both files have"
+            )
+        region[name] = mix
+    return region
+
+
+def _class_column(
+    headers: Headers, options: ReadOptions, lacking: dict[str, str], *, fixed: bool
+) -> int | None:
+    """Column of the classes, if they are asked for; what to say if every file lacks it."""
+    if options.classes is None and not options.by_class:
+        return None
+    klass = headers.find("class")
+    if klass is None:
+        fault = no_class(headers, options, fixed=fixed)
+        if options.by_class or "class" not in options.shared:
+            raise InputError(fault)
+        lacking["class"] = fault
+    return klass
+
+
+def _spread(headers: Headers, wanted: tuple[str, ...], state: Sequence[Mix]) -> "Spread | None":
+    """Columns of the covariances, by the first naming of which there are any."""
+    from tgospa_eval.formats.columns.spread import find_spread  # here: most states are points
+
+    namings = _namings(wanted, state, headers)
+    found = (find_spread(naming, headers.find, headers.where) for naming in namings)
+    return next((spread for spread in found if spread), None)
 
 
 def _namings(
@@ -318,6 +358,12 @@ def _default_states(
 
 
 def _check_names(names: list[str], where: str) -> None:
+    """Whether these are the headers of columns that can be told apart."""
+    if 2 * sum(map(is_number, names)) > len(names):
+        raise InputError(
+            f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "
+            "(--truth-format, --estimate-format)"
+        )
     seen: set[str] = set()
     for k, name in enumerate(names, start=1):
         if not name:

@@ -157,6 +157,41 @@ def covariances_of(
     if spread.absent:
         what = "column" if len(spread.absent) == 1 else "columns"
         notices.append(Notice(text=f"no {what} {', '.join(spread.absent)}: taken as 0"))
+    without = _blank(cells, spread)
+    if without.any():
+        if missing == "error":
+            _, place, others = cells.first(without)
+            raise InputError(
+                f"{place}: no covariance{others}; add it, or --missing-cov zero makes such states "
+                "points"
+            )
+        count = int(np.count_nonzero(without))
+        states = counted(count, "state has", "states have")
+        notices.append(
+            Notice(text=f"{states} no covariance: compared as points (--missing-cov zero)")
+        )
+    packed = np.zeros((len(spread.entries), len(without)))
+    for k in range(len(packed)):
+        if spread.entries[k]:
+            packed[k] = _entry(k, cells, spread, without)
+    if spread.deviations:
+        packed = _products(packed, spread, cells, fix=fix)
+    order = np.argsort(cells.row, kind="stable")  # messages name the first of the file
+    in_order = cells.row[order]
+    packed[:, order], changed = accept(
+        packed[:, order], lambda k: cells.where(int(in_order[k])), fix=fix
+    )
+    return np.ascontiguousarray(packed.T), notices + changed
+
+
+def _blank(cells: Cells, spread: Spread) -> NDArray[np.bool_]:
+    """Rows without any covariance.
+
+    Raises
+    ------
+    InputError
+        Of a row some entries are blank and others are not.
+    """
     blank = {column: np.isnan(values) for column, values in cells.values.items()}
     without = np.all(list(blank.values()), axis=0)
     partly = np.any(list(blank.values()), axis=0) & ~without
@@ -171,43 +206,30 @@ def covariances_of(
             f"{place}: {label} is blank and other entries of the covariance are not{others}; fill "
             "it, or leave all blank and use --missing-cov zero"
         )
-    if without.any():
-        if missing == "error":
-            _, place, others = cells.first(without)
+    return np.asarray(without, bool)
+
+
+def _entry(k: int, cells: Cells, spread: Spread, without: NDArray[np.bool_]) -> Floats:
+    """The k-th entry of the lower triangles: the mean of both columns, if there are two.
+
+    Raises
+    ------
+    InputError
+        They differ by more than rounding.
+    """
+    i, j, label = list(spread.labels())[k]
+    first, *mirrored = (np.where(without, 0.0, cells.values[c]) for c in spread.entries[k])
+    for other in mirrored:
+        scale = np.ones(len(without)) if spread.deviations else _scale(cells, spread, i, j)
+        mean, wrong = symmetric(first, other, np.where(without, 0.0, scale))
+        if len(wrong):
+            at, place, others = cells.first(np.isin(np.arange(len(without)), wrong))
             raise InputError(
-                f"{place}: no covariance{others}; add it, or --missing-cov zero makes such states "
-                "points"
+                f"{place}: covariance not symmetric: {label} is given as {first[at]:.15g} "
+                f"and as {other[at]:.15g}{others}; correct one, or leave it out"
             )
-        count = int(np.count_nonzero(without))
-        states = counted(count, "state has", "states have")
-        notices.append(
-            Notice(text=f"{states} no covariance: compared as points (--missing-cov zero)")
-        )
-    packed = np.zeros((len(spread.entries), len(without)))
-    for k, (i, j, label) in enumerate(spread.labels()):
-        entry = spread.entries[k]
-        if entry:
-            packed[k] = np.where(without, 0.0, cells.values[entry[0]])
-        for column in entry[1:]:
-            mirrored = np.where(without, 0.0, cells.values[column])
-            scale = np.ones(len(without)) if spread.deviations else _scale(cells, spread, i, j)
-            mean, wrong = symmetric(packed[k], mirrored, np.where(without, 0.0, scale))
-            if len(wrong):
-                apart = np.zeros(len(without), bool)
-                apart[wrong] = True
-                at, place, others = cells.first(apart)
-                raise InputError(
-                    f"{place}: covariance not symmetric: {label} is given as {packed[k, at]:.15g} "
-                    f"and as {mirrored[at]:.15g}{others}; correct one, or leave it out"
-                )
-            packed[k] = mean
-    if spread.deviations:
-        packed = _products(packed, spread, cells, fix=fix)
-    order = np.argsort(cells.row, kind="stable")  # messages name the first of the file
-    in_order = cells.row[order]
-    mended, said = accept(packed[:, order], lambda k: cells.where(int(in_order[k])), fix=fix)
-    packed[:, order] = mended
-    return np.ascontiguousarray(packed.T), notices + said
+        first = mean
+    return np.asarray(first, np.float64)
 
 
 def _scale(cells: Cells, spread: Spread, i: int, j: int) -> Floats:

@@ -7,18 +7,25 @@ where.
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.formats.columns.roles import Roles
-from tgospa_eval.formats.fields import Coded, floats
+from tgospa_eval.formats.fields import Coded, is_number
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.convert import blanks, coded_times, numbered
 from tgospa_eval.formats.times import EXACT, TimeError, Times
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Columns = dict[int, "pd.Series"]
+"""Of a table, by number."""
 
 SIZE = 4_000_000
 """Bytes from which importing pandas pays."""
@@ -55,6 +62,10 @@ class Layout:
     header: bool = True
 
 
+class IrregularError(Exception):
+    """The file is not plainly right; its reader says what is wrong, if anything."""
+
+
 def read_bulk(
     data: bytes,
     layout: Layout,
@@ -81,62 +92,29 @@ def read_bulk(
     name_id : callable
         Text of an id to its name.
     """
-    kept = dict.fromkeys((*texts, *(() if roles.klass is None else (roles.klass,))))
-    columns = [roles.id, roles.time, *roles.numbers, *kept]
-    used = set(columns)
-    if len(used) < len(columns) or not Path(layout.path).is_file():
+    kept = tuple(dict.fromkeys((*texts, *(() if roles.klass is None else (roles.klass,)))))
+    used = [roles.id, roles.time, *roles.numbers, *kept]
+    if len(set(used)) < len(used) or not Path(layout.path).is_file():
         return None
-    start = 0
-    for _ in range(layout.first - 1):
-        start = data.find(b"\n", start) + 1
-    if (layout.first > 1 and start == 0) or start == len(data):  # a header alone
+    try:
+        start = _first_byte(data, layout)
+        if not _is_plain(data, start, layout):
+            return None
+        columns = _columns(data, start, layout, roles, decimal, kept)
+        coded = {column: _coded(columns.pop(column)) for column in kept}
+        if _in_doubt(columns, coded, layout, roles) and not is_regular(
+            data, start, layout.delimiter, layout.width
+        ):
+            return None
+        times = _times(columns.pop(roles.time), decimal)
+        ids = numbered(_coded(columns.pop(roles.id)), name_id)
+    except IrregularError:
         return None
-    if not _is_plain(data, start, layout):
-        return None
-    stop = data.find(b"\n", start)
-    first_row = data[start : stop if stop >= 0 else len(data)]
-    # pandas drops one empty field too many in the first row.
-    if first_row.count(layout.delimiter.encode()) != layout.width - 1:
-        return None
-    rows = data.count(b"\n", start) + (not data.endswith(b"\n"))
-
-    kinds: dict[int, Any] = dict.fromkeys(kept, object) | dict.fromkeys(roles.numbers, "float64")
-    moment = first_row.decode("utf-8", "replace").split(layout.delimiter)[roles.time]
-    as_texts = not _is_time_number(moment, decimal)
-    if as_texts:
-        kinds[roles.time] = object
-    frame = None
-    if roles.id == 0:
-        frame = _parse(layout, kinds | {roles.id: "int64"}, roles, decimal)
-        if frame is not None and not _are_plain_integers(data, start, frame[0], layout.delimiter):
-            frame = None
-    if frame is None:
-        frame = _parse(layout, kinds | {roles.id: object}, roles, decimal)
-    if frame is None or len(frame) != rows:
-        return None
-    coded = {column: _coded(frame.pop(column)) for column in kept}
-    # With all columns in use a row that is too long makes the parser fail, and one that is too
-    # short has no last field: NaN in a number, "" in a text, refused below elsewhere. Else the
-    # delimiters tell.
-    in_doubt = (
-        not layout.header
-        or len(used) < layout.width
-        or any(frame[column].isna().any() for column in roles.numbers)
-        or any(column is None or "" in column.distinct for column in coded.values())
-    )
-    if in_doubt and not is_regular(data, start, layout.delimiter, layout.width):
-        return None
-    times = _times(frame.pop(roles.time), decimal, as_texts)
-    identity = _coded(frame.pop(roles.id))
-    numbers = np.empty((rows, len(roles.numbers)), order="F")
+    numbers = np.empty((len(times.value), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
-        numbers[:, k] = frame.pop(column).to_numpy()
-    if times is None or identity is None or None in coded.values() or np.isinf(numbers).any():
+        numbers[:, k] = columns.pop(column).to_numpy()
+    if np.isinf(numbers).any() or len(blanks(ids)):
         return None
-    ids = numbered(identity, name_id)
-    if len(blanks(ids)):
-        return None
-    found = {column: item for column, item in coded.items() if item is not None}
     answer = Rows(
         name=layout.path,
         roles=roles,
@@ -144,9 +122,64 @@ def read_bulk(
         times=times,
         numbers=numbers,
         where=lambda row: f"{layout.path}, line {layout.first + row}",
-        classes=None if roles.klass is None else numbered(found[roles.klass]),
+        classes=None if roles.klass is None else numbered(coded[roles.klass]),
     )
-    return answer, {column: found[column] for column in texts}
+    return answer, {column: coded[column] for column in texts}
+
+
+def _first_byte(data: bytes, layout: Layout) -> int:
+    """Where the first row begins."""
+    start = 0
+    for _ in range(layout.first - 1):
+        start = data.find(b"\n", start) + 1
+    if (layout.first > 1 and start == 0) or start == len(data):  # a header alone
+        raise IrregularError
+    return start
+
+
+def _columns(
+    data: bytes, start: int, layout: Layout, roles: Roles, decimal: str, kept: Sequence[int]
+) -> Columns:
+    """All rows, with numbered columns: ids as integers where these are their very texts."""
+    stop = data.find(b"\n", start)
+    first_row = data[start : stop if stop >= 0 else len(data)]
+    # pandas drops one empty field too many in the first row.
+    if first_row.count(layout.delimiter.encode()) != layout.width - 1:
+        raise IrregularError
+    kinds: dict[int, type | str] = dict.fromkeys(kept, object)
+    kinds |= dict.fromkeys(roles.numbers, "float64")
+    moment = first_row.decode("utf-8", "replace").split(layout.delimiter)[roles.time]
+    if not is_number(moment.strip().strip('"'), decimal):
+        kinds[roles.time] = object
+    columns = None
+    if roles.id == 0:
+        with suppress(IrregularError):
+            columns = _parse(layout, kinds | {roles.id: "int64"}, roles, decimal)
+        if columns is not None and not _are_plain_integers(
+            data, start, columns[0], layout.delimiter
+        ):
+            columns = None
+    if columns is None:
+        columns = _parse(layout, kinds | {roles.id: object}, roles, decimal)
+    if len(columns[roles.time]) != data.count(b"\n", start) + (not data.endswith(b"\n")):
+        raise IrregularError
+    if roles.time not in kinds and columns[roles.time].dtype not in (np.int64, np.float64):
+        raise IrregularError
+    return columns
+
+
+def _in_doubt(columns: Columns, coded: dict[int, Coded], layout: Layout, roles: Roles) -> bool:
+    """Whether a row may have had too many or too few fields: the delimiters tell.
+
+    With all columns in use a row that is too long makes the parser fail, and one that is too short
+    has no last field: NaN in a number, "" in a text; ids and times that are blank are refused.
+    """
+    return (
+        not layout.header
+        or len(columns) + len(coded) < layout.width
+        or any(columns[column].isna().any() for column in roles.numbers)
+        or any("" in column.distinct for column in coded.values())
+    )
 
 
 def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
@@ -225,7 +258,7 @@ def _is_plainly_separated(data: bytes, delimiter: str) -> bool:
     )
 
 
-def _are_plain_integers(data: bytes, start: int, column: Any, delimiter: str) -> bool:
+def _are_plain_integers(data: bytes, start: int, column: "pd.Series", delimiter: str) -> bool:
     """Whether the integers read are the very texts of the first fields: not 007, not 1.0."""
     values = column.to_numpy()
     row = 0
@@ -248,29 +281,16 @@ def _are_plain_integers(data: bytes, start: int, column: Any, delimiter: str) ->
     return row == len(values)
 
 
-def _is_time_number(text: str, decimal: str) -> bool:
-    """Whether the first time is a number; others are read as texts."""
-    try:
-        floats([text.strip().strip('"')], decimal)
-    except ValueError:
-        return False
-    return True
-
-
-def _parse(layout: Layout, kinds: dict[int, Any], roles: Roles, decimal: str) -> Any:
-    """A DataFrame with numbered columns, or None."""
+def _parse(layout: Layout, kinds: dict[int, type | str], roles: Roles, decimal: str) -> Columns:
+    """The table with numbered columns."""
     import pandas as pd  # here: small files do without it
 
-    options: dict[str, Any] = {}
-    if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):  # newer ones always are exact
-        options["float_precision"] = "round_trip"
+    is_exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)  # whatever is asked for
     used = {roles.time, *kinds}
-    if len(used) < layout.width:
-        options["usecols"] = sorted(used)  # only then: it costs as much as the parsing
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            frame: Any = pd.read_csv(  # type: ignore[call-overload]
+            frame: pd.DataFrame = pd.read_csv(  # type: ignore[call-overload]
                 layout.path,
                 skiprows=layout.first - 1,
                 sep=layout.delimiter,
@@ -278,43 +298,41 @@ def _parse(layout: Layout, kinds: dict[int, Any], roles: Roles, decimal: str) ->
                 header=None,
                 names=list(range(layout.width)),
                 index_col=False,
+                # Only where it is needed: it costs as much as the parsing.
+                usecols=sorted(used) if len(used) < layout.width else None,
                 dtype=kinds,
                 keep_default_na=False,
                 na_values={column: ["", "nan", "NaN"] for column in roles.numbers},
                 encoding="utf-8",
                 compression=None,
                 engine="c",
-                **options,
+                float_precision=None if is_exact else "round_trip",
             )
-            return frame
-    except (
-        ValueError,
-        OverflowError,
-        Warning,
-    ):  # ParserError and UnicodeDecodeError are ValueErrors
-        return None
+    except (ValueError, OverflowError, Warning):  # so are ParserError and UnicodeDecodeError
+        raise IrregularError from None
+    return {int(str(name)): column for name, column in frame.items()}
 
 
-def _coded(column: Any) -> Coded | None:
-    """The column as texts, or None where one is missing."""
+def _coded(column: "pd.Series") -> Coded:
+    """The column as texts, of which none may be missing."""
     import pandas as pd
 
     code, found = pd.factorize(column)
-    return None if (code < 0).any() else Coded([str(text) for text in found], code)
+    if (code < 0).any():
+        raise IrregularError
+    return Coded([str(text) for text in found], code)
 
 
-def _times(column: Any, decimal: str, as_texts: bool) -> Times | None:
-    """Times of a column, or None where one is wrong."""
-    if as_texts:
-        coded = _coded(column)
+def _times(column: "pd.Series", decimal: str) -> Times:
+    """Times of a column of texts or numbers."""
+    if column.dtype == object:
         try:
-            return None if coded is None else coded_times(coded, decimal)
+            return coded_times(_coded(column), decimal)
         except TimeError:
-            return None
+            raise IrregularError from None
     value = column.to_numpy()
-    if value.dtype not in (np.int64, np.float64):
-        return None
-    if value.dtype == np.float64 and not (np.abs(value) < EXACT).all():
-        return None
-    clean = value if value.dtype == np.int64 else value + 0.0  # -0.0 is the same step as 0.0
-    return Times(value=clean, clock="number", text=None)
+    if value.dtype == np.float64:
+        if not (np.abs(value) < EXACT).all():
+            raise IrregularError
+        value = value + 0.0  # -0.0 is the same step as 0.0
+    return Times(value=value, clock="number", text=None)
