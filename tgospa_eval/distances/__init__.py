@@ -4,8 +4,8 @@ A member is one file here, one line in `DISTANCES` and one line in docs/referenc
 public names are imported when they are used: a run needs one member, and no other pays for it.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, cast
 
 from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.gating import near_pairs
@@ -45,7 +45,7 @@ _HOME = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     from importlib import import_module
 
     if name not in _HOME:
@@ -58,13 +58,13 @@ def __getattr__(name: str) -> Any:
 class _Members(Mapping[str, Distance]):
     """Records by name, made when they are asked for."""
 
-    def __init__(self, members: dict[str, tuple[str, dict[str, Any]]]) -> None:
+    def __init__(self, members: dict[str, tuple[str, dict[str, str | float]]]) -> None:
         self._members = members
 
     def __getitem__(self, name: str) -> Distance:
         record, settings = self._members[name]
-        distance: Distance = (globals().get(record) or __getattr__(record))(**settings)
-        return distance
+        make = cast(Callable[..., Distance], globals().get(record) or __getattr__(record))
+        return make(**settings)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._members)

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,25 @@ Fault = tuple[int, str, str]
 
 ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
+
+
+class Settings(TypedDict, total=False):
+    """What changes the number beside the name, by the names of the options."""
+
+    periodic: dict[str, float]
+    scale: dict[str, float]
+    covariance: list[list[float]] | str
+    mixed: str
+    cloud_order: int
+    inner: str
+    inner_cov: list[list[float]] | str
+    reduce: int
+    reduce_method: str
+    seed: int
+    iterations: int
+    restarts: int
+    directions: int | list[list[float]] | None
+    polish: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,7 +220,7 @@ class Distance(ABC):
         del axes
         return None
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """What changes the number beside the name, by the names of the options."""
         del columns
         return {}

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from tgospa_eval.distances.base import Distance, Effort, Pairs
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+Value = TypeVar("Value", bound=np.generic)
 
 ROWS = 1 << 15
 """Rows searched at a time; a step is never divided."""
@@ -34,7 +36,7 @@ def near_pairs(
     horizon = distance.horizon(truth, estimate, cutoff)
     starts = _starts(truth), _starts(estimate)
     fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
-    kind = np.int32 if fits else np.int64
+    kind: type[np.integer] = np.int32 if fits else np.int64
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
     for begin, end in _together(starts[0] + starts[1]):
         a = _rows(truth, starts[0], begin, end, distance)
@@ -64,14 +66,14 @@ def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tup
     return search(points[0], points[1], (reach[0], reach[1]), distance.tree_power)
 
 
-class _Column:
+class _Column(Generic[Value]):
     """An array that grows in place: many small parts would leave holes in memory when joined."""
 
-    def __init__(self, kind: type) -> None:
-        self.values: NDArray[Any] = np.zeros(0, kind)
+    def __init__(self, kind: type[Value]) -> None:
+        self.values: NDArray[Value] = np.zeros(0, kind)
         self.size = 0
 
-    def add(self, part: NDArray[Any]) -> None:
+    def add(self, part: NDArray[Value]) -> None:
         """Put it behind what is there."""
         end = self.size + len(part)
         if end > len(self.values):
@@ -79,7 +81,7 @@ class _Column:
         self.values[self.size : end] = part
         self.size = end
 
-    def done(self) -> NDArray[Any]:
+    def done(self) -> NDArray[Value]:
         """What was added."""
         self.values.resize(self.size, refcheck=False)
         return self.values

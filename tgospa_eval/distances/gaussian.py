@@ -4,12 +4,11 @@ import math
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import Distance, Floats, Pairs
+from tgospa_eval.distances.base import Distance, Floats, Pairs, Settings
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
@@ -125,7 +124,7 @@ class GaussianWasserstein(Distance):
         """Whether scale and period have a number for each column."""
         self._means.check_columns(columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """Periods and scales by the names of the columns, and what becomes of clouds."""
         return {**self._means.settings(columns), "mixed": self.mixed}
 

@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Effort, Floats, Pairs
+from tgospa_eval.distances.base import ROUNDING, Distance, Effort, Floats, Pairs, Settings
 from tgospa_eval.distances.vector import check_length, positive_numbers
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
@@ -115,9 +114,9 @@ class Mahalanobis(Distance):
         check_length("covariance", np.asarray(self.covariance), columns, name)
         check_length("scale", self.scale, columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """The matrix, and scales by the names of the columns."""
-        found: dict[str, Any] = {"covariance": np.asarray(self.covariance).tolist()}
+        found: Settings = {"covariance": np.asarray(self.covariance).tolist()}
         if self.scale is not None:
             found["scale"] = dict(zip(columns, self.scale, strict=True))
         return found
@@ -233,7 +232,7 @@ class PairMahalanobis(Distance):
             )
         return pairs
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """The word for it."""
         del columns
         return {"covariance": "pair"}

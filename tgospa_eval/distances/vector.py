@@ -3,11 +3,10 @@
 from collections.abc import Iterable, Iterator, Sequence, Sized
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any
 
 import numpy as np
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Floats
+from tgospa_eval.distances.base import ROUNDING, Distance, Floats, Settings
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -117,9 +116,9 @@ class Norm(Distance):
         for what in ("scale", "period"):
             check_length(what, getattr(self, what), columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """Periods and scales by the names of the columns."""
-        found = {}
+        found: Settings = {}
         if self.period is not None:
             found["periodic"] = {
                 column: period

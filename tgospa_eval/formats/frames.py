@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from decimal import Decimal
 from numbers import Real
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -116,7 +115,7 @@ def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Ro
 
 
 def _numbers(
-    column: "pd.Series[Any]", header: str, where: Callable[[int], str], name: str, decimal: str
+    column: pd.Series, header: str, where: Callable[[int], str], name: str, decimal: str
 ) -> Floats:
     """Finite numbers, NaN where there is none; texts by the rule of files of text."""
     kind = column.dtype.kind
@@ -143,7 +142,7 @@ def _numbers(
     return values
 
 
-def _number_text(value: Any, decimal: str) -> str:
+def _number_text(value: object, decimal: str) -> str:
     """A value of a column of mixed types as a file of text would have it."""
     if isinstance(value, (str, bool, int, np.integer)):
         return str(value)
@@ -155,7 +154,7 @@ def _other(value: object, wanted: str) -> str:
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
-def _unwritten(column: "pd.Series[Any]", header: str, where: Callable[[int], str]) -> InputError:
+def _unwritten(column: pd.Series, header: str, where: Callable[[int], str]) -> InputError:
     """What to say of a column with a timestamp that pandas cannot write out."""
     for row in range(len(column)):
         try:
@@ -168,9 +167,7 @@ def _unwritten(column: "pd.Series[Any]", header: str, where: Callable[[int], str
     )
 
 
-def _numbered(
-    column: "pd.Series[Any]", header: str, where: Callable[[int], str], wanted: str
-) -> Numbered:
+def _numbered(column: pd.Series, header: str, where: Callable[[int], str], wanted: str) -> Numbered:
     """Distinct texts and the number of each row's; blank where one is missing."""
     # Factorizing objects wants what can be hashed, and takes 1 for True.
     if column.dtype == object and pd.api.types.infer_dtype(column) != "string":
@@ -190,16 +187,18 @@ def _numbered(
     return table, number[code]  # -1, missing, is the last: ""
 
 
-def _name(value: Any) -> str:
+def _name(value: object) -> str:
     """Text of an id or a class; 7 where a column of integers was made one of floats."""
     if isinstance(value, Decimal):  # of up to 76 digits: the remainder would not fit the context
         whole = value.is_finite() and value == value.to_integral_value()
+    elif isinstance(value, (float, np.floating)):
+        whole = value.is_integer()
     else:
-        whole = isinstance(value, (float, np.floating)) and value.is_integer()
+        return str(value).strip()
     return str(int(value)) if whole else str(value).strip()
 
 
-def _times(column: "pd.Series[Any]", header: str, name: str, decimal: str) -> Times:
+def _times(column: pd.Series, header: str, name: str, decimal: str) -> Times:
     """Numbers, timestamps or texts."""
     missing = np.flatnonzero(column.isna())
     if len(missing):

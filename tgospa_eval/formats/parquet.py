@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from datetime import date
-from typing import Any
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
@@ -13,6 +13,9 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
@@ -57,9 +60,7 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         _check_dates(table, path)
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
-    except InputError:
-        raise
-    except MemoryError:
+    except (InputError, MemoryError):
         raise
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
@@ -71,7 +72,7 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     return frame_rows(frame, replace(found, **whole), path, options.decimal)
 
 
-def _check_types(schema: Any, roles: Roles, path: str) -> None:
+def _check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
     """Whether the columns in use have plain values.
 
     Raises
@@ -96,7 +97,7 @@ def _check_types(schema: Any, roles: Roles, path: str) -> None:
             )
 
 
-def _check_dates(table: Any, path: str) -> None:
+def _check_dates(table: "pa.Table", path: str) -> None:
     """Whether Python has the dates; pandas makes them its own.
 
     Raises
@@ -122,7 +123,7 @@ def _check_dates(table: Any, path: str) -> None:
             )
 
 
-def _exact(table: Any, *names: str | None) -> Any:
+def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
     """The table with integers among which some are missing as texts: pandas makes them floats."""
     import pyarrow as pa
 

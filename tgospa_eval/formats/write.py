@@ -80,12 +80,12 @@ TABLES: dict[str, Callable[[Trajectories], bytes]] = {
 """Writers by the end of a name."""
 
 
-def _columns(trajectories: Trajectories) -> dict[str, NDArray[Any]]:
+def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
     """Id, time and state of each row, with its covariance; of clouds of each particle."""
     clouds = trajectories.clouds
     counts = 1 if clouds is None else clouds.counts
     times = trajectories.shown[trajectories.step]
-    columns = {
+    columns: dict[str, NDArray[np.generic]] = {
         "id": np.repeat(trajectories.ids[trajectories.track], counts),
         "t": np.repeat(times, counts),
     }

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +21,9 @@ UNEVEN = 1e-3
 """Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
 
 
-def are_normalised(sums: "Floats | float", counts: "Ints | int") -> Any:
+def are_normalised(sums: Floats | float, counts: Ints | int) -> NDArray[np.bool_]:
     """Whether sums of so many weights are 1 but for rounding: such weights are kept as given."""
-    return np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53
+    return np.asarray(np.abs(np.subtract(sums, 1)) <= np.add(counts, 4) * 2.0**-53)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

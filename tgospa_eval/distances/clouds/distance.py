@@ -5,12 +5,11 @@ Which pairs of them are near is found in `tgospa_eval.distances.clouds.pairs`.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import Distance, Effort, Floats
+from tgospa_eval.distances.base import Distance, Effort, Floats, Settings
 from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce, counted
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import check_order, whitened_points
@@ -98,9 +97,9 @@ class CloudWasserstein(Distance):
         """Whether covariance and scale are for so many columns."""
         self.lower_bound.check_columns(columns, name)
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """Order, inner distance and reduction by the names of the options."""
-        found: dict[str, Any] = {"cloud_order": self.order, "inner": self.inner}
+        found: Settings = {"cloud_order": self.order, "inner": self.inner}
         if self.covariance is not None:
             found["inner_cov"] = np.asarray(self.covariance).tolist()
         if self.scale is not None:
@@ -171,7 +170,7 @@ class PairCloudWasserstein(CloudWasserstein):
         del truth, estimate
         return self
 
-    def settings(self, columns: tuple[str, ...]) -> dict[str, Any]:
+    def settings(self, columns: tuple[str, ...]) -> Settings:
         """As of other clouds, with the word for it."""
         return {**super().settings(columns), "inner_cov": "pair"}
 

@@ -17,11 +17,11 @@ corrected there.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.distances.base import Settings
 from tgospa_eval.distances.clouds.sampling import (
     RESAMPLING,
     Floats,
@@ -93,9 +93,9 @@ class Reduction:
         if self.directions is not None and np.ndim(self.directions) == 0:
             _check_count("directions", self.directions, 1)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> Settings:
         """What changes the number, by the names of the options."""
-        found: dict[str, Any] = {"reduce": self.size, "reduce_method": self.method}
+        found: Settings = {"reduce": self.size, "reduce_method": self.method}
         if self.method != "top":
             found["seed"] = self.seed
         if self.method in _METHODS:

@@ -11,7 +11,7 @@ particles of equal weight are an assignment; the rest is solved by POT, the extr
 """
 
 from importlib.util import find_spec
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -347,9 +347,10 @@ def can_transport() -> bool:
     return find_spec("ot") is not None
 
 
-def _pot() -> Any:
+def _pot() -> ModuleType:
     try:
         from ot import lp  # here: slow to import, and an extra
     except ModuleNotFoundError:
         raise ConfigError(NEEDED) from None
-    return lp
+    module: ModuleType = lp
+    return module
