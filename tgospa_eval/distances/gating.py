@@ -33,6 +33,18 @@ def near_pairs(
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
     effort = effort or Effort()
     truth, estimate, distance = distance.prepared(truth, estimate, effort)
+    return prepared_pairs(truth, estimate, cutoff, distance, effort)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def prepared_pairs(
+    truth: Trajectories,
+    estimate: Trajectories,
+    cutoff: float,
+    distance: Distance,
+    effort: Effort,
+) -> Pairs:
+    """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready."""
     horizon = distance.horizon(truth, estimate, cutoff)
     starts = _starts(truth), _starts(estimate)
     fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max

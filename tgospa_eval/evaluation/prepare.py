@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.distances import Distance, Effort, Pairs, near_pairs
+from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states
+from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
@@ -172,7 +173,7 @@ def measure(
         scene = _scene(truth, estimate)
         effort = Effort(jobs=getattr(request.solver, "jobs", None), stopwatch=stopwatch)
         truth, estimate, prepared = distance.prepared(truth, estimate, effort)
-        pairs = near_pairs(truth, estimate, cutoff, prepared, effort)
+        pairs = prepared_pairs(truth, estimate, cutoff, prepared, effort)
     measured = Measured(
         sides=(truth, estimate),
         distance=prepared,
