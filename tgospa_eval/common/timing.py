@@ -25,7 +25,7 @@ class Stopwatch:
         Seconds of all threads together that the sweeps took.
     stage : str
         Name of the innermost span that is open, for progress.
-    tell : callable
+    notify : callable
         Takes a sentence for the user, before work that takes long; does nothing by default.
     progress : Progress
         Of the work that is timed.
@@ -38,7 +38,7 @@ class Stopwatch:
         self.work = 0
         self.busy = 0.0
         self.stage = ""
-        self.tell: Callable[[str], None] = lambda _: None
+        self.notify: Callable[[str], None] = lambda _: None
         self.progress = Progress()
 
     @contextmanager
@@ -57,9 +57,9 @@ class Stopwatch:
         self.spans[name] = self.spans.get(name, 0.0) + seconds
 
     def beside(self) -> "Stopwatch":
-        """A fresh one for a part of the work, which tells and stops as this one does."""
+        """A fresh one for a part of the work, which notifies and stops as this one does."""
         part = Stopwatch(self._clock)
-        part.tell, part.progress = self.tell, self.progress
+        part.notify, part.progress = self.notify, self.progress
         return part
 
     def absorb(self, other: "Stopwatch") -> None:

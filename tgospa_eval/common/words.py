@@ -19,6 +19,11 @@ def counted(number: int, one: str, many: str = "") -> str:
     return f"{number:,} {one if number == 1 else many or one + 's'}"
 
 
+def more(count: int) -> str:
+    """How many mistakes of a kind there are beside the first."""
+    return f" (and {count - 1} more)" if count > 1 else ""
+
+
 def in_both(common: int, union: int) -> str:
     """How many of all steps both files have."""
     return f"{common:,} of {union:,} {'step is' if union == 1 else 'steps are'} in both files"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
@@ -229,6 +230,4 @@ class Distance(ABC):
 def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> Fault:
     """The first wrong value of a column in words."""
     row = int(np.flatnonzero(wrong)[0])
-    count = int(np.count_nonzero(wrong))
-    others = f" (and {count - 1} more)" if count > 1 else ""
-    return row, name, f"{values[row]:g}{others} {rule}"
+    return row, name, f"{values[row]:g}{more(int(np.count_nonzero(wrong)))} {rule}"

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from pandas.errors import OutOfBoundsDatetime
 
+from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
 from tgospa_eval.formats.columns.roles import Roles, find_roles
@@ -18,7 +19,7 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.formats.text.convert import blanks, coded_times, numbers
-from tgospa_eval.formats.times import TimeError, Times, more
+from tgospa_eval.formats.times import TimeError, Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import BLANK, more
+from tgospa_eval.formats.times import BLANK
 from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, Clouds, are_normalised
 from tgospa_eval.tracks.trajectories import Floats, Ints
 

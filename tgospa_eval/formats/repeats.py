@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import more
 from tgospa_eval.formats.columns.headers import fraction, one_stamp
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from tgospa_eval.common.words import more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
@@ -137,11 +138,6 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
     if not -(2**63) <= nanoseconds < 2**63:
         return 0, "far"
     return nanoseconds, clock
-
-
-def more(count: int) -> str:
-    """How many mistakes of a kind there are beside the first."""
-    return f" (and {count - 1} more)" if count > 1 else ""
 
 
 BLANK = "leave it blank where the object is absent"

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
 from tgospa_eval.distances.clouds.distance import reduced
-from tgospa_eval.distances.clouds.pairs import announce, counted
+from tgospa_eval.distances.clouds.pairs import announce
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import LARGEST, NEEDED, can_transport
 from tgospa_eval.tracks.clouds import Cloud, Clouds
@@ -67,7 +68,7 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, .
         what = f"{counted(count, 'cloud')} to compare with those before"
         announce(effort, count, what, lambda: change(largest))
         if not is_exact:
-            effort.stopwatch.tell(f"no exact distances from the clouds before: {NEEDED}")
+            effort.stopwatch.notify(f"no exact distances from the clouds before: {NEEDED}")
     outer, effort.stopwatch.stage = effort.stopwatch.stage, "comparing clouds with those before"
     try:
         with ThreadPoolExecutor(effort.jobs) as pool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -233,14 +233,15 @@ def accept(
     wrong = np.flatnonzero(np.max(np.abs(packed), axis=0, initial=0.0) > LARGEST)
     if len(wrong):
         raise InputError(
-            f"{where(int(wrong[0]))}: covariance above {LARGEST:g}{_more(wrong)}; use another unit"
+            f"{where(int(wrong[0]))}: covariance above {LARGEST:g}{more(len(wrong))}; use another "
+            "unit"
         )
     negative = np.min(diagonal, axis=0, initial=0.0) < 0
     if negative.any() and not fix:
         wrong = np.flatnonzero(negative)
         value = diagonal[:, wrong[0]].min()
         raise InputError(
-            f"{where(int(wrong[0]))}: negative variance {value:g}{_more(wrong)}; "
+            f"{where(int(wrong[0]))}: negative variance {value:g}{more(len(wrong))}; "
             "correct it or use --fix-cov"
         )
     answer, ratio = project(packed)
@@ -250,7 +251,7 @@ def accept(
         values = np.linalg.eigvalsh(unpack(packed[:, wrong[:1]]))[0]
         raise InputError(
             f"{where(int(wrong[0]))}: covariance not positive semi-definite (eigenvalues "
-            f"{', '.join(f'{value:.6g}' for value in values)}){_more(wrong)}; "
+            f"{', '.join(f'{value:.6g}' for value in values)}){more(len(wrong))}; "
             "correct it or use --fix-cov"
         )
     notices = []
@@ -305,10 +306,7 @@ def from_matrices(
             at = int(wrong[0])
             raise InputError(
                 f"{where(at)}: not symmetric: {matrices[at, i, j]:g} in row {i + 1}, column "
-                f"{j + 1}, but {matrices[at, j, i]:g} in row {j + 1}, column {i + 1}{_more(wrong)}"
+                f"{j + 1}, but {matrices[at, j, i]:g} in row {j + 1}, column {i + 1}"
+                f"{more(len(wrong))}"
             )
     return accept(packed, where, fix=fix)
-
-
-def _more(wrong: NDArray[np.integer]) -> str:
-    return f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""

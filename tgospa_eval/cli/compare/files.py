@@ -135,7 +135,7 @@ class Pairs:
         self.last: tuple[str, Reading] | None = None
         self.warnings: list[dict[str, str]] = []
         if not quiet:
-            stopwatch.tell = say
+            stopwatch.notify = say
         for notice in slow_notice():
             self._notify_once(notice)
 

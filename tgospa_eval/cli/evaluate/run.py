@@ -60,7 +60,7 @@ def evaluate_files(
         probe_folder(output.output, RESULT, force=output.force, also=also)
     stopwatch = Stopwatch()
     if not output.quiet:
-        stopwatch.tell = say
+        stopwatch.notify = say
 
     notify = notifier(quiet=output.quiet, say=say)
 

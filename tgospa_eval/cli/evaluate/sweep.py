@@ -87,7 +87,7 @@ def sweep_files(
         probe_folder(output.output, SWEEP, force=output.force, also=also)
     stopwatch = Stopwatch()
     if not output.quiet:
-        stopwatch.tell = say
+        stopwatch.notify = say
 
     def work() -> Sweep:
         notify = notifier(quiet=output.quiet)

@@ -190,7 +190,7 @@ def _read(
 def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:
     stopwatch = Stopwatch()
     if not options["quiet"]:
-        stopwatch.tell = say
+        stopwatch.notify = say
     effort = Effort(jobs=options["jobs"], stopwatch=stopwatch)
     return run(lambda: work(effort), stopwatch, show=not options["quiet"])
 

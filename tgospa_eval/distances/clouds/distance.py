@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import Distance, Effort, Floats, Settings
-from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce, counted
+from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import check_order, whitened_points
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky

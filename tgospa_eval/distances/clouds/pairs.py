@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.common.cores import cores
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.clouds.transport import (
     LARGEST,
@@ -211,7 +212,7 @@ def _solved(
     if seconds > PATIENCE:
         most = int(max(size.max() for size in sizes))
         hint = "; --reduce 50 makes them small" if most > MANY else ""
-        effort.stopwatch.tell(
+        effort.stopwatch.notify(
             f"{counted(count, 'transport')} of up to {most} particles to solve, about "
             f"{_time(seconds)}{hint}"
         )
@@ -263,12 +264,7 @@ def announce(effort: Effort, count: int, what: str, one: Callable[[], object]) -
         seconds = count * (time.perf_counter() - begin)
         if seconds <= PATIENCE:
             return
-    effort.stopwatch.tell(f"{what}, at most about {_time(seconds)}")
-
-
-def counted(count: int, noun: str) -> str:
-    """A number of things, one or more."""
-    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
+    effort.stopwatch.notify(f"{what}, at most about {_time(seconds)}")
 
 
 def _check_sizes(

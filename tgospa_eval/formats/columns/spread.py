@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.times import more
 from tgospa_eval.tracks.covariances import LARGEST, accept, size_of, symmetric
 from tgospa_eval.tracks.trajectories import Floats, Ints
 

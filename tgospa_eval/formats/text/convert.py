@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tgospa_eval.common.files import SETTINGS, is_missing, named, read_bytes
+from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, floats
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
-from tgospa_eval.formats.times import TimeError, Times, more, parse_times, remedy_for
+from tgospa_eval.formats.times import TimeError, Times, parse_times, remedy_for
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints
 

@@ -7,7 +7,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.fields import Coded
@@ -16,7 +16,6 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
 from tgospa_eval.formats.text.convert import Block, Places, check_text, chunks, convert, decode
-from tgospa_eval.formats.times import more
 
 
 def read_plain(

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.guess import COMMENTS, foreign
@@ -22,7 +22,6 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
 from tgospa_eval.formats.text.convert import Block, check_text, chunks, convert, decode
-from tgospa_eval.formats.times import more
 
 DELIMITERS = ",;\t"
 

@@ -190,7 +190,7 @@ def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounds, "MANY", 5)
     said: list[str] = []
     stopwatch = Stopwatch()
-    stopwatch.tell = said.append
+    stopwatch.notify = said.append
     near_pairs(scene(11), scene(12), 5, CloudWasserstein(), Effort(stopwatch=stopwatch))
     assert "transports of up to" in said[0]
     assert said[0].endswith("--reduce 50 makes them small")
@@ -204,7 +204,7 @@ def test_the_time_to_import_is_not_multiplied(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(bounds.time, "perf_counter", lambda: next(clock))
     said: list[str] = []
     stopwatch = Stopwatch(lambda: 0.0)
-    stopwatch.tell = said.append
+    stopwatch.notify = said.append
     bounds.announce(Effort(stopwatch=stopwatch), 100, "100 clouds to reduce", lambda: None)
     assert said == []
 
