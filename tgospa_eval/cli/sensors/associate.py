@@ -11,16 +11,43 @@ from tgospa_eval.cli.shared.option import option
 from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options
 
 SHARED = (
-    "distance", "cloud-order", "inner", "inner-cov", "reduce", "reduce-method", "directions",
-    "iterations", "restarts", "polish", "seed", "no-gating", "covariance", "periodic", "scale",
-    "fix-cov", "missing-cov", "mixed", "columns", "jobs", "time-tolerance", "grid",
-    "on-duplicate", "decimal", "max-input", "time", "class", "region",
-)  # fmt: skip
+    "distance",
+    "cloud-order",
+    "inner",
+    "inner-cov",
+    "reduce",
+    "reduce-method",
+    "directions",
+    "iterations",
+    "restarts",
+    "polish",
+    "seed",
+    "no-gating",
+    "covariance",
+    "periodic",
+    "scale",
+    "fix-cov",
+    "missing-cov",
+    "mixed",
+    "columns",
+    "jobs",
+    "time-tolerance",
+    "grid",
+    "on-duplicate",
+    "decimal",
+    "max-input",
+    "time",
+    "class",
+    "region",
+)
 
 _files = partial(
-    option, section="Files", type=click.Choice(FILE_FORMATS), metavar="FORMAT",
+    option,
+    section="Files",
+    type=click.Choice(FILE_FORMATS),
+    metavar="FORMAT",
     show_default="found from name and content",
-)  # fmt: skip
+)
 _output = partial(click.option, cls=Option, section="Output")
 
 
@@ -29,22 +56,49 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         command,
         SHARED,
         (
-            _files("--a-format", "truth_format", help="Format of A: csv, parquet, motchallenge, "
-                   "kitti or npz."),
+            _files(
+                "--a-format",
+                "truth_format",
+                help="Format of A: csv, parquet, motchallenge, kitti or npz.",
+            ),
             _files("--b-format", "estimate_format", help="Format of B, one of the same."),
-            option("--a-columns", "truth_columns", section="Files", metavar="NAMES",
-                   help="--columns for A alone."),
-            option("--b-columns", "estimate_columns", section="Files", metavar="NAMES",
-                   help="--columns for B alone."),
-            _output("--format", "format_", type=click.Choice(("table", "json", "csv")),
-                    default="table", show_default=True, help="What to print."),
-            _output("--cost-matrix", metavar="FILE", type=click.Path(readable=False),
-                    help="Write the distances of all pairs of each step to a CSV file."),
-            _output("--cross-cov", metavar="FILE", type=click.Path(readable=False),
-                    help="Write the cross-covariances of associated clouds to a CSV file."),
+            option(
+                "--a-columns",
+                "truth_columns",
+                section="Files",
+                metavar="NAMES",
+                help="--columns for A alone.",
+            ),
+            option(
+                "--b-columns",
+                "estimate_columns",
+                section="Files",
+                metavar="NAMES",
+                help="--columns for B alone.",
+            ),
+            _output(
+                "--format",
+                "format_",
+                type=click.Choice(("table", "json", "csv")),
+                default="table",
+                show_default=True,
+                help="What to print.",
+            ),
+            _output(
+                "--cost-matrix",
+                metavar="FILE",
+                type=click.Path(readable=False),
+                help="Write the distances of all pairs of each step to a CSV file.",
+            ),
+            _output(
+                "--cross-cov",
+                metavar="FILE",
+                type=click.Path(readable=False),
+                help="Write the cross-covariances of associated clouds to a CSV file.",
+            ),
             _output("--force", is_flag=True, help="Write over files that exist."),
         ),
-    )  # fmt: skip
+    )
 
 
 @click.command("associate", cls=Verb)

@@ -17,16 +17,34 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         ("columns", "decimal", "max-input", "time", "class", "region", "jobs"),
         (
             *REDUCTION,
-            option("--in-format", "truth_format", section="Files", metavar="FORMAT",
-                   type=click.Choice(FILE_FORMATS), show_default="found from name and content",
-                   help="Format of IN: csv, parquet or npz."),
-            click.option("--force", cls=Option, section="Output", is_flag=True,
-                         help="Write over OUT if it exists."),
-            click.option("--format", "format_", cls=Option, section="Output",
-                         type=click.Choice(("table", "json", "csv")),
-                         default="table", show_default=True, help="What to print."),
+            option(
+                "--in-format",
+                "truth_format",
+                section="Files",
+                metavar="FORMAT",
+                type=click.Choice(FILE_FORMATS),
+                show_default="found from name and content",
+                help="Format of IN: csv, parquet or npz.",
+            ),
+            click.option(
+                "--force",
+                cls=Option,
+                section="Output",
+                is_flag=True,
+                help="Write over OUT if it exists.",
+            ),
+            click.option(
+                "--format",
+                "format_",
+                cls=Option,
+                section="Output",
+                type=click.Choice(("table", "json", "csv")),
+                default="table",
+                show_default=True,
+                help="What to print.",
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 @click.command("reduce", cls=Verb)

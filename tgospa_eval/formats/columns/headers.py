@@ -18,39 +18,35 @@ FIRST = {
 }
 """Aliases in the order in which they are taken, before all others: case alone does not matter."""
 
+COORDINATE = (
+    "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
+    "coordinate_{0} utm_{0} {0}_utm center_{0} {0}_center centre_{0} {0}_centre"
+)
+"""Aliases of each coordinate."""
+
 ALIASES = {
-    "id": (
-        *FIRST["id"], "obj_id", "trk_id", "tid", "track", "uuid",
-        "track_uuid", "object_uuid", "track_no", "track_num", "track_number", "target_number",
-        "track_name", "target_name", "track_token", "instance_id", "instance_token", "entity_id",
-        "agent_id", "vehicle_id", "person_id", "pedestrian_id", "actor_id", "mmsi", "icao24",
-    ),
-    "t": (
-        *FIRST["t"], "ts", "stamp", "datetime", "utc", "utc_time",
-        "time_utc", "timestep", "frame_id", "frame_idx", "frame_index", "frame_no", "frame_num",
-        "frame_number",
-    ),
-    **{
-        axis: (
-            axis, f"pos_{axis}", f"{axis}_pos", f"position_{axis}", f"{axis}_position",
-            f"{axis}_coord", f"coord_{axis}", f"{axis}_coordinate", f"coordinate_{axis}",
-            f"utm_{axis}", f"{axis}_utm", f"center_{axis}", f"{axis}_center", f"centre_{axis}",
-            f"{axis}_centre", *more,
-        )
-        for axis, more in (
-            ("x", ("easting", "utm_easting")), ("y", ("northing", "utm_northing")), ("z", ()),
-        )
-    },
-    "lat": ("lat", "latitude", "gps_lat", "gps_latitude", "pos_lat"),
-    "lon": ("lon", "lng", "long", "longitude", "gps_lon", "gps_lng", "gps_longitude", "pos_lon"),
-    "left": ("left", "bb_left", "bbox_left", "x_min"),
-    "top": ("top", "bb_top", "bbox_top", "y_min"),
-    "width": ("width", "bb_width", "bbox_width"),
-    "height": ("height", "bb_height", "bbox_height"),
-    "right": ("right", "bb_right", "bbox_right", "x_max"),
-    "bottom": ("bottom", "bb_bottom", "bbox_bottom", "y_max"),
-    "weight": FIRST["weight"],
-}  # fmt: skip
+    name: tuple(aliases.split())
+    for name, aliases in {
+        "id": f"{' '.join(FIRST['id'])} obj_id trk_id tid track uuid track_uuid object_uuid "
+        "track_no track_num track_number target_number track_name target_name track_token "
+        "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
+        "mmsi icao24",
+        "t": f"{' '.join(FIRST['t'])} ts stamp datetime utc utc_time time_utc timestep frame_id "
+        "frame_idx frame_index frame_no frame_num frame_number",
+        "x": COORDINATE.format("x") + " easting utm_easting",
+        "y": COORDINATE.format("y") + " northing utm_northing",
+        "z": COORDINATE.format("z"),
+        "lat": "lat latitude gps_lat gps_latitude pos_lat",
+        "lon": "lon lng long longitude gps_lon gps_lng gps_longitude pos_lon",
+        "left": "left bb_left bbox_left x_min",
+        "top": "top bb_top bbox_top y_min",
+        "width": "width bb_width bbox_width",
+        "height": "height bb_height bbox_height",
+        "right": "right bb_right bbox_right x_max",
+        "bottom": "bottom bb_bottom bbox_bottom y_max",
+        "weight": " ".join(FIRST["weight"]),
+    }.items()
+}
 """Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
 
 LAST = (
