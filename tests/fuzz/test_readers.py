@@ -159,9 +159,9 @@ def answer(path: Path, options: ReadOptions, role: str, format_: str | None) -> 
 def answers(path: Path, options: ReadOptions, role: str, format_: str | None) -> None:
     """Read it twice, the second time as a large file."""
     found = []
-    for size in (bulk.SIZE, 0):
+    for size in (bulk.BULK_BYTES, 0):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(bulk, "SIZE", size)
+            patch.setattr(bulk, "BULK_BYTES", size)
             found.append(answer(path, options, role, format_))
     assert found[0] == found[1]
 
@@ -312,9 +312,9 @@ def test_memory_per_byte(
 ) -> None:
     # A row takes 32 bytes as numbers, some 80 with keys and their order: two or three times its
     # text. A list of fields would take twenty times.
-    monkeypatch.setattr(bulk, "SIZE", size)
-    monkeypatch.setattr(convert, "CHUNK", 1 << 12)
-    monkeypatch.setattr(table, "ROWS", 1 << 7)
+    monkeypatch.setattr(bulk, "BULK_BYTES", size)
+    monkeypatch.setattr(convert, "LETTERS_TOGETHER", 1 << 12)
+    monkeypatch.setattr(table, "ROWS_OF_BLOCK", 1 << 7)
     format_ = "csv" if name == "quoted" else name
     lines = SEEDS[name].splitlines()
     head = [lines.pop(0)] if format_ == "csv" else []

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Fault = tuple[int, str, str]
 """Row of a state, its column, and what is wrong with its value."""
 
-ROUNDING = 2.0**-40
+REACH_ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, first_fault
 from tgospa_eval.tracks.trajectories import Trajectories
 
-SMALLEST, LARGEST = 1e-100, 1e150
+SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
 
 
@@ -53,15 +53,15 @@ class IoU(Distance):
         ratio = -np.log1p(-near) if near < 1 else np.inf
         sizes = axes[2:]
         return np.concatenate(
-            (near * (1 + ROUNDING) * sizes, np.full_like(sizes, ratio + ROUNDING))
+            (near * (1 + REACH_ROUNDING) * sizes, np.full_like(sizes, ratio + REACH_ROUNDING))
         )
 
     def fault(self, axes: Floats) -> Fault | None:
         """Widths and heights are positive."""
         for values, name in zip(axes[2:], self.columns[2:], strict=True):
-            wrong = ~((values >= SMALLEST) & (values <= LARGEST))
+            wrong = ~((values >= SMALLEST_EDGE) & (values <= LARGEST_EDGE))
             if wrong.any():
-                rule = f"must be > 0 (from {SMALLEST:g} to {LARGEST:g})"
+                rule = f"must be > 0 (from {SMALLEST_EDGE:g} to {LARGEST_EDGE:g})"
                 return first_fault(wrong, values, name, rule)
         return None
 

@@ -14,10 +14,10 @@ from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Value = TypeVar("Value", bound=np.generic)
 
-ROWS = 1 << 15
+ROWS_TOGETHER = 1 << 15
 """Rows searched at a time; a step is never divided."""
 
-SAMPLE = 100
+SAMPLED_STEPS = 100
 """Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
 
@@ -106,8 +106,8 @@ def _starts(side: Trajectories) -> Ints:
 
 
 def _together(done: Ints) -> Iterator[tuple[int, int]]:
-    """Ranges of steps with some `ROWS` rows each; `done` is what lies before each step."""
-    cuts = np.flatnonzero(np.diff(done[:-1] // ROWS)) + 1
+    """Ranges of steps with some `ROWS_TOGETHER` rows each; `done` is what lies before each step."""
+    cuts = np.flatnonzero(np.diff(done[:-1] // ROWS_TOGETHER)) + 1
     yield from pairwise([0, *cuts.tolist(), len(done) - 1])
 
 
@@ -133,12 +133,12 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
     if not len(both):
         return None
     nearest = []
-    for step in both[:: -(-len(both) // SAMPLE)]:
+    for step in both[:: -(-len(both) // SAMPLED_STEPS)]:
         a, b = (
             distance.axes(side, slice(at[step], at[step + 1])).T
             for side, at in zip((truth, estimate), starts, strict=True)
         )
-        a = a[:: -(-len(a) // SAMPLE)]
+        a = a[:: -(-len(a) // SAMPLED_STEPS)]
         nearest.append(distance(a[:, None], b[None, :]).min(axis=1))
     ordered = np.sort(np.concatenate(nearest))  # np.median imports numpy.ma, slower than all else
     return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])

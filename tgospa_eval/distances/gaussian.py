@@ -15,7 +15,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
-BLOCK = 1 << 13
+PAIRS_TOGETHER = 1 << 13
 """Pairs of more than two components that are decomposed at a time."""
 
 MIXED = ("error", "moments")
@@ -272,16 +272,18 @@ def _bures_many(factors: Sequence[Pair]) -> Floats:
     shape = np.broadcast_shapes(*(side.shape for side in factors[0]))
     sides = [[np.broadcast_to(pair[side], shape).ravel() for pair in factors] for side in (0, 1)]
     found = np.empty(len(sides[0][0]))
-    for begin in range(0, len(found), BLOCK):
+    for begin in range(0, len(found), PAIRS_TOGETHER):
         one, two = (
-            covariances.unpack(np.array([x[begin : begin + BLOCK] for x in side]), lower=True)
+            covariances.unpack(
+                np.array([x[begin : begin + PAIRS_TOGETHER] for x in side]), lower=True
+            )
             for side in sides
         )
         u, _, v = np.linalg.svd(two.transpose(0, 2, 1) @ one)
         rest = one - two @ (u @ v)
         equal = (one == two).all(axis=(1, 2))
         norm = np.sqrt(np.einsum("rij,rij->r", rest, rest))
-        found[begin : begin + BLOCK] = np.where(equal, 0.0, norm)
+        found[begin : begin + PAIRS_TOGETHER] = np.where(equal, 0.0, norm)
     return found.reshape(shape)
 
 

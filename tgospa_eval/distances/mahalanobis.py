@@ -7,7 +7,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Effort, Floats, Pairs, Settings
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Effort, Floats, Pairs, Settings
 from tgospa_eval.distances.vector import check_length, positive_numbers
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
@@ -17,10 +17,10 @@ from tgospa_eval.tracks.trajectories import Ints, Trajectories
 SINGULAR = 1e-6
 """Pivot of the correlation matrix below which a matrix is singular but for rounding."""
 
-STRONG = 0.5
+NEARLY_DETERMINED = 0.5
 """A column gets a residual if its standard deviation given those before it is less of its own."""
 
-HUGE = 1e300
+LARGEST_RESIDUAL = 1e300
 """Of residuals, so that their differences are doubles."""
 
 
@@ -78,7 +78,9 @@ class Mahalanobis(Distance):
         weights = self._weights()
         if not len(weights):
             return axes
-        left = np.clip(weights @ axes, -HUGE, HUGE)  # no number where infinities cancel
+        left = np.clip(
+            weights @ axes, -LARGEST_RESIDUAL, LARGEST_RESIDUAL
+        )  # no number where infinities cancel
         return np.concatenate((axes, np.nan_to_num(left, copy=False, nan=0.0)))
 
     def reach(self, cutoff: float, axes: Floats) -> Floats:
@@ -90,13 +92,13 @@ class Mahalanobis(Distance):
         sum of its terms. A state for which that sum is no double is near to all.
         """
         deviation: Floats = self.__dict__["_deviation"] / np.asarray(self.scale or 1.0)
-        plain = (cutoff * (1 + ROUNDING) ** 2 * deviation)[:, None]
+        plain = (cutoff * (1 + REACH_ROUNDING) ** 2 * deviation)[:, None]
         weights = self._weights()
         if not len(weights):
             return plain
         length: Floats = self.__dict__["_residuals"][1][:, None]
         rounding = (len(axes) + 4) * 2.0**-52 * (np.abs(weights) @ np.abs(axes))
-        left = np.minimum(cutoff * (1 + ROUNDING) * length + rounding, 4 * HUGE)
+        left = np.minimum(cutoff * (1 + REACH_ROUNDING) * length + rounding, 4 * LARGEST_RESIDUAL)
         return np.concatenate((np.broadcast_to(plain, axes.shape), left))
 
     def _weights(self) -> Floats:
@@ -200,7 +202,7 @@ class PairMahalanobis(Distance):
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """C standard deviations: the larger of two bounds that of their mean covariance."""
         d = covariances.size_of(len(axes) + 1) - 1
-        return cutoff * (1 + ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
+        return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
     def refined(
         self,
@@ -287,7 +289,7 @@ def _residuals(factor: Floats) -> tuple[Floats, Floats]:
     A column less its regression on those before it is f' v, where f is its row of L^-1 and has 1
     for the column itself; all in standard deviations. How well L^-1 is computed does not matter.
     """
-    strong = np.diag(factor) < STRONG
+    strong = np.diag(factor) < NEARLY_DETERMINED
     weights: Floats = (np.linalg.inv(factor) * np.diag(factor)[:, None])[strong]
-    length = np.linalg.norm(weights @ factor, axis=1) + ROUNDING * np.abs(weights).sum(axis=1)
+    length = np.linalg.norm(weights @ factor, axis=1) + REACH_ROUNDING * np.abs(weights).sum(axis=1)
     return weights, np.asarray(length)

@@ -19,22 +19,22 @@ import numpy as np
 from tgospa_eval.distances.base import Floats
 from tgospa_eval.tracks.trajectories import Ints
 
-PIECE = 1 << 14
+CANDIDATES_TOGETHER = 1 << 14
 """Candidates compared at a time; those of one truth are never divided."""
 
-FEW = 8
+FEW_CANDIDATES = 8
 """Candidates per row that are compared rather than sorted out by one more axis."""
 
-AXES = 3
+CELL_AXES = 3
 """Axes that cells are made of; each but one multiplies the runs of a truth by 3."""
 
-MANY = 64
+MANY_CANDIDATES = 64
 """Candidates per row and per near pair beyond which a tree is the quicker way."""
 
-SAMPLE = 100
+SAMPLED_TRUTHS = 100
 """Truths whose near pairs are counted for a guess."""
 
-EQUAL = 4.0
+EQUAL_REACHES = 4.0
 """Reaches of a side are not told apart, if the largest is no more than so many times the least."""
 
 
@@ -97,18 +97,18 @@ def search(
     reach = np.maximum(*(own.max(axis=1) for own in reaches))
     candidates = _candidates(a, b, reach)
     rows = len(a.step) + len(b.step)
-    if len(reach) and candidates.count.sum() > max(MANY * rows, PIECE):
+    if len(reach) and candidates.count.sum() > max(MANY_CANDIDATES * rows, CANDIDATES_TOGETHER):
         widest = _widest(reaches)
         if widest:
             del candidates
             yield from _divided((a, b), reaches, power, *widest)
             return
-        some = np.arange(0, len(a.step), -(-len(a.step) // SAMPLE))
+        some = np.arange(0, len(a.step), -(-len(a.step) // SAMPLED_TRUTHS))
         sample = replace(
             candidates, begin=candidates.begin[:, some], count=candidates.count[:, some]
         )
         near = sum(len(i) for i, _ in _compared(a.axes[:, some], b.axes, sample, reach))
-        if near * MANY < sample.count.sum():
+        if near * MANY_CANDIDATES < sample.count.sum():
             for step in np.flatnonzero(np.diff(a.at) * np.diff(b.at)).tolist():
                 yield _tree(a, b, step, reach, power)
             return
@@ -119,7 +119,7 @@ def _widest(reaches: tuple[Floats, Floats]) -> tuple[int, int] | None:
     """The side and the axis on which reaches differ the most; None if they hardly do."""
     ratio = np.array([own.max(axis=1) / own.min(axis=1) for own in reaches])
     which, axis = divmod(int(ratio.argmax()), ratio.shape[1])
-    return (which, axis) if ratio[which, axis] > EQUAL else None
+    return (which, axis) if ratio[which, axis] > EQUAL_REACHES else None
 
 
 def _divided(
@@ -142,8 +142,8 @@ def _divided(
             found += [i << 32 | rows[j] for i, j in pieces]
     pairs = np.sort(np.concatenate(found))
     del found
-    for begin in range(0, len(pairs), PIECE):
-        pair = pairs[begin : begin + PIECE]
+    for begin in range(0, len(pairs), CANDIDATES_TOGETHER):
+        pair = pairs[begin : begin + CANDIDATES_TOGETHER]
         yield pair >> 32, pair & 0xFFFFFFFF
 
 
@@ -159,7 +159,7 @@ def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
     found = _Candidates(
         order=np.arange(len(b.step)), begin=begin[None], count=(b.at[a.step + 1] - begin)[None]
     )
-    enough = FEW * (len(a.step) + len(b.step))
+    enough = FEW_CANDIDATES * (len(a.step) + len(b.step))
     if found.count.sum() <= enough:
         return found
     least, most = ([of(side.axes, axis=1) for side in (a, b)] for of in (np.min, np.max))
@@ -168,7 +168,7 @@ def _candidates(a: Side, b: Side, reach: Floats) -> _Candidates:
     # Halves, whose differences do not overflow.
     low = 0.5 * np.minimum(*least)
     spread = 0.5 * np.maximum(*most) - low
-    axes = np.argsort(-spread / reach, kind="stable")[:AXES]
+    axes = np.argsort(-spread / reach, kind="stable")[:CELL_AXES]
     for used in range(1, len(axes) + 1):
         found = _by_cells(a, b, axes[:used], (low, spread), reach)
         if found.count.sum() <= enough:
@@ -226,8 +226,8 @@ def _compared(
     begin, count = candidates.begin, candidates.count
     total = count.sum(axis=0)
     done = np.cumsum(total)
-    cuts = np.searchsorted(done, np.arange(0, done[-1], PIECE), side="right").tolist()
-    most = int(min(PIECE + total.max(), done[-1]))
+    cuts = np.searchsorted(done, np.arange(0, done[-1], CANDIDATES_TOGETHER), side="right").tolist()
+    most = int(min(CANDIDATES_TOGETHER + total.max(), done[-1]))
     # Written again and again: fresh memory costs more than what is computed in it.
     ramp, floats, flags = np.arange(most), np.empty((2, most)), np.empty((2, most), bool)
     for lower, upper in pairwise([0, *cuts[1:], len(total)]):

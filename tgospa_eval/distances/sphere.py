@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Fault, Floats, first_fault
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, first_fault
 from tgospa_eval.tracks.trajectories import Trajectories
 
 RADIUS = 6371008.8
@@ -68,7 +68,7 @@ class Haversine(Distance):
     def reach(self, cutoff: float, axes: Floats) -> Floats:
         """The cutoff, and the rounding of the points: no chord is longer than its arc."""
         del axes
-        return np.full((3, 1), cutoff * (1 + ROUNDING) + 2.0**-46 * RADIUS)
+        return np.full((3, 1), cutoff * (1 + REACH_ROUNDING) + 2.0**-46 * RADIUS)
 
     def fault(self, axes: Floats) -> Fault | None:
         """Latitudes are up to 90, longitudes up to 360, in either direction."""

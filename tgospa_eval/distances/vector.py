@@ -6,11 +6,11 @@ from functools import reduce
 
 import numpy as np
 
-from tgospa_eval.distances.base import ROUNDING, Distance, Floats, Settings
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Settings
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.tracks.trajectories import Trajectories
 
-SMALLEST, LARGEST = 1e-150, 1e150
+SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""
 
 
@@ -106,7 +106,7 @@ class Norm(Distance):
         for scale, period in zip(
             self.scale or (1.0,) * len(axes), self.period or (np.inf,) * len(axes), strict=True
         ):
-            own = cutoff / scale * (1 + ROUNDING)
+            own = cutoff / scale * (1 + REACH_ROUNDING)
             # Coordinates on the circle are rounded in units of its radius.
             reach += [own] if period == np.inf else [own + 2.0**-46 * period] * 2
         return np.array(reach)[:, None]
@@ -152,9 +152,9 @@ def positive_numbers(
         raise ConfigError(f"{name} is {values!r}: must be one number per state column")
     numbers = tuple(real_number(name, value) for value in values)
     for number in numbers:
-        if not (SMALLEST <= number <= LARGEST or number in also):
+        if not (SMALLEST_SCALE <= number <= LARGEST_SCALE or number in also):
             raise ConfigError(
-                f"{name} is {number:g}: must be > 0, from {SMALLEST:g} to {LARGEST:g}"
+                f"{name} is {number:g}: must be > 0, from {SMALLEST_SCALE:g} to {LARGEST_SCALE:g}"
             )
     return numbers
 

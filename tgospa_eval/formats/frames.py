@@ -23,10 +23,10 @@ from tgospa_eval.formats.times import TimeError, Times
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats
 
-NAMES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
+ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
 """Values that are ids and classes as texts; numpy's numbers and pandas' times are among them."""
 
-MOMENTS = (str, Real, Decimal, datetime.date)
+TIME_TYPES = (str, Real, Decimal, datetime.date)
 """Values that are times, or no times by their text."""
 
 UNWRITTEN = (NotImplementedError, OverflowError, OutOfBoundsDatetime)
@@ -180,7 +180,7 @@ def _numbered(column: pd.Series, header: str, where: Callable[[int], str], wante
     missing = pd.isna(pd.Series(found, dtype=object)).tolist()
     names = []
     for k, value in enumerate(found):
-        if not (missing[k] or isinstance(value, NAMES)):
+        if not (missing[k] or isinstance(value, ID_TYPES)):
             row = int(np.flatnonzero(code == k)[0])
             raise InputError(f"{where(row)}, {header}: {_other(value, wanted)}")
         names.append("" if missing[k] else _name(value))
@@ -227,7 +227,7 @@ def _times(column: pd.Series, header: str, name: str, decimal: str) -> Times:
     seen: dict[str, int] = {}
     codes = []
     for row, value in enumerate(column.tolist()):
-        if not isinstance(value, MOMENTS):
+        if not isinstance(value, TIME_TYPES):
             raise TimeError(row, _other(value, "a time"))
         if isinstance(value, datetime.date):
             text = value.isoformat()

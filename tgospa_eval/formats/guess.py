@@ -4,12 +4,12 @@ import re
 
 from tgospa_eval.formats.fields import is_number
 
-NAMES = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet", ".npz": "npz"}
+ENDINGS = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet", ".npz": "npz"}
 """What the end of a name says; only magic bytes know better."""
 
 MAGIC = b"PAR1"
 ZIP = b"PK\x03\x04"
-HEAD = 1 << 12
+GUESSED_FROM = 1 << 12
 
 
 def guess(path: str, data: bytes) -> str:
@@ -23,9 +23,9 @@ def guess(path: str, data: bytes) -> str:
     if data[:4] == ZIP:
         return "npz"
     suffix = re.search(r"\.[^./\\]*$", path.casefold())
-    if suffix and suffix[0] in NAMES:
-        return NAMES[suffix[0]]
-    head = data[:HEAD].decode("utf-8-sig", "replace").lstrip()
+    if suffix and suffix[0] in ENDINGS:
+        return ENDINGS[suffix[0]]
+    head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
     line = re.split(r"[\r\n]", head, maxsplit=1)[0]
     fields = split(line)
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):

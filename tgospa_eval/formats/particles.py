@@ -9,7 +9,7 @@ from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import BLANK
-from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, Clouds, are_normalised
+from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, Clouds, are_normalised
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 RULE = "weights must be >= 0 and not all zero"
@@ -56,12 +56,12 @@ class Particles:
         """
         weighs = self.weights[taken] > 0
         taken, ordered = taken[weighs], ordered[weighs]
-        far = taken[(np.abs(state[taken]) > LARGEST).any(axis=1)]
+        far = taken[(np.abs(state[taken]) > LARGEST_COORDINATE).any(axis=1)]
         if len(far):
             row = int(far.min())
             raise InputError(
-                f"{rows.where(row)}: a particle of {_name(rows, row)} is beyond {LARGEST:g}"
-                f"{more(len(far))}; use another unit"
+                f"{rows.where(row)}: a particle of {_name(rows, row)} is beyond "
+                f"{LARGEST_COORDINATE:g}{more(len(far))}; use another unit"
             )
         begin = np.flatnonzero(np.diff(ordered, prepend=-1))
         found = Clouds(
@@ -138,7 +138,7 @@ def gather(rows: Rows, key: Ints, mask: Flags, *, always: bool) -> Particles | N
     return Particles(
         weights=weights,
         cloud=cloud,
-        uneven=int(np.count_nonzero(off > UNEVEN)),
+        uneven=int(np.count_nonzero(off > UNEVEN_SUM)),
         worst=float(sums[off.argmax()]) if len(sums) else 1.0,
         idle=int(np.count_nonzero(weights[used] == 0)),
     )

@@ -11,7 +11,7 @@ from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints
 
-PARTICLES = "particles of one object need a column weight"
+PARTICLES_HINT = "particles of one object need a column weight"
 
 NEARLY_ALL = 0.9
 """Share of rows from which one id is that of nearly all."""
@@ -46,7 +46,7 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
     remedy = "--on-duplicate first or last"
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
-    return f"{said}one row per object and step, or {remedy}; {PARTICLES}"
+    return f"{said}one row per object and step, or {remedy}; {PARTICLES_HINT}"
 
 
 def most_repeat(taken: Ints, again: Ints, rows: Rows, kept: str) -> Iterator[Notice]:
@@ -79,5 +79,5 @@ def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
     return (
         f"{share} {quoted(name)}, as of detections, and TGOSPA compares tracks; if another column "
         f"than {quoted(header)} has the ids, name it, --columns id=HEADER; "
-        f"{PARTICLES}"
+        f"{PARTICLES_HINT}"
     )

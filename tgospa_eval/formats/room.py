@@ -8,7 +8,7 @@ from pathlib import Path
 from tgospa_eval.errors import InputError
 
 GIGABYTE = 1e9
-DEFAULT = 4.0
+DEFAULT_GIGABYTES = 4.0
 """GB that reading a far smaller file may take: some 20 million rows of four columns."""
 
 UNPACKED = 300
@@ -33,8 +33,8 @@ def check_room(path: str, size: float, file: int, limit: float | None, what: str
     file : int
         Bytes of the file.
     limit : float, optional
-        GB that it may take, 0 for any; by default what is available, but no more than `DEFAULT`
-        where that is `UNPACKED` times the file and more.
+        GB that it may take, 0 for any; by default what is available, but no more than
+        `DEFAULT_GIGABYTES` where that is `UNPACKED` times the file and more.
     what : str
         What is in the file.
 
@@ -53,7 +53,7 @@ def check_room(path: str, size: float, file: int, limit: float | None, what: str
         if free is not None:
             limits.append((free, "available"))
         if size > UNPACKED * file:
-            limits.append((DEFAULT, "allowed"))
+            limits.append((DEFAULT_GIGABYTES, "allowed"))
     most, kind = min(limits, default=(math.inf, ""))
     if size > most * GIGABYTE:
         needed = size / GIGABYTE
@@ -67,7 +67,7 @@ def most_bytes(limit: float | None) -> int:
     """Bytes that a file itself may have."""
     if limit == 0:
         return sys.maxsize - 1
-    return int((max(DEFAULT, _available() or 0.0) if limit is None else limit) * GIGABYTE)
+    return int((max(DEFAULT_GIGABYTES, _available() or 0.0) if limit is None else limit) * GIGABYTE)
 
 
 def _available() -> float | None:

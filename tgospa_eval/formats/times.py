@@ -12,7 +12,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
 ISO = re.compile(r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)")
-EXACT = 2.0**53
+EXACT_BELOW = 2.0**53
 """Below this doubles tell integers apart."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -75,7 +75,7 @@ def parse_times(texts: Sequence[str], to_floats: Callable[[Sequence[str]], Float
         text = texts[odd[0]]
         what = f"not a finite time: {quoted(text)}" if text.strip() else "blank time"
         raise TimeError(int(odd[0]), f"{what}{more(len(odd))}; write a number")
-    for row in np.flatnonzero(np.abs(value) >= EXACT).tolist():
+    for row in np.flatnonzero(np.abs(value) >= EXACT_BELOW).tolist():
         if texts[row].strip().lstrip("+-").isdigit():
             raise TimeError(
                 row,

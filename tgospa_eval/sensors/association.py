@@ -22,7 +22,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 Columns = dict[str, list[Any]]
 Floats = NDArray[np.float64]
 
-LARGEST = 3000
+MOST_STATES = 3000
 """Rows of either side of a step: the matrix of their gains takes 72 MB."""
 
 
@@ -186,10 +186,10 @@ def associate(
     for begin, end in _runs(step):
         axes = [np.unique(side[begin:end], return_inverse=True)[1] for side in rows]
         shape = [int(axis.max()) + 1 for axis in axes]
-        if max(shape) > LARGEST:
+        if max(shape) > MOST_STATES:
             raise InputError(
                 f"t {first.shown[step[begin]]}: {max(shape)} states with a partner within the "
-                f"cutoff, at most {LARGEST} are possible; take a smaller cutoff"
+                f"cutoff, at most {MOST_STATES} are possible; take a smaller cutoff"
             )
         chosen[near[begin:end]] = _best(gain[begin:end], axes, shape)
     return Association(

@@ -10,7 +10,7 @@ from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
 from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.distances.clouds.pairs import announce
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
-from tgospa_eval.distances.clouds.transport import LARGEST, NEEDED, can_transport
+from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -51,7 +51,7 @@ def _table(side: Trajectories, changes: list[tuple[Any, ...]]) -> Columns:
     ids = side.ids[side.track].tolist()
     moments = side.shown[side.step].tolist()
     rows = [(*row[:2], *row[2]) for row in zip(ids, moments, changes, strict=True)]
-    return {name: [row[k] for row in rows] for k, name in enumerate(NAMES)}
+    return {name: [row[k] for row in rows] for k, name in enumerate(CHANGE_COLUMNS)}
 
 
 def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, ...]]:
@@ -68,7 +68,7 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, .
         what = f"{counted(count, 'cloud')} to compare with those before"
         announce(effort, count, what, lambda: change(largest))
         if not is_exact:
-            effort.stopwatch.notify(f"no exact distances from the clouds before: {NEEDED}")
+            effort.stopwatch.notify(f"no exact distances from the clouds before: {POT_NEEDED}")
     outer, effort.stopwatch.stage = effort.stopwatch.stage, "comparing clouds with those before"
     try:
         with ThreadPoolExecutor(effort.jobs) as pool:
@@ -77,7 +77,7 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, .
         effort.stopwatch.stage = outer
 
 
-NAMES = (
+CHANGE_COLUMNS = (
     "id",
     "t",
     "particles",
@@ -103,7 +103,7 @@ def _compared(
     # Without a warning for weights of single precision: they were normalised when read.
     exact = (
         cloud_wasserstein(*before, *after)
-        if is_exact and sizes[0] * sizes[1] <= LARGEST**2
+        if is_exact and sizes[0] * sizes[1] <= MOST_PARTICLES**2
         else None
     )
     return (

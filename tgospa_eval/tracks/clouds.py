@@ -14,10 +14,10 @@ Floats = NDArray[np.float64]
 Cloud = tuple[Floats, Floats]
 """Points (N, d) and weights (N,) of one of them."""
 
-LARGEST = 1e150
+LARGEST_COORDINATE = 1e150
 """Of a coordinate of a particle: the squares of clouds are numbers."""
 
-UNEVEN = 1e-3
+UNEVEN_SUM = 1e-3
 """Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
 
 
@@ -67,8 +67,10 @@ class Clouds:
             )
         if not np.isfinite(points).all():
             raise InputError("clouds: points must be finite; leave particles out that are not")
-        if np.abs(points).max(initial=0) > LARGEST:
-            raise InputError(f"clouds: a particle is beyond {LARGEST:g}; use another unit")
+        if np.abs(points).max(initial=0) > LARGEST_COORDINATE:
+            raise InputError(
+                f"clouds: a particle is beyond {LARGEST_COORDINATE:g}; use another unit"
+            )
         if not (weights >= 0).all() or not np.all(np.abs(self.sums(weights) - 1) <= 1e-6):
             raise InputError("clouds: weights must be >= 0 and sum to 1 in every cloud")
 

@@ -18,13 +18,13 @@ Floats = NDArray[np.float64]
 
 EPS = 2.0**-52
 
-QUIET = 1e-13
+ROUNDED_EIGENVALUE = 1e-13
 """Least eigenvalue over the largest, negated, up to which it is rounding."""
 
-CLAMPED = 1e-3 * (1 + 1e-9)  # of decimals that make just a thousandth, too
+CLAMPED_EIGENVALUE = 1e-3 * (1 + 1e-9)  # of decimals that make just a thousandth, too
 """The same, up to which a matrix is taken for a covariance that was written with few digits."""
 
-LARGEST = 1e150
+LARGEST_VARIANCE = 1e150
 """Of variances: products of two are still doubles."""
 
 ASYMMETRY = 1e-6 * (1 + 1e-9)
@@ -33,7 +33,7 @@ ASYMMETRY = 1e-6 * (1 + 1e-9)
 ILL = 1e-4
 """Share of a variance that is left by the others, below which d >= 3 is factored with pivots."""
 
-BLOCK = 1 << 13
+MATRICES_TOGETHER = 1 << 13
 """Matrices that are factored with pivots at a time."""
 
 
@@ -74,8 +74,8 @@ def factor(packed: Floats) -> Floats:
         return _factor_two(*packed)
     found, share = _factor_many(packed)
     ill = np.flatnonzero(share < ILL)
-    for begin in range(0, len(ill), BLOCK):
-        part = ill[begin : begin + BLOCK]
+    for begin in range(0, len(ill), MATRICES_TOGETHER):
+        part = ill[begin : begin + MATRICES_TOGETHER]
         found[:, part] = _factor_pivoted(packed[:, part])
     return found
 
@@ -200,7 +200,7 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
     values, vectors = np.linalg.eigh(unpack(packed[:, doubtful]))
     low, high = values[:, 0], values[:, -1]
     own = np.divide(low, high, out=np.full(len(low), -np.inf), where=high > 0)
-    wrong = np.flatnonzero(own < -QUIET)
+    wrong = np.flatnonzero(own < -ROUNDED_EIGENVALUE)
     ratio[doubtful[wrong]] = own[wrong]
     answer = packed.copy()
     roots = vectors[wrong] * np.sqrt(np.maximum(values[wrong], 0.0))[:, None, :]
@@ -230,11 +230,11 @@ def accept(
     """
     d = size_of(len(packed))
     diagonal = packed[[i * (i + 3) // 2 for i in range(d)]]
-    wrong = np.flatnonzero(np.max(np.abs(packed), axis=0, initial=0.0) > LARGEST)
+    wrong = np.flatnonzero(np.max(np.abs(packed), axis=0, initial=0.0) > LARGEST_VARIANCE)
     if len(wrong):
         raise InputError(
-            f"{where(int(wrong[0]))}: covariance above {LARGEST:g}{more(len(wrong))}; use another "
-            "unit"
+            f"{where(int(wrong[0]))}: covariance above {LARGEST_VARIANCE:g}{more(len(wrong))}; "
+            "use another unit"
         )
     negative = np.min(diagonal, axis=0, initial=0.0) < 0
     if negative.any() and not fix:
@@ -245,7 +245,7 @@ def accept(
             "correct it or use --fix-cov"
         )
     answer, ratio = project(packed)
-    refused = ratio < -CLAMPED
+    refused = ratio < -CLAMPED_EIGENVALUE
     wrong = np.flatnonzero(refused)
     if len(wrong) and not fix:
         values = np.linalg.eigvalsh(unpack(packed[:, wrong[:1]]))[0]

@@ -792,7 +792,7 @@ def test_large_files(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     from tgospa_eval.formats.text import bulk as module
 
     careful = read_trajectories(ROOT[1])
-    monkeypatch.setattr(module, "SIZE", 1)
+    monkeypatch.setattr(module, "BULK_BYTES", 1)
     assert digest(read_trajectories(ROOT[1])) == digest(careful)
 
 

@@ -46,7 +46,7 @@ def route(request: pytest.FixtureRequest) -> Iterator[None]:
         if request.param == "large":
             if not hasattr(bulk, "SIZE"):
                 pytest.skip("there is one way only")
-            patch.setattr(bulk, "SIZE", 0)
+            patch.setattr(bulk, "BULK_BYTES", 0)
         yield
 
 
@@ -963,7 +963,7 @@ def test_the_quick_way_reads_what_the_careful_way_reads(
     read = []
     for size in (10**9, 0):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(bulk, "SIZE", size)
+            patch.setattr(bulk, "BULK_BYTES", size)
             try:
                 got = read_trajectories(path)
                 read.append(

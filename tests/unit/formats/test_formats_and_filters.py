@@ -378,7 +378,7 @@ CLASSES = "id,t,x,class,v\na,1,0,car,1\na,2,1,car,2\nb,2,5,bus,3\nc,3,9,,\n"
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Small and large files are parsed in two ways, which must not show."""
     if request.param == "large":
-        monkeypatch.setattr(bulk, "SIZE", 0)
+        monkeypatch.setattr(bulk, "BULK_BYTES", 0)
 
 
 @pytest.mark.usefixtures("way")

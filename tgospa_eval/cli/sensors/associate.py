@@ -10,7 +10,7 @@ from tgospa_eval.cli.shared.help import Option, Verb
 from tgospa_eval.cli.shared.option import option
 from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options
 
-SHARED = (
+SENSOR_OPTIONS = (
     "distance",
     "cloud-order",
     "inner",
@@ -54,7 +54,7 @@ _output = partial(click.option, cls=Option, section="Output")
 def _options(command: Callable[..., Any]) -> Callable[..., Any]:
     return chosen_options(
         command,
-        SHARED,
+        SENSOR_OPTIONS,
         (
             _files(
                 "--a-format",

@@ -9,7 +9,7 @@ from tgospa_eval.cli.shared.help import Option, Verb
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
-FORMATS = ("csv", "motchallenge", "kitti")
+SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
@@ -132,7 +132,7 @@ _output = partial(click.option, cls=Option, section="Output", show_default=True)
 @_output(
     "--format",
     default="csv",
-    type=click.Choice(FORMATS),
+    type=click.Choice(SCENE_FORMATS),
     metavar="FORMAT",
     help="Format of the files: csv, motchallenge or kitti.",
 )

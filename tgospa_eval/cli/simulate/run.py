@@ -16,7 +16,7 @@ from tgospa_eval.simulation import Scene, Tracker, simulate
 from tgospa_eval.text import visible
 from tgospa_eval.tracks.trajectories import Trajectories
 
-DISTANCES = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
+DISTANCE_OF_STATE = {"gaussian": "gaussian-wasserstein", "cloud": "cloud-wasserstein"}
 """Distances of states that are more than points."""
 
 OPTION = "DIR"
@@ -86,6 +86,6 @@ def _command(folder: str, names: tuple[str, str], options: dict[str, Any], track
     cutoff = max(options["area"] / 20, 5 * tracker.noise)
     format_ = options["format"]
     formats = f" --truth-format {format_} --estimate-format {format_}" if format_ != "csv" else ""
-    if options["state"] in DISTANCES:
-        formats += f" --distance {DISTANCES[options['state']]}"
+    if options["state"] in DISTANCE_OF_STATE:
+        formats += f" --distance {DISTANCE_OF_STATE[options['state']]}"
     return f"tgospa-eval {paths}{formats} -c {cutoff:g} -g {cutoff / 2:g}"

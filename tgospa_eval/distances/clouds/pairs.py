@@ -19,7 +19,7 @@ from tgospa_eval.common.cores import cores
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
 from tgospa_eval.distances.clouds.transport import (
-    LARGEST,
+    MOST_PARTICLES,
     TOO_LARGE,
     distance,
     whitened,
@@ -40,16 +40,16 @@ SLACK = 1e-12
 UNSURE = 1e-11
 """Of the variances: what rounding may add to the Gelbrich bound, and far more."""
 
-TOGETHER = 1 << 16
+BOUNDS_TOGETHER = 1 << 16
 """Pairs whose bounds are computed at a time."""
 
-PATIENCE = 2.0
+ANNOUNCED_FROM = 2.0
 """Seconds of work from which on the user is told how long it will take."""
 
-PIECE = 0.25
+SECONDS_TOGETHER = 0.25
 """Seconds of work that a thread does at a time, about."""
 
-MANY = 300
+MANY_PARTICLES = 300
 """Particles from which on reducing them is worth a hint."""
 
 
@@ -209,16 +209,16 @@ def _solved(
     _check_sizes(sizes, rows, sides)
     jobs = min(effort.jobs or cores(), count)
     seconds = estimated_seconds(*sizes, is_line=len(sides[0].columns) == 1) / jobs
-    if seconds > PATIENCE:
+    if seconds > ANNOUNCED_FROM:
         most = int(max(size.max() for size in sizes))
-        hint = "; --reduce 50 makes them small" if most > MANY else ""
+        hint = "; --reduce 50 makes them small" if most > MANY_PARTICLES else ""
         effort.stopwatch.notify(
             f"{counted(count, 'transport')} of up to {most} particles to solve, about "
             f"{_time(seconds)}{hint}"
         )
     answer = np.zeros(count)
     # Small enough that an interrupt is heeded soon.
-    soon = int(PIECE * count / (seconds * jobs))
+    soon = int(SECONDS_TOGETHER * count / (seconds * jobs))
     step = max(1, min(64, count // (8 * jobs), soon))
 
     def solve(begin: int) -> int:
@@ -262,7 +262,7 @@ def announce(effort: Effort, count: int, what: str, one: Callable[[], object]) -
         begin = time.perf_counter()
         one()
         seconds = count * (time.perf_counter() - begin)
-        if seconds <= PATIENCE:
+        if seconds <= ANNOUNCED_FROM:
             return
     effort.stopwatch.notify(f"{what}, at most about {_time(seconds)}")
 
@@ -271,7 +271,7 @@ def _check_sizes(
     sizes: list[Ints], rows: tuple[Ints, Ints], sides: tuple[Trajectories, Trajectories]
 ) -> None:
     """Whether costs of all pairs fit; of points on a line there are none."""
-    wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > LARGEST**2)
+    wrong = np.flatnonzero(sizes[0].astype(np.int64) * sizes[1] > MOST_PARTICLES**2)
     if len(wrong) and len(sides[0].columns) > 1:
         first = int(wrong[0])
         names = [
@@ -283,8 +283,8 @@ def _check_sizes(
 
 
 def _parts(rows: Ints) -> Iterator[Ints]:
-    for begin in range(0, len(rows), TOGETHER):
-        yield rows[begin : begin + TOGETHER]
+    for begin in range(0, len(rows), BOUNDS_TOGETHER):
+        yield rows[begin : begin + BOUNDS_TOGETHER]
 
 
 def _time(seconds: float) -> str:

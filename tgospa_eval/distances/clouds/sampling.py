@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tgospa_eval.errors import ConfigError, TgospaWarning, real_number
 from tgospa_eval.text import quoted
-from tgospa_eval.tracks.clouds import LARGEST, UNEVEN, are_normalised
+from tgospa_eval.tracks.clouds import LARGEST_COORDINATE, UNEVEN_SUM, are_normalised
 
 Floats = NDArray[np.float64]
 
@@ -50,8 +50,8 @@ def as_cloud(
     if not np.isfinite(points).all():
         row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
         raise ConfigError(f"{name}: particle {row} is not finite; leave it out")
-    if np.abs(points).max() > LARGEST:
-        raise ConfigError(f"{name}: a particle is beyond {LARGEST:g}; use another unit")
+    if np.abs(points).max() > LARGEST_COORDINATE:
+        raise ConfigError(f"{name}: a particle is beyond {LARGEST_COORDINATE:g}; use another unit")
     if given is None:
         return points, np.full(len(points), 1 / len(points))
     if given.shape != (len(points),):
@@ -66,7 +66,7 @@ def as_cloud(
     largest = float(given.max())
     scaled = given / largest
     total = math.fsum(scaled)
-    if abs(total * largest - 1) > UNEVEN:
+    if abs(total * largest - 1) > UNEVEN_SUM:
         warnings.warn(
             f"{name}: the weights sum to {total * largest:g}, not 1: normalised",
             TgospaWarning,

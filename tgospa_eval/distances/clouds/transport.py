@@ -31,15 +31,15 @@ ASSIGNED = 200
 FARTHEST = 1e150
 """Of whitened coordinates: their squares are numbers."""
 
-LARGEST = 4000
+MOST_PARTICLES = 4000
 """Particles of two clouds each: the costs of the pair take 128 MB, its transport half a minute."""
 
 TOO_LARGE = (
-    f"more than {LARGEST} x {LARGEST} particles of a pair take too long and too much memory; "
-    "reduce the clouds first, --reduce 100 or reduce_cloud"
+    f"more than {MOST_PARTICLES} x {MOST_PARTICLES} particles of a pair take too long and too much "
+    "memory; reduce the clouds first, --reduce 100 or reduce_cloud"
 )
 
-NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
+POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
 ALIKE = 1e-13
 """Of a weight: what rounding makes of one, added and divided in another order."""
@@ -314,7 +314,7 @@ def _along_a_line(a: Cloud, b: Cloud, order: int) -> float:
 
 
 def _check_size(a: Cloud, b: Cloud) -> None:
-    if len(a[0]) * len(b[0]) > LARGEST**2:
+    if len(a[0]) * len(b[0]) > MOST_PARTICLES**2:
         raise ConfigError(f"clouds of {len(a[0])} and {len(b[0])} particles: {TOO_LARGE}")
 
 
@@ -351,6 +351,6 @@ def _pot() -> ModuleType:
     try:
         from ot import lp  # here: slow to import, and an extra
     except ModuleNotFoundError:
-        raise ConfigError(NEEDED) from None
+        raise ConfigError(POT_NEEDED) from None
     module: ModuleType = lp
     return module

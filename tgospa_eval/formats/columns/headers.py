@@ -11,7 +11,7 @@ from tgospa_eval.text import listed, quoted
 Mix = tuple[tuple[int, float], ...]
 """A quantity as columns times factors: the centre of a box is left + 0.5 width."""
 
-FIRST = {
+FIRST_ALIASES = {
     "id": ("id", "track_id", "target_id", "object_id"),
     "t": ("t", "time", "timestamp", "frame", "step"),
     "weight": ("weight", "w"),
@@ -24,15 +24,15 @@ COORDINATE = (
 )
 """Aliases of each coordinate."""
 
-ALIASES = {
+HEADER_ALIASES = {
     name: tuple(aliases.split())
     for name, aliases in {
-        "id": f"{' '.join(FIRST['id'])} obj_id trk_id tid track uuid track_uuid object_uuid "
-        "track_no track_num track_number target_number track_name target_name track_token "
+        "id": f"{' '.join(FIRST_ALIASES['id'])} obj_id trk_id tid track uuid track_uuid "
+        "object_uuid track_no track_num track_number target_number track_name target_name track_token "
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
         "mmsi icao24",
-        "t": f"{' '.join(FIRST['t'])} ts stamp datetime utc utc_time time_utc timestep frame_id "
-        "frame_idx frame_index frame_no frame_num frame_number",
+        "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
+        "frame_id frame_idx frame_index frame_no frame_num frame_number",
         "x": COORDINATE.format("x") + " easting utm_easting",
         "y": COORDINATE.format("y") + " northing utm_northing",
         "z": COORDINATE.format("z"),
@@ -44,12 +44,12 @@ ALIASES = {
         "height": "height bb_height bbox_height",
         "right": "right bb_right bbox_right x_max",
         "bottom": "bottom bb_bottom bbox_bottom y_max",
-        "weight": " ".join(FIRST["weight"]),
+        "weight": " ".join(FIRST_ALIASES["weight"]),
     }.items()
 }
 """Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
 
-LAST = (
+LAST_ALIASES = (
     {"id": "deviceid"},
     {"x": "east", "y": "north", "z": "up"},
     {"x": "e", "y": "n", "z": "u"},
@@ -97,7 +97,7 @@ HINTS = {
 }
 """Parts of headers that may be meant, from the most telling on."""
 
-PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
+AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
 """What tells the two headers of a position apart."""
 
 SCORE = re.compile(r"conf|score|prob|likelihood|exist|certainty|quality|class|category")
@@ -149,7 +149,7 @@ class Headers:
         """
         if name in self.mapped:
             return self.spelt(self.mapped[name], name)
-        for alias in (name,) if plainly else FIRST.get(name, (name,)):
+        for alias in (name,) if plainly else FIRST_ALIASES.get(name, (name,)):
             found = self.spelt(alias, name)
             if found is not None:
                 return found
@@ -157,7 +157,7 @@ class Headers:
 
     def last(self, name: str) -> int | None:
         """Position of a column by the headers that are looked at last of all."""
-        for group in LAST:
+        for group in LAST_ALIASES:
             places = {column: self._of((key,), column) for column, key in group.items()}
             if name in group and all(places[column] for column in group if column != "z"):
                 return self._only(places[name], name)
@@ -187,7 +187,9 @@ class Headers:
 
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
-        return self._of(dict.fromkeys(_joined(alias) for alias in ALIASES.get(name, ())), name)
+        return self._of(
+            dict.fromkeys(_joined(alias) for alias in HEADER_ALIASES.get(name, ())), name
+        )
 
     def _of(self, keys: Iterable[str], name: str) -> list[int]:
         """Positions of headers that are one of these words, with a unit of the column if any."""
@@ -325,7 +327,7 @@ def _first(name: str, free: dict[int, str]) -> int | None:
 def _position(free: dict[int, str]) -> dict[str, int]:
     """Two or three headers that are the same but for the axis."""
     places = {key: k for k, key in reversed(free.items()) if not NO_PLACE.search(key)}
-    for first, second in PAIRS:
+    for first, second in AXIS_PAIRS:
         for key in reversed(places):
             for at in (match.start() for match in re.finditer(first, key)):
                 stem, rest = key[:at], key[at + len(first) :]

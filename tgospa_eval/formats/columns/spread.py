@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.tracks.covariances import LARGEST, accept, size_of, symmetric
+from tgospa_eval.tracks.covariances import LARGEST_VARIANCE, accept, size_of, symmetric
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 BEYOND = 1e-3
@@ -241,7 +241,7 @@ def _products(packed: Floats, spread: Spread, cells: Cells, *, fix: bool) -> Flo
     """Covariances of standard deviations and correlations, these of any size if they are mended."""
     beyond = np.inf if fix else 1 + BEYOND
     for k, (i, j, label) in enumerate(spread.labels()):
-        least, most = (0.0, LARGEST**0.5) if i == j else (-beyond, beyond)
+        least, most = (0.0, LARGEST_VARIANCE**0.5) if i == j else (-beyond, beyond)
         wrong = ~((packed[k] >= least) & (packed[k] <= most))
         if wrong.any():
             at, place, others = cells.first(wrong)

@@ -19,7 +19,7 @@ from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, is_number
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.convert import blanks, coded_times, numbered
-from tgospa_eval.formats.times import EXACT, TimeError, Times
+from tgospa_eval.formats.times import EXACT_BELOW, TimeError, Times
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 Columns = dict[int, "pd.Series"]
 """Of a table, by number."""
 
-SIZE = 4_000_000
+BULK_BYTES = 4_000_000
 """Bytes from which importing pandas pays."""
 
-BLOCK = 1 << 24
+BYTES_TOGETHER = 1 << 24
 """Bytes that are looked at together."""
 
 ODD_BLANKS = (b"\t", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\x1f")
@@ -199,7 +199,7 @@ def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
 def _blocks(data: bytes, start: int) -> Iterator[NDArray[np.uint8]]:
     """The bytes from `start` on in whole lines."""
     while start < len(data):
-        stop = data.find(b"\n", start + BLOCK) + 1 or len(data)
+        stop = data.find(b"\n", start + BYTES_TOGETHER) + 1 or len(data)
         yield np.frombuffer(data, np.uint8, stop - start, start)
         start = stop
 
@@ -332,7 +332,7 @@ def _times(column: "pd.Series", decimal: str) -> Times:
             raise IrregularError from None
     value = column.to_numpy()
     if value.dtype == np.float64:
-        if not (np.abs(value) < EXACT).all():
+        if not (np.abs(value) < EXACT_BELOW).all():
             raise IrregularError
         value = value + 0.0  # -0.0 is the same step as 0.0
     return Times(value=value, clock="number", text=None)

@@ -18,10 +18,10 @@ from tgospa_eval.formats.times import TimeError, Times, parse_times, remedy_for
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
-CHUNK = 1 << 17
+LETTERS_TOGETHER = 1 << 17
 """Letters of text that are turned into fields at a time."""
 
-PACKED = {
+COMPRESSED = {
     b"\x1f\x8b": "gzip",
     b"PK\x03\x04": "zip",
     b"BZh": "bzip2",
@@ -94,7 +94,7 @@ def check_text(data: bytes, path: str) -> None:
             f"{path}: the file is empty; a set without objects is a header alone, or text of "
             "MOTChallenge or KITTI whose format is named (--truth-format, --estimate-format)"
         )
-    for magic, program in PACKED.items():
+    for magic, program in COMPRESSED.items():
         if data.startswith(magic):
             raise InputError(f"{path}: compressed by {program}; unpack it first")
     if data[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
@@ -129,7 +129,7 @@ def chunks(text: str, start: int = 0) -> Iterator[str]:
     """The text from `start` on in whole lines, some 10^5 letters at a time."""
     stop = len(text.rstrip("\n"))
     while start < stop:
-        end = text.find("\n", start + CHUNK, stop)
+        end = text.find("\n", start + LETTERS_TOGETHER, stop)
         end = stop if end < 0 else end
         yield text[start:end]
         start = end + 1

@@ -12,16 +12,16 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
 
-NAMES = (
+FIELDS = (
     *("frame", "id", "class", "truncated", "occluded", "alpha"),
     *("left", "top", "right", "bottom"),
     *("size_height", "size_width", "size_length"),
     *("loc_x", "loc_y", "loc_z", "rotation_y", "score"),
 )
-TYPE = NAMES.index("class")
+TYPE_FIELD = FIELDS.index("class")
 IGNORED = "DontCare"
 
-UNKNOWN = -1000.0
+KITTI_UNKNOWN = -1000.0
 """Each coordinate of a place in space that is not known."""
 
 
@@ -36,18 +36,18 @@ def read_kitti(path: str, data: bytes, options: ReadOptions, role: str, *, given
     rows, texts, _ = read_plain(
         path, data, options, _header, commas=False, given=given, empty=17, texts=("class",)
     )
-    kind = texts[TYPE]
+    kind = texts[TYPE_FIELD]
     ignored = np.array([text == IGNORED for text in kind.distinct], bool)
     rows.apart[IGNORED] = ignored[kind.code], f"of type {IGNORED} left out"
-    leave_out_unknown(rows, NAMES, UNKNOWN)
+    leave_out_unknown(rows, FIELDS, KITTI_UNKNOWN)
     return rows
 
 
 def _header(fields: list[str], where: str) -> list[str]:
     """Names of the columns."""
-    if len(fields) not in (len(NAMES) - 1, len(NAMES)):
+    if len(fields) not in (len(FIELDS) - 1, len(FIELDS)):
         raise InputError(
             f"{where}: {counted(len(fields), 'field')}; KITTI tracking labels have 17, or 18 "
             "with a score: frame track_id type truncated occluded alpha left top right bottom ..."
         )
-    return list(NAMES[: len(fields)])
+    return list(FIELDS[: len(fields)])

@@ -5,7 +5,7 @@ from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.text.convert import check_text, decode, load
 from tgospa_eval.text import quoted
 
-DELIMITERS = ";\t,"
+MATRIX_DELIMITERS = ";\t,"
 
 
 def read_matrix(path: str, decimal: str) -> list[list[float]]:
@@ -20,7 +20,7 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
     if data:
         check_text(data, path)
     text = decode(data, path)
-    delimiter = next((mark for mark in DELIMITERS if mark in text and mark != decimal), ";")
+    delimiter = next((mark for mark in MATRIX_DELIMITERS if mark in text and mark != decimal), ";")
     lines = [(k, line) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines:
         raise InputError(f"{path}: the file is empty; a matrix d x d is needed, without header")

@@ -16,8 +16,8 @@ from tgospa_eval.formats.text.convert import Places, numbers
 from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
 from tgospa_eval.tracks.trajectories import Floats
 
-FLAG = 6
-UNKNOWN = -1.0
+FLAG_FIELD = 6
+MOT_UNKNOWN = -1.0
 """Each coordinate of a place in space that is not known."""
 NOT_CONSIDERED = "not considered"
 
@@ -40,13 +40,13 @@ def read_motchallenge(
         raise InputError(
             f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
         )
-    leave_out_unknown(rows, places.names, UNKNOWN)
+    leave_out_unknown(rows, places.names, MOT_UNKNOWN)
     if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
         # Results of some trackers fill the columns with -1.
         lacking = {**rows.roles.lacking, "class": f"{path}: every class is -1, not known"}
         rows = replace(rows, classes=None, roles=replace(rows.roles, lacking=lacking))
-    if FLAG in texts:
-        flags = _flags(texts[FLAG], places)
+    if FLAG_FIELD in texts:
+        flags = _flags(texts[FLAG_FIELD], places)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"
     return rows
 
@@ -68,5 +68,5 @@ def _flags(texts: Coded, places: Places) -> Floats:
     if wrong:
         _, wrong = numbers([text.strip() for text in texts], ".")  # says the row, and how many
         row, message = wrong[0]
-        raise InputError(f"{places.field(row, FLAG)}: {message}")
+        raise InputError(f"{places.field(row, FLAG_FIELD)}: {message}")
     return values[texts.code]

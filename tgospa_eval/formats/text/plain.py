@@ -92,7 +92,7 @@ def read_plain(
 
 def _first_of_many(data: bytes) -> str | None:
     """First line of a large file, which needs no decoding unless it takes the careful way."""
-    if len(data) < bulk.SIZE or not data.isascii():
+    if len(data) < bulk.BULK_BYTES or not data.isascii():
         return None
     line = data[: data.find(b"\n") + 1]
     # A return anywhere but before its end is the end of a line.

@@ -26,16 +26,16 @@ from tgospa_eval.formats.text.convert import Block, check_text, chunks, convert,
 DELIMITERS = ",;\t"
 
 DECIMAL = re.compile(r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?")
-GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+GROUPED_NUMBER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
 """Numbers whose mark may be one between thousands."""
 
-HEAD = 1 << 16
+HEADER_BYTES = 1 << 16
 """Bytes in which the header of a large file is looked for."""
 
 Wrong = tuple[int, int, bool]
 """A row of the wrong length: its line, its length, whether it is a comment."""
 
-ROWS = 1 << 13
+ROWS_OF_BLOCK = 1 << 13
 """Rows of a block from the csv module."""
 
 
@@ -49,9 +49,9 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     """
     check_text(data, path)
     # A large ASCII file needs no decoding unless it takes the careful way.
-    large = len(data) >= bulk.SIZE
-    whole = not (large and data.isascii() and b"\n" in data[:HEAD])
-    head = decode(data if whole else data[:HEAD], path)
+    large = len(data) >= bulk.BULK_BYTES
+    whole = not (large and data.isascii() and b"\n" in data[:HEADER_BYTES])
+    head = decode(data if whole else data[:HEADER_BYTES], path)
     header, first, start = _header(head, path)
     delimiter = _delimiter(header, options.decimal)
     where = f"{path}, line {first - 1}"
@@ -112,7 +112,7 @@ def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[
     other = {".": ",", ",": "."}[asked]
     if other == delimiter or other not in text:
         return roles, asked
-    lines = itertools.islice(io.StringIO(text), ROWS)
+    lines = itertools.islice(io.StringIO(text), ROWS_OF_BLOCK)
     certain = False
     with suppress(csv.Error):  # told of when all rows are read
         for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
@@ -120,7 +120,7 @@ def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[
                 if DECIMAL.fullmatch(field):
                     if asked in field:
                         return roles, asked
-                    certain |= not GROUPED.fullmatch(field)
+                    certain |= not GROUPED_NUMBER.fullmatch(field)
     if not certain:
         return roles, asked
     said = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
@@ -172,7 +172,7 @@ def _tokenise_slowly(
                 else:
                     wrong.append((begin, len(row), row[0].lstrip().startswith(COMMENTS)))
             begin = first_line + reader.line_num
-            if len(rows) == ROWS:
+            if len(rows) == ROWS_OF_BLOCK:
                 yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
                 lines, rows = [], []
     except csv.Error as error:

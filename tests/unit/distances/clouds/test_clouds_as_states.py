@@ -186,8 +186,8 @@ def test_reduction_belongs_to_the_distance() -> None:
 
 
 def test_the_user_is_told_of_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounds, "PATIENCE", 0.0)
-    monkeypatch.setattr(bounds, "MANY", 5)
+    monkeypatch.setattr(bounds, "ANNOUNCED_FROM", 0.0)
+    monkeypatch.setattr(bounds, "MANY_PARTICLES", 5)
     said: list[str] = []
     stopwatch = Stopwatch()
     stopwatch.notify = said.append
@@ -216,7 +216,7 @@ def test_estimated_time() -> None:
 
 
 def test_clouds_that_are_too_large_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounds, "LARGEST", 5)
+    monkeypatch.setattr(bounds, "MOST_PARTICLES", 5)
     with pytest.raises(
         InputError,
         match=r'id "\d" with \d+ particles and id "\d" with \d+ particles at t \d: more than ',
