@@ -7,10 +7,15 @@ from tgospa_eval.tracks.trajectories import Trajectories
 
 WAYS = {
     "as it is": {},
-    "small pieces": {"ROWS": 11, "PIECE": 30},
-    "all axes": {"FEW": 0, "ROWS": 50, "PIECE": 64},
-    "trees": {"FEW": 0, "MANY": 1e-9, "PIECE": 30},
-    "divided": {"FEW": 0, "MANY": 1, "PIECE": 5, "EQUAL": 1.001},
+    "small pieces": {"ROWS_TOGETHER": 11, "CANDIDATES_TOGETHER": 30},
+    "all axes": {"FEW_CANDIDATES": 0, "ROWS_TOGETHER": 50, "CANDIDATES_TOGETHER": 64},
+    "trees": {"FEW_CANDIDATES": 0, "MANY_CANDIDATES": 1e-9, "CANDIDATES_TOGETHER": 30},
+    "divided": {
+        "FEW_CANDIDATES": 0,
+        "MANY_CANDIDATES": 1,
+        "CANDIDATES_TOGETHER": 5,
+        "EQUAL_REACHES": 1.001,
+    },
 }
 
 

@@ -146,7 +146,7 @@ def test_it_is_a_metric(name: str, seed: int, spread: float) -> None:
 @pytest.mark.parametrize("name", METRICS)
 def test_near_pairs(name: str, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for setting, value in WAYS[way].items():
-        monkeypatch.setattr(gating if setting == "ROWS" else search, setting, value)
+        monkeypatch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
     distance = METRICS[name]
     rng = np.random.default_rng([list(METRICS).index(name), len(way)])
     for spread in (1e-6, 0.1, 3.0, 60.0, 1e4):
@@ -213,7 +213,7 @@ def test_near_boxes_of_all_sizes(
         cutoff = float(np.nextafter(max(rng.choice(every.ravel()), 1e-9), edge * 9))
     with pytest.MonkeyPatch.context() as patch:
         for setting, value in WAYS[way].items():
-            patch.setattr(gating if setting == "ROWS" else search, setting, value)
+            patch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
         assert_as_by_brute_force(truth, estimate, cutoff, IoU())
 
 
@@ -252,7 +252,7 @@ def test_near_points_of_correlated_columns(
     truth, estimate = (table(np.zeros(25, int), side, 1) for side in (x, y))
     with pytest.MonkeyPatch.context() as patch:
         for setting, value in WAYS[way].items():
-            patch.setattr(gating if setting == "ROWS" else search, setting, value)
+            patch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
         assert_as_by_brute_force(truth, estimate, cutoff, distance)
 
 
@@ -330,7 +330,7 @@ def test_candidates_of_unequal_states(
             x[:3] = y[:3] = [[0, 0, side, 3], [0, 0, 3, side], [0, 0, side, side]]
     near = near_pairs(*(table(np.zeros(count, int), of, 1) for of in (x, y)), cutoff, distance)
     assert len(near.distance) > 0.5 * count
-    assert sum(compared) < search.MANY * 2 * count  # of 4000 * 2 * count
+    assert sum(compared) < search.MANY_CANDIDATES * 2 * count  # of 4000 * 2 * count
 
 
 # --- options and arguments ------------------------------------------------------------------------

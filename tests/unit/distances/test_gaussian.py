@@ -377,7 +377,7 @@ def table(rng: np.random.Generator, count: int, d: int, spread: float) -> Trajec
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_near_pairs(d: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for setting, value in WAYS[way].items():
-        monkeypatch.setattr(gating if setting == "ROWS" else search, setting, value)
+        monkeypatch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
     rng = np.random.default_rng([d, len(way)])
     period = (5.0, *[math.inf] * (d - 1))
     for distance in (W2, GaussianWasserstein(period=period, scale=(0.5,) * d)):

@@ -50,7 +50,7 @@ KINDS += ["negative", "huge", "overflow", "outlier", "tiny"]
 @pytest.mark.parametrize("kind", KINDS)
 def test_near_pairs(kind: str, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, value in WAYS[way].items():
-        monkeypatch.setattr(gating if name == "ROWS" else search, name, value)
+        monkeypatch.setattr(gating if name == "ROWS_TOGETHER" else search, name, value)
     rng = np.random.default_rng([KINDS.index(kind), len(way)])
     for size in (1, 2, 3, 4):
         count = int(rng.integers(30, 60))

@@ -28,7 +28,8 @@ HEADER_ALIASES = {
     name: tuple(aliases.split())
     for name, aliases in {
         "id": f"{' '.join(FIRST_ALIASES['id'])} obj_id trk_id tid track uuid track_uuid "
-        "object_uuid track_no track_num track_number target_number track_name target_name track_token "
+        "object_uuid "
+        "track_no track_num track_number target_number track_name target_name track_token "
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
         "mmsi icao24",
         "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
