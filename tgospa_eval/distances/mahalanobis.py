@@ -20,7 +20,7 @@ SINGULAR = 1e-6
 NEARLY_DETERMINED = 0.5
 """A column gets a residual if its standard deviation given those before it is less of its own."""
 
-LARGEST_RESIDUAL = 1e300
+LARGEST_REST = 1e300
 """Of residuals, so that their differences are doubles."""
 
 
@@ -79,7 +79,7 @@ class Mahalanobis(Distance):
         if not len(weights):
             return axes
         left = np.clip(
-            weights @ axes, -LARGEST_RESIDUAL, LARGEST_RESIDUAL
+            weights @ axes, -LARGEST_REST, LARGEST_REST
         )  # no number where infinities cancel
         return np.concatenate((axes, np.nan_to_num(left, copy=False, nan=0.0)))
 
@@ -98,7 +98,7 @@ class Mahalanobis(Distance):
             return plain
         length: Floats = self.__dict__["_residuals"][1][:, None]
         rounding = (len(axes) + 4) * 2.0**-52 * (np.abs(weights) @ np.abs(axes))
-        left = np.minimum(cutoff * (1 + REACH_ROUNDING) * length + rounding, 4 * LARGEST_RESIDUAL)
+        left = np.minimum(cutoff * (1 + REACH_ROUNDING) * length + rounding, 4 * LARGEST_REST)
         return np.concatenate((np.broadcast_to(plain, axes.shape), left))
 
     def _weights(self) -> Floats:
