@@ -1,4 +1,4 @@
-"""The exceptions that a user can meet, each with the exit status of the command line.
+"""The exceptions that a user can meet, and the exit statuses of the command line.
 
 TgospaError
     ConfigError    options, configuration files, arguments of functions (exit 2)
@@ -8,10 +8,23 @@ TgospaError
 TgospaWarning is what Python warns with: the data look wrong, or were repaired.
 """
 
+from enum import IntEnum
+
 from tgospa_eval.text import visible
 
 MOST = 2**31 - 2
 """Of anything that is numbered with 32 bits, ends of ranges included."""
+
+
+class ExitStatus(IntEnum):
+    """What the command line ends with (docs/reference/cli.md)."""
+
+    DONE = 0
+    REGRESSION = 1  # of the gate, proven; nothing else
+    WRONG_OPTION = 2
+    WRONG_INPUT = 3
+    NOT_REACHED = 4  # the accuracy that was asked, or a fault of a solver or of ours
+    INTERRUPTED = 130
 
 
 class TgospaError(Exception):
@@ -23,8 +36,7 @@ class TgospaError(Exception):
         The message, made visible: what it quotes begins no line and is no command of a terminal.
     """
 
-    exit_status = 4
-    """Never 1: of the gate that is a regression."""
+    exit_status = ExitStatus.NOT_REACHED
 
     def __init__(self, *lines: object) -> None:
         super().__init__(*(visible(str(line)) for line in lines))
@@ -36,7 +48,7 @@ class TgospaError(Exception):
 class ConfigError(TgospaError, ValueError):
     """An option or argument has no meaning; the message names it and what would be right."""
 
-    exit_status = 2
+    exit_status = ExitStatus.WRONG_OPTION
 
 
 def real_number(name: str, value: object) -> float:
@@ -58,7 +70,7 @@ def real_number(name: str, value: object) -> float:
 class InputError(TgospaError, ValueError):
     """An input file or table is wrong; the message says where, what and the remedy."""
 
-    exit_status = 3
+    exit_status = ExitStatus.WRONG_INPUT
 
 
 def check_size(what: str, count: int) -> None:
@@ -83,4 +95,4 @@ class TgospaWarning(UserWarning):
 class SolverError(TgospaError, RuntimeError):
     """A solver failed and left no usable answer."""
 
-    exit_status = 4
+    exit_status = ExitStatus.NOT_REACHED

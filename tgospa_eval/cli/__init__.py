@@ -16,9 +16,8 @@ from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.streams import check_stdout, check_written, say, say_lines
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import files
-from tgospa_eval.errors import ConfigError, TgospaError
+from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
 
-INTERRUPTED = 130
 NO_MEMORY = (
     "annot allocate memory",
     "failed to map segment",
@@ -27,9 +26,6 @@ NO_MEMORY = (
     "without exception set",
 )
 """What systems, loaders of libraries and Python say where there is none left."""
-
-INTERNAL = 4
-"""Of faults of ours, as of solvers: neither passed nor failed, nothing is known."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -44,9 +40,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             return _run(arguments)
         except Exception as error:
             _say_internal(error)
-            return INTERNAL
+            return ExitStatus.NOT_REACHED
 
-    sys.exit(guarded(work, INTERRUPTED) if arguments is None else work())
+    sys.exit(guarded(work, ExitStatus.INTERRUPTED) if arguments is None else work())
 
 
 def _run(arguments: Sequence[str] | None) -> int:
@@ -68,7 +64,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         text = io.StringIO()
         error.show(file=text)
         say_lines(text.getvalue().rstrip("\n"))
-        status = max(error.exit_code, 2)  # 1 is a regression, and nothing else
+        status = max(error.exit_code, ExitStatus.WRONG_OPTION)
     except (KeyboardInterrupt, click.Abort):
         say("interrupted")
         _end_interrupted()  # a solver may be deep in compiled code, in its own thread
@@ -81,7 +77,7 @@ def _say_lacking(error: Exception) -> int:
     """What the system does not give is no fault of ours, even if unforeseen; the status."""
     if _is_of_memory(error):
         say("out of memory; a smaller cutoff leaves fewer pairs")
-        return INTERNAL
+        return ExitStatus.NOT_REACHED
     if not isinstance(error, OSError):
         raise error
     where = "" if error.filename is None else f"{error.filename}: "
@@ -103,7 +99,7 @@ def _end_interrupted() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(ExitStatus.INTERRUPTED)
 
 
 def _invoke(arguments: list[str] | None) -> int | None:

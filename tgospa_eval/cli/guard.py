@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.errors import ExitStatus
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
 """Ends of programs that do without their memory; other signals come from others."""
@@ -69,7 +70,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
             signal.signal(-status, signal.SIG_DFL)
         os.kill(os.getpid(), -status)
     say(f"out of memory: {limit >> 20} MiB are allowed (ulimit -v), which is too little")
-    return 4
+    return ExitStatus.NOT_REACHED
 
 
 def _limit() -> int | None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.text import quoted
 
@@ -52,16 +52,22 @@ class Verdict(StrEnum):
 
 
 STATUS = {
-    Verdict.PASS: 0,
-    Verdict.UPDATED: 0,
-    Verdict.FAIL: 1,
-    Verdict.INCOMPARABLE: 2,
-    Verdict.ERROR: 3,
-    Verdict.UNDECIDED: 4,
+    Verdict.PASS: ExitStatus.DONE,
+    Verdict.UPDATED: ExitStatus.DONE,
+    Verdict.FAIL: ExitStatus.REGRESSION,
+    Verdict.INCOMPARABLE: ExitStatus.WRONG_OPTION,
+    Verdict.ERROR: ExitStatus.WRONG_INPUT,
+    Verdict.UNDECIDED: ExitStatus.NOT_REACHED,
 }
 """Exit status of each verdict; an error may bring its own."""
 
-SEVERITY = (1, 3, 2, 4, 0)
+SEVERITY = (
+    ExitStatus.REGRESSION,
+    ExitStatus.WRONG_INPUT,
+    ExitStatus.WRONG_OPTION,
+    ExitStatus.NOT_REACHED,
+    ExitStatus.DONE,
+)
 """Exit statuses, the worst first.
 
 A proven regression comes before everything: who tolerates 2 or 4 in a pipeline must not thereby let

@@ -10,11 +10,11 @@ from tgospa_eval.cli.shared.help import Option, Verb
 from tgospa_eval.cli.shared.option import KEYS, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, FORMATS, QUIET
 from tgospa_eval.cli.simulate.command import SCENARIOS
+from tgospa_eval.errors import ExitStatus
 
 if TYPE_CHECKING:
     from tgospa_eval.cli.compare.values import CompareOptions
 
-ACCURACY_MISSED = 4
 ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come from a settings file
 """Options of everything that evaluates that this verb has not, or in another form."""
 
@@ -158,7 +158,7 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
 
             say("by = class of the settings is left aside: compare takes all rows together")
         fine = _compare(files, chosen)
-    ctx.exit(0 if fine else ACCURACY_MISSED)
+    ctx.exit(ExitStatus.DONE if fine else ExitStatus.NOT_REACHED)
 
 
 def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:

@@ -7,8 +7,8 @@ from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Option, Verb, words
 from tgospa_eval.cli.shared.options import OF_PICTURES, evaluation_options
+from tgospa_eval.errors import ExitStatus
 
-ACCURACY_MISSED = 4
 MANY = 8
 """Files that are too many for a message."""
 
@@ -82,7 +82,7 @@ def command(
         source = ctx.get_parameter_source
         typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
         finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
-        ctx.exit(0 if finished else ACCURACY_MISSED)
+        ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     result, finished = evaluate_files(truth, estimate, chosen, output)
     show(result, output, (truth, estimate))
-    ctx.exit(0 if finished else ACCURACY_MISSED)
+    ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
