@@ -119,7 +119,7 @@ def as_solver(solver: str | Solver) -> Solver:
     """A record of settings, of a name that with the default ones."""
     if isinstance(solver, str):
         return solver_class(solver)()
-    if not isinstance(solver, Solver):
+    if isinstance(solver, type) or not isinstance(solver, Solver):
         raise ConfigError(f"solver is {solver!r}: must be a name or a record such as Certified()")
     return solver
 

@@ -1,6 +1,6 @@
 """PROBLEM -> Solution. A member is one file here, one line in `SOLVERS` and a docs line."""
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from tgospa_eval.solvers.warm_start import WarmStart
 
 
+@runtime_checkable
 class Solver(Protocol):
     """A frozen record of settings that can be called."""
 
