@@ -32,8 +32,6 @@ WIDE = {
 
 WIDE_INSIDE = {
     "formats/text/plain.py: read_plain",
-    "solvers/batches.py: _solve_some",
-    "solvers/batches.py: solve_in_batches",
     "solvers/restricted_lp.py: solve_restricted_lp",
 }
 LONG_INSIDE = {"formats/assemble.py: assemble", "formats/columns/roles.py: find_roles"}

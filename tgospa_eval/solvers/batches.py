@@ -95,17 +95,36 @@ Trivial = Callable[[States, Floats, Floats], Ints]
 """Writes weights and prices of the blocks that need no solver; returns the others."""
 
 
+@dataclass(frozen=True)
+class Routine:
+    """What is done with each batch.
+
+    Parameters
+    ----------
+    trivial : Trivial
+        One of `solvers.trivial`.
+    solve : callable
+        Solves one batch; called from several threads.
+    jobs : int, optional
+        Threads, all cores by default.
+    tries : bool
+        Whether `solve` looks at blocks that are only to be tried.
+    """
+
+    trivial: Trivial
+    solve: Callable[[Batch], Answer]
+    jobs: int | None
+    tries: bool = False
+
+
 def solve_in_batches(
     states: States,
-    trivial: Trivial,
-    solve: Callable[[Batch], Answer],
+    routine: Routine,
     stopwatch: Stopwatch,
     *,
     gap: float,
     time_limit: float | None,
-    jobs: int | None,
     warm_start: "WarmStart | None" = None,
-    tries: bool = False,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -113,22 +132,16 @@ def solve_in_batches(
     ----------
     states : States
         The reduced problem.
-    trivial : Trivial
-        One of `solvers.trivial`.
-    solve : callable
-        Solves one batch; called from several threads.
+    routine : Routine
+        What is done with each batch.
     stopwatch : Stopwatch
         Gets the time by kind of work; of several threads, their shares of the time on the wall.
     gap : float
         Relative gap that counts as exact.
     time_limit : float, optional
         Seconds.
-    jobs : int, optional
-        Threads, all cores by default.
     warm_start : WarmStart, optional
         What may solve some blocks already.
-    tries : bool
-        Whether `solve` looks at blocks that are only to be tried.
     """
     progress = stopwatch.progress
     limit = Limit(
@@ -138,28 +151,27 @@ def solve_in_batches(
     def base(inner: States, wanted: Mask, quickly: Mask) -> Solution:
         whole = inner is states
         return _solve_some(
-            inner, wanted, quickly, trivial, solve, stopwatch,
+            inner,
+            (wanted, quickly),
+            routine,
+            stopwatch,
             limit if whole else replace(limit, progress=progress.silent()),
-            jobs, warm_start if whole else None, tries=tries,
-        )  # fmt: skip
+            warm_start if whole else None,
+        )
 
     return solve_at_fitting_cutoffs(states, base, gap=gap, limit=limit)
 
 
 def _solve_some(
     states: States,
-    wanted: Mask,
-    quickly: Mask,
-    trivial: Trivial,
-    solve: Callable[[Batch], Answer],
+    masks: tuple[Mask, Mask],
+    routine: Routine,
     stopwatch: Stopwatch,
     limit: Limit,
-    jobs: int | None,
     warm_start: "WarmStart | None",
-    *,
-    tries: bool,
 ) -> Solution:
     """The wanted blocks batch by batch, and those of the others that are `quickly` solved."""
+    wanted, quickly = masks
     weights = np.zeros(len(states.begin))
     prices = np.zeros(len(states.columns.step))
 
@@ -182,14 +194,14 @@ def _solve_some(
             warm_start=None if warm_start is None else warm_start.between(state, slot),
         )
         with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
-            answer = _answer(batch, trivial, solve, tries=tries)
+            answer = _answer(batch, routine)
             if limit.progress.watched and len(cuts) > 1:
                 batch.progress.finish()
         part.forget()
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    threads = min(jobs or cores(), len(cuts))
+    threads = min(routine.jobs or cores(), len(cuts))
     if threads <= 1:
         answers = list(map(work, range(len(cuts))))
     else:
@@ -220,13 +232,11 @@ def _solve_some(
     )
 
 
-def _answer(
-    batch: Batch, trivial: Trivial, solve: Callable[[Batch], Answer], *, tries: bool
-) -> Answer:
+def _answer(batch: Batch, routine: Routine) -> Answer:
     """Solve a batch, of the wanted blocks those that are not trivial."""
     states, quickly = batch.states, batch.quickly
     begin = time.perf_counter()
-    left = trivial(states, batch.weights, batch.prices)
+    left = routine.trivial(states, batch.weights, batch.prices)
     not_trivial = np.zeros(len(quickly), bool)
     not_trivial[left] = True
     batch.wanted[:] &= not_trivial
@@ -234,8 +244,8 @@ def _answer(
         batch.weights[np.repeat(quickly[states.pair_block], np.diff(states.pair_first))] = 0.0
         batch.prices[quickly[states.node_block[states.columns.node]]] = 0.0
     preparation = time.perf_counter() - begin
-    tried = tries and bool(quickly.any())
-    answer = solve(batch) if tried or batch.wanted.any() else Answer()
+    tried = routine.tries and bool(quickly.any())
+    answer = routine.solve(batch) if tried or batch.wanted.any() else Answer()
     if quickly.any() and not tried:
         open_ = quickly.copy()
         open_[answer.open] = True

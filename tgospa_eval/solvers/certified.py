@@ -14,7 +14,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
 from tgospa_eval.solvers.schedule import ASCENT, PROGRAMMES, WINDOWS
@@ -64,14 +64,16 @@ class Certified:
         """
         return solve_in_batches(
             states,
-            solve_steps if kernels else solve_conflict_free,
-            self._ascend if kernels else _without_kernels,
+            Routine(
+                solve_steps if kernels else solve_conflict_free,
+                self._ascend if kernels else _without_kernels,
+                self.jobs,
+                tries=bool(kernels),
+            ),
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
-            jobs=self.jobs,
             warm_start=warm_start if kernels else None,
-            tries=bool(kernels),
         )
 
     def _ascend(self, batch: Batch) -> Answer:

@@ -20,7 +20,7 @@ from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
 from tgospa_eval.solvers.best_paths import dual_values
 from tgospa_eval.solvers.block_costs import better, block_costs, price_cap, settle, unassigned_costs
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows
@@ -88,12 +88,14 @@ class Exact:
         del warm_start  # an interior point begins anew
         return solve_in_batches(
             states,
-            solve_rows,
-            _solve_blocks,
+            Routine(
+                solve_rows,
+                _solve_blocks,
+                self.jobs,
+            ),
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
-            jobs=self.jobs,
         )
 
 

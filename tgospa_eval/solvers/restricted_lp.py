@@ -88,7 +88,7 @@ class Vertex:
     basis: highspy.HighsBasis
 
 
-def solve_restricted_lp(
+def solve_restricted_lp(  # noqa: PLR0913  (the numbers of one programme)
     states: States,
     free: Ints,
     weights: Floats,

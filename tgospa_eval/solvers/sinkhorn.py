@@ -19,7 +19,7 @@ from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
-from tgospa_eval.solvers.batches import Answer, Batch, solve_in_batches
+from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
@@ -84,12 +84,14 @@ class Sinkhorn:
         del warm_start  # hot sweeps would forget it
         return solve_in_batches(
             states,
-            solve_steps if kernels else solve_conflict_free,
-            self._sweep,
+            Routine(
+                solve_steps if kernels else solve_conflict_free,
+                self._sweep,
+                self.jobs,
+            ),
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
-            jobs=self.jobs,
         )
 
     def _sweep(self, batch: Batch) -> Answer:
