@@ -26,15 +26,10 @@ WIDE = {
     "read_trajectories": "tgospa_eval",
     "sweep": "tgospa_eval",
     "reduce_cloud": "tgospa_eval.distances",
+    "solve_restricted_lp": "tgospa_eval.solvers.restricted_lp",
     "tgospa_problem": "tgospa_eval.problem.problem",
 }
 """Functions whose settings, or arrays, are keywords with names that stay."""
-
-WIDE_INSIDE = {
-    "formats/text/plain.py: read_plain",
-    "solvers/restricted_lp.py: solve_restricted_lp",
-}
-LONG_INSIDE = {"formats/assemble.py: assemble", "formats/columns/roles.py: find_roles"}
 
 RETIRED = {
     "contest", "contested", "dearest", "hub", "laws", "offer", "remark", "remarks", "residual",
@@ -80,18 +75,12 @@ def test_modules_are_small() -> None:
 
 def test_functions_are_small() -> None:
     lines = {name: body_lines(node) for name, node in functions()}
-    assert {
-        name: count for name, count in lines.items() if count > BODY and name not in LONG_INSIDE
-    } == {}
+    assert {name: count for name, count in lines.items() if count > BODY} == {}
 
 
 def test_settings_travel_as_records() -> None:
     counts = {name: parameters(node) for name, node in functions() if node.name not in WIDE}
-    assert {
-        name: count
-        for name, count in counts.items()
-        if count > PARAMETERS and name not in WIDE_INSIDE
-    } == {}
+    assert {name: count for name, count in counts.items() if count > PARAMETERS} == {}
 
 
 @pytest.mark.parametrize("name", WIDE)

@@ -54,16 +54,12 @@ class Outcome:
         Costs and counts.
     steps : dict of (T,) float arrays
         Costs of each step, by part.
-    moments, times : (T,) array and list
-        The steps, as numbers and as they were read.
-    occupied : (T,) bool array
-        Steps at which something exists.
+    moments, times, occupied : (T,) array, list and bool array
+        The steps, as numbers and as they were read, and whether something exists there.
     finished, status : bool, str
         Whether the solver did what was asked, and how it ended.
-    input : dict
-        Rows and digests.
-    against : Against, optional
-        Per-step GOSPA.
+    input, against : dict, and Against or None
+        Rows and digests; per-step GOSPA.
     """
 
     bracket: Interval

@@ -13,7 +13,7 @@ from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.convert import Places, numbers
-from tgospa_eval.formats.text.plain import leave_out_unknown, read_plain
+from tgospa_eval.formats.text.plain import PlainForm, leave_out_unknown, read_plain
 from tgospa_eval.tracks.trajectories import Floats
 
 FLAG_FIELD = 6
@@ -34,7 +34,12 @@ def read_motchallenge(
     """
     flagged = ("conf",) if role == "truth" else ()
     rows, texts, places = read_plain(
-        path, data, options, _header, commas=True, given=given, empty=7, texts=flagged
+        path,
+        data,
+        options,
+        PlainForm(_header, commas=True, empty=7),
+        given=given,
+        texts=flagged,
     )
     if list(rows.ids[0]) == ["-1"]:
         raise InputError(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from decimal import Decimal
 
 import numpy as np
@@ -18,15 +18,32 @@ from tgospa_eval.formats.text import bulk
 from tgospa_eval.formats.text.convert import Block, Places, check_text, chunks, convert, decode
 
 
+@dataclass(frozen=True)
+class PlainForm:
+    """What a format without a header is like.
+
+    Parameters
+    ----------
+    header : callable
+        Names of the columns, from the fields of the first row and where that is.
+    commas : bool
+        Whether fields may be separated by commas instead of blanks.
+    empty : int
+        Fields of the rows that an empty file does not have.
+    """
+
+    header: Callable[[list[str], str], list[str]]
+    commas: bool
+    empty: int
+
+
 def read_plain(
     path: str,
     data: bytes,
     options: ReadOptions,
-    header: Callable[[list[str], str], list[str]],
+    form: PlainForm,
     *,
-    commas: bool,
     given: bool,
-    empty: int,
     texts: Sequence[str],
 ) -> tuple[Rows, dict[int, Coded], Places]:
     """The rows, some columns as texts by position, and where they are.
@@ -37,15 +54,11 @@ def read_plain(
         The file.
     options : ReadOptions
         Decimal marks are points whatever they say.
-    header : callable
-        Names of the columns, from the fields of the first row and where that is.
-    commas : bool
-        Whether fields may be separated by commas instead of blanks.
+    form : PlainForm
+        What the format is like.
     given : bool
         Whether the user named the format: then a file without content is an empty set. There is
         no other way to write one without a header.
-    empty : int
-        Fields of the rows that an empty file does not have.
     texts : sequence of str
         Names of the columns to be returned as texts, as far as they are there.
 
@@ -66,16 +79,16 @@ def read_plain(
         first, line = 1, quick
     if not line and not given:
         raise InputError(f"{path}: blank lines only; name the format if the set is empty")
-    split = split_line if commas else str.split
+    split = split_line if form.commas else str.split
     place = f"{path}, line {first}"
-    names = header(split(line) if line else ["0"] * empty, place)
+    names = form.header(split(line) if line else ["0"] * form.empty, place)
     roles = replace(find_roles(names, options, place, fixed=True), unused=())
     kept = [names.index(name) for name in texts if name in names]
     if quick is not None:
         layout = bulk.Layout(
             path=path,
             first=1,
-            delimiter="," if commas and "," in line else " ",
+            delimiter="," if form.commas and "," in line else " ",
             width=len(names),
             header=False,
         )
