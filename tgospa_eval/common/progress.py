@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
 from tgospa_eval.errors import TgospaWarning

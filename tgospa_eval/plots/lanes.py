@@ -23,7 +23,7 @@ from tgospa_eval.plots.style import (
 )  # fmt: skip
 from tgospa_eval.plots.views import Side, View, view
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.drawing import NONE
+from tgospa_eval.reports.page_data import NONE
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """From a result to what the pictures draw: the document of the HTML report, as arrays.
 
-`reports.drawing` is the one home of what the views show; here its numbers get the shapes that
+`reports.page_data` is the one home of what the views show; here its numbers get the shapes that
 suit matplotlib. No artist, no choice of looks.
 """
 
@@ -14,8 +14,8 @@ import numpy as np
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.drawing import BOX, NONE, document
 from tgospa_eval.reports.moments import edges, placed
+from tgospa_eval.reports.page_data import BOX, NONE, document
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted

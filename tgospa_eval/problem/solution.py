@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
 

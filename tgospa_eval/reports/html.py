@@ -12,7 +12,7 @@ import jinja2
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
 from tgospa_eval.reports.console import COUNTED, meaning
-from tgospa_eval.reports.drawing import document, packed
+from tgospa_eval.reports.page_data import document, packed
 from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.summary import Summary
 

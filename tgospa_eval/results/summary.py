@@ -234,7 +234,7 @@ class Summary(Numbers, ABC):
         ConfigError
             The folder cannot be written, or holds files of others.
         """
-        import_module("tgospa_eval.plots.report").save(self, folder, force=force)
+        import_module("tgospa_eval.plots.result_pictures").save(self, folder, force=force)
 
 
 def _count(amount: float | None) -> str:

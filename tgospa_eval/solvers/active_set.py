@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import StoppedError
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.problem.paths import best_values
 from tgospa_eval.problem.problem import REGRET, sum_by
 from tgospa_eval.problem.slots import changed

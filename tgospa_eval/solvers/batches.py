@@ -9,7 +9,7 @@ import numpy as np
 
 from tgospa_eval.common.cores import cores
 from tgospa_eval.common.progress import Limit
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution

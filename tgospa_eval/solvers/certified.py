@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.solution import Solution

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from tgospa_eval.common.progress import StoppedError
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.problem import Floats

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Limit
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.problem.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.reduced import reduce_cutoff

@@ -30,7 +30,7 @@ from tgospa_eval.plots import (
 )  # fmt: skip
 from tgospa_eval.plots.clock import nice
 from tgospa_eval.plots.lanes import draw_lanes
-from tgospa_eval.plots.report import Pictures, names_in, result_pictures
+from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.plots.views import binned, view
 from tgospa_eval.reports import drawing

@@ -13,7 +13,7 @@ import tgospa_eval.solvers.exact as exact_module
 import tgospa_eval.solvers.lp_rounds as lp_rounds_module
 import tgospa_eval.solvers.restricted_lp as restricted_lp_module
 from tgospa_eval import Certified, Exact, Sinkhorn, evaluate
-from tgospa_eval.common.status import Status
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import kernels

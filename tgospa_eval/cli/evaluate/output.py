@@ -17,7 +17,7 @@ from tgospa_eval.reports.folders import RESULT
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
-    from tgospa_eval.plots.report import Pictures
+    from tgospa_eval.plots.result_pictures import Pictures
 
 
 def show(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
@@ -51,7 +51,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     ConfigError
         Something is wrong with them.
     """
-    from tgospa_eval.plots.report import Pictures, names_in  # here: of folders alone
+    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: of folders alone
 
     if output.pictures == "none":
         return None
@@ -90,7 +90,7 @@ def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> No
         if not plots.available():
             absent.append(("the pictures", "plot"))
             return texts
-        from tgospa_eval.plots.report import result_pictures
+        from tgospa_eval.plots.result_pictures import result_pictures
 
         return {**texts, **result_pictures(result, wanted, tell)}
 

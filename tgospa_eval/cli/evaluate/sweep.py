@@ -28,7 +28,7 @@ from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
-    from tgospa_eval.plots.report import Pictures
+    from tgospa_eval.plots.result_pictures import Pictures
 
 NAMES = {
     "c": "cutoff",

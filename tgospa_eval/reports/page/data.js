@@ -1,4 +1,4 @@
-// The data: a JSON document, and whole numbers in one compressed block (reports/drawing.py).
+// The data: a JSON document, and whole numbers in one compressed block (reports/page_data.py).
 const doc = JSON.parse(document.getElementById("data").textContent);
 const NONE = -1;
 const PARTS = ["localisation", "missed", "false", "switch"];
