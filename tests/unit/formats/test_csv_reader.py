@@ -211,21 +211,31 @@ def test_scores_are_no_ids(write: Write, header: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("header", "columns", "state"),
+    ("header", "meant"),
     [
-        ("device_id,t,East,North,Up", ("x", "y", "z"), (4.0, 5.0, 6.0)),
-        ("device_id,t,e [m],n [m],v", ("x", "y"), (4.0, 5.0)),
-        ("mmsi,t,pos_x,east,north", ("x",), (4.0,)),
-        ("device_id,t,latitude,longitude,east,north", ("lat", "lon"), (4.0, 5.0)),
+        ("device_id,t,x,y", "id=device_id"),
+        ("device_id,t,target,x,y", "id="),
+        ("id,t,px,py,e,n", "x=px"),
+        ("id,t,east,north,z", "x=east"),
     ],
 )
-def test_east_and_north_are_the_last_choice(
-    write: Write, header: str, columns: tuple[str, ...], state: tuple[float, ...]
-) -> None:
+def test_what_may_be_something_else_is_asked_for(write: Write, header: str, meant: str) -> None:
     row = ",".join(map(str, range(2, 3 + header.count(","))))
-    trajectories = read_trajectories(write("a.csv", f"{header}\n{row}\n"))
-    assert trajectories.columns == columns
-    assert rows_of(trajectories) == {("2", 3): state}
+    assert meant in refusal(write("a.csv", f"{header}\n{row}\n"))[0]
+
+
+def test_two_parts_of_a_stamp_are_not_one(write: Write) -> None:
+    path = write("a.csv", "id,stamp_sec,stamp_nanosec,x\na,1,0,2\na,2,400000000,3\n")
+    assert "stamp_sec * 10^9 + stamp_nanosec" in refusal(path)[0]
+    assert rows_of(read_trajectories(path, columns=("t=stamp_sec", "x"))) == {
+        ("a", 1): (2.0,), ("a", 2): (3.0,)
+    }  # fmt: skip
+
+
+def test_the_mark_of_thousands_of_a_large_file_is_none_of_decimals(write: Write) -> None:
+    rows = "".join(f"{k};{k};{1 + k % 9},{k % 900 + 100}\n" for k in range(400_000))
+    assert len(rows) > 4 << 20
+    assert '"' in refusal(write("a.csv", f"id;t;x\n{rows}"))[0]
 
 
 def test_latitude_and_longitude_are_the_second_choice(write: Write) -> None:

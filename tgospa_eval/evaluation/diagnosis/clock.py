@@ -214,7 +214,7 @@ def _saving(here: StepCosts, there: StepCosts) -> tuple[float, bool]:
 
 
 def _falls(found: "Shift | Clock") -> str:
-    share = f"{100 * found.saving:.0f} %"
+    share = f"{min(100 * found.saving, 99):.0f} %"
     return f"the per-step GOSPA cost of {found.steps} steps falls by {share} or more"
 
 

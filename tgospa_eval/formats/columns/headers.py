@@ -50,13 +50,6 @@ HEADER_ALIASES = {
 }
 """Headers of each column; case does not matter, nor do blanks, punctuation and the unit behind."""
 
-LAST_ALIASES = (
-    {"id": "deviceid"},
-    {"x": "east", "y": "north", "z": "up"},
-    {"x": "e", "y": "n", "z": "u"},
-)
-"""Taken where nothing else is found, east and north only together."""
-
 METRES = ("m", "meter", "meters", "metre", "metres", "km", "ft", "feet")
 LENGTHS = (*METRES, "px", "pixel", "pixels")
 TIMES = (
@@ -155,14 +148,6 @@ class Headers:
             if found is not None:
                 return found
         return None if plainly else self._only(self._places(name), name)
-
-    def last(self, name: str) -> int | None:
-        """Position of a column by the headers that are looked at last of all."""
-        for group in LAST_ALIASES:
-            places = {column: self._of((key,), column) for column, key in group.items()}
-            if name in group and all(places[column] for column in group if column != "z"):
-                return self._only(places[name], name)
-        return None
 
     def passed_over(self, name: str, unused: Sequence[str]) -> Iterator[str]:
         """A notice if unused headers may be a column as well as the one taken by an alias."""

@@ -185,8 +185,6 @@ def find_roles(
     lacking = without_maps(headers, options)
     mixes = _Mixes(headers)
     identity, time = headers.find("id"), headers.find("t")
-    if identity is None:
-        identity = headers.last("id")
     wanted = wanted or mixes.default_states()
     found = {name: mixes.of(name, wanted) for name in wanted}
     state = tuple(mix for mix in found.values() if mix is not None)
@@ -205,6 +203,9 @@ def find_roles(
         weight = None
     used |= {weight, *(spread.columns if spread else ())}
     unused = tuple(name for k, name in enumerate(names) if k not in used)
+    parts = "" if "t" in headers.mapped else headers.stamp([names[time], *unused])
+    if parts.startswith(quoted(names[time])):
+        raise InputError(f"{headers.where}: {parts}")
     return Roles(
         id=identity,
         time=time,
@@ -248,16 +249,12 @@ class _Mixes:
             found = self.headers.find(f"loc_{name}")
         if found is None and name not in self.plain_box:
             found = self.headers.find(name)
-        if found is None and name not in self.box:
-            found = self.headers.last(name)
         return self.box.get(name) if found is None else ((found, 1.0),)
 
     def default_states(self) -> tuple[str, ...]:
         """x, y, z as far as they are there, else lat and lon, else the centres of boxes."""
-        return (
-            _default_states(self.plainly, lambda: self.plain_box)
-            or _default_states(self.headers.find, lambda: self.box)
-            or _default_states(self.headers.last, dict)
+        return _default_states(self.plainly, lambda: self.plain_box) or _default_states(
+            self.headers.find, lambda: self.box
         )
 
 

@@ -68,8 +68,11 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
         if isinstance(error, csv.Error):  # a field too long
             raise InputError(f"{where}: {error}; it must be the header, id,t,x,y") from None
         raise
-    roles, decimal = _with_decimal(head[start:], delimiter, roles, options.decimal)
-    del head
+    rows = head[start:]
+    if large:  # what is cut off in the middle of a number may look like another one
+        rows = rows[: rows.rfind("\n") + 1]
+    roles, decimal = _with_decimal(rows, delimiter, roles, options.decimal)
+    del head, rows
     if large:
         layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
         found = bulk.read_bulk(data, layout, roles, decimal)
