@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,7 +75,8 @@ def test_brackets_on_the_way_hold(
 ) -> None:
     """Of one component and of many in batches, with trivial ones, and with a cutoff far above."""
     monkeypatch.setattr(batches, "BATCH_STATES", size)
-    monkeypatch.setattr(certified, "FEW", 0)  # small programmes come late: sweeps are seen
+    late = replace(certified.PROGRAMMES, early_states=0)  # small programmes: sweeps are seen
+    monkeypatch.setattr(certified, "PROGRAMMES", late)
     monkeypatch.setattr(exact, "SLOW", 0.0)
     rng = np.random.default_rng(3)
     paths = rng.uniform(0, area, (1, 12, 2)) + rng.normal(0, 1, (15, 12, 2)).cumsum(axis=0)

@@ -33,7 +33,7 @@ from tgospa_eval.plots.lanes import draw_lanes
 from tgospa_eval.plots.result_pictures import Pictures, names_in, result_pictures
 from tgospa_eval.plots.style import literal, power, styled
 from tgospa_eval.plots.views import binned, view
-from tgospa_eval.reports import drawing
+from tgospa_eval.reports import page_data
 from tgospa_eval.results.result import Result
 
 Draw = Callable[..., Answer]
@@ -103,14 +103,14 @@ def words(made: Figure) -> list[str]:
 def test_costs_are_stacked() -> None:
     made = plot_costs(swap())
     # cost by step: 0.5; 0.5 and a false one; 0.5 and two switches; a miss
-    tops = {part: artist(made, part).get_data() for part in drawing.PARTS}
+    tops = {part: artist(made, part).get_data() for part in page_data.PARTS}
     assert tops["localisation"].values[:3].tolist() == [0.5, 0.5, 0.5]
     assert np.isnan(tops["localisation"].values[3])  # nothing has no outline
     assert (tops["false"].values[1], tops["false"].baseline[1]) == (1.5, 0.5)
     assert (tops["switch"].values[2], tops["switch"].baseline[2]) == (2.5, 0.5)
     assert (tops["missed"].values[3], tops["missed"].baseline[3]) == (1.0, 0.0)
     assert tops["missed"].edges.tolist() == [-0.5, 0.5, 1.5, 2.5, 3.5]
-    hatches = {artist(made, part).get_hatch() for part in drawing.PARTS}
+    hatches = {artist(made, part).get_hatch() for part in page_data.PARTS}
     assert len(hatches - {None}) == 2  # told apart without colours
 
 
@@ -213,7 +213,7 @@ def test_a_state_that_is_alone_is_seen() -> None:
 def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     result = crowd(steps=120, truths=8)
     full = plot_plane(result)
-    monkeypatch.setattr(drawing, "VALUES", 700)
+    monkeypatch.setattr(page_data, "VALUES", 700)
     thin = plot_plane(result)
     assert len(artist(thin, "truth/0").get_xdata()) < len(artist(full, "truth/0").get_xdata())
     for name in ("missed", "false"):
@@ -451,7 +451,7 @@ SIGHT = {  # Machado, Oliveira and Fernandes 2009, severity 1
 @pytest.mark.parametrize("colours", [palette.LIGHT, palette.DARK], ids=["light", "dark"])
 @pytest.mark.parametrize("sight", SIGHT)
 def test_parts_are_told_apart_by_all_eyes(colours: dict[str, str], sight: str) -> None:
-    shown = [seen_by(colours[part], np.array(SIGHT[sight])) for part in drawing.PARTS]
+    shown = [seen_by(colours[part], np.array(SIGHT[sight])) for part in page_data.PARTS]
     apart = [np.linalg.norm(a - b) for k, a in enumerate(shown) for b in shown[:k]]
     assert min(apart) > 0.12
 

@@ -79,8 +79,8 @@ def test_small_costs_keep_their_digits() -> None:
 def test_differences_are_told() -> None:
     result = evaluate(tracks(*NEAR[0]), tracks(*NEAR[1]), 5, 1, 1)
     found = against_document(against(result), 1)
-    document = {"total": result.total, "counts": result.counts, "steps": [3]}
-    told = " ".join(differences(document | {"per_step_gospa": found}, 1))
+    document = {"total": result.total, "counts": result.counts}
+    told = " ".join(differences(document, found, [3], 1))
     # 2.4 of 2.8; steps 2 and 3 would be crossed, or step 1 and 3 kept crossed: one of them differs
     assert found["total"] == pytest.approx(2.4)
     assert "is 85.71 % of the total" in told

@@ -10,7 +10,7 @@ import pytest
 from pages import NASTY, embedded, unpacked
 
 from tgospa_eval import evaluate
-from tgospa_eval.reports import drawing
+from tgospa_eval.reports import page_data
 from tgospa_eval.reports.html import page
 from tgospa_eval.reports.page_data import NONE, curves, document, packed
 from tgospa_eval.results.result import Result
@@ -107,7 +107,7 @@ def test_thinning_keeps_every_event(monkeypatch: pytest.MonkeyPatch) -> None:
     estimate[rng.random((300, 6)) < 0.03] += 500
     result = evaluate(truth, estimate, cutoff=2.0)
     full, all_ = document(result)
-    monkeypatch.setattr(drawing, "VALUES", 800)
+    monkeypatch.setattr(page_data, "VALUES", 800)
     thin, arrays = document(result)
     assert thin["stride"] > 1
     assert thin["rows"]["truth"][0] < full["rows"]["truth"][0] == thin["rows"]["truth"][1] == 1800
