@@ -233,9 +233,13 @@ def test_two_parts_of_a_stamp_are_not_one(write: Write) -> None:
 
 
 def test_the_mark_of_thousands_of_a_large_file_is_none_of_decimals(write: Write) -> None:
-    rows = "".join(f"{k};{k};{1 + k % 9},{k % 900 + 100}\n" for k in range(400_000))
-    assert len(rows) > 4 << 20
-    assert '"' in refusal(write("a.csv", f"id;t;x\n{rows}"))[0]
+    """Where what is looked at first, 64 KiB, ends within a number as well: after ``1,2``."""
+    start = f"id;t;x\n{'0' * 12}"
+    rows = "".join(f"{k:06d};{k:06d};1,250\n" for k in range(220_000))
+    text = start + rows
+    assert len(text) > 4 << 20
+    assert text[: 1 << 16].endswith(";1,2")
+    assert "1,250" in refusal(write("a.csv", text))[0]
 
 
 def test_latitude_and_longitude_are_the_second_choice(write: Write) -> None:
