@@ -98,7 +98,7 @@ def called(solver: str, epsilon: float | None) -> str:
 
 def name_of(solver: Solver) -> str:
     """Name and temperature of a solver."""
-    return called(solver.name, getattr(solver, "epsilon", None))
+    return called(solver.name, solver.epsilon)
 
 
 def costs_of(result: Summary) -> Costs:
@@ -120,7 +120,7 @@ def bracket_of(result: Summary) -> Interval:
 def failed(solver: Solver, error: BaseException) -> Run:
     """What is left of a run whose solver raised."""
     return Run(
-        solver=solver.name, epsilon=getattr(solver, "epsilon", None), bracket=None, tgospa=None,
+        solver=solver.name, epsilon=solver.epsilon, bracket=None, tgospa=None,
         lower_bound=None, parts=None, counts={}, status=f"failed: {reason(error)}",
         finished=False, iterations=None, seconds=None,
     )  # fmt: skip
@@ -142,7 +142,7 @@ def run_here(prepared: Prepared, solver: Solver, stopwatch: Stopwatch | None = N
     stages = {name: seconds for name, seconds in result.timings["solve"].items() if seconds}
     return Run(
         solver=solver.name,
-        epsilon=getattr(solver, "epsilon", None),
+        epsilon=solver.epsilon,
         bracket=bracket_of(result),
         tgospa=result.tgospa,
         lower_bound=result.lower_bound,
@@ -227,7 +227,7 @@ def _write_all(target: IO[bytes], message: bytes) -> None:
 
 def warm_up(solver: Solver) -> None:
     """Import what the solver needs: a first call takes longer than those that follow."""
-    if solver.name == "certified":
+    if solver.proves:
         import tgospa_eval.solvers.restricted_lp  # noqa: F401  HiGHS, which small scenes do without
     rng = np.random.default_rng(0)
     truth, estimate = (Trajectories.from_array(rng.random((4, 3, 1))) for _ in range(2))
@@ -240,7 +240,7 @@ def warm_up(solver: Solver) -> None:
 
 
 def takes_long(prepared: Prepared) -> int | None:
-    """Number of states if `exact` would take more than a minute or so, else None."""
+    """Number of states if the referee would take more than a minute or so, else None."""
     states = prepared.states
     sizes = np.bincount(
         states.pair_block, np.diff(states.pair_first), minlength=len(states.block_begin)

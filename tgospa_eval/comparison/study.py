@@ -112,7 +112,7 @@ class Study:
                     **self.distance.settings(("x", "y")),
                 },
             ),
-            "solvers": [solver_settings(s) | {"jobs": getattr(s, "jobs", 1)} for s in self.solvers],
+            "solvers": [solver_settings(s) | {"jobs": s.jobs} for s in self.solvers],
         }
 
     def wanted(self) -> Iterator[tuple[int, int, int]]:

@@ -218,7 +218,7 @@ class _Copies:
         states = merge_runs(problem)
         warm_start = replace(make_warm_start(states, (whole,), (1.0,), origin), near=True)
         solution = solver(states, stopwatch, warm_start)
-        _, lower, split = prove(states, solution)
+        _, lower, split = prove(states, solution, consume=True)
         parts = np.array(
             [
                 np.add.reduceat(kind, first)

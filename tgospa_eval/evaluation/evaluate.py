@@ -186,10 +186,9 @@ def prove(
     *,
     curve: bool = False,
 ) -> Result:
-    """What a solution proves of a problem; the solution may be used up."""
-    prices, reduced = solution.prices.copy() if curve else None, solution.reduced
+    """What a solution proves of a problem; a disposable one loses its weights."""
     with stopwatch.span("certify"):
-        bounds, weights, breakdown = certify(prepared.states, solution)
+        bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
     check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
     proof = Proof(
         parameters=prepared.parameters,
@@ -199,16 +198,16 @@ def prove(
         breakdown=breakdown,
     )
     traced = None
-    if prices is not None:
+    if curve:
         from tgospa_eval.evaluation.curve import trace  # here: only when it is asked for
 
         with stopwatch.span("curve"):
             traced = trace(
                 prepared.states,
                 weights,
-                prices,
+                solution.prices,
                 cast("Certified", solver),
-                reduced,
+                solution.reduced,
                 stopwatch.progress,
             )
     truth, estimate = prepared.sides

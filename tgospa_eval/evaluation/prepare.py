@@ -171,7 +171,7 @@ def measure(
             side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate)
         )
         scene = _scene(truth, estimate)
-        effort = Effort(jobs=getattr(request.solver, "jobs", None), stopwatch=stopwatch)
+        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         truth, estimate, prepared = distance.prepared(truth, estimate, effort)
         pairs = prepared_pairs(truth, estimate, cutoff, prepared, effort)
     measured = Measured(

@@ -30,7 +30,6 @@ from tgospa_eval.results.records import FileInfo
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
-from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 from tgospa_eval.tracks.alignment import TimeMatching
 
@@ -218,7 +217,7 @@ class _Line:
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
-        if not (kernels and isinstance(solver, Certified) and self.name in CONCAVE):
+        if not (kernels and solver.proves and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
         warm_start = None
@@ -235,9 +234,8 @@ class _Line:
         hard = (
             work > EASY * len(states.begin) or solution.iterations > FEW or warm_start is not None
         )
-        prices = solution.prices.copy() if hard else None  # the proof uses them up
         result = prove(prepared, solver, solution, stopwatch)
-        mine = None if prices is None else save_solution(states, result.proof.weights, prices)
+        mine = save_solution(states, result.proof.weights, solution.prices) if hard else None
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
@@ -284,14 +282,14 @@ def _value(parameters: Parameters, name: str) -> float:
 
 
 def _point(result: Result, name: str) -> Point:
-    certified, counts = result.certified, result.counts
+    counts = result.counts
     return Point(
         value=_value(result.proof.parameters, name),
         tgospa=result.tgospa,
         lower_bound=result.lower_bound,
         total=result.total,
         relative_gap=result.relative_gap,
-        certified=certified,
+        certified=result.certified,
         normalised=result.normalised["tgospa"],
         localisation=result.localisation,
         missed=result.missed,
@@ -301,9 +299,7 @@ def _point(result: Result, name: str) -> Point:
         false_count=counts["false"],
         switch_count=counts["switch"],
         status=result.solver["status"],
-        finished=certified
-        if result.solver["name"] == "certified"
-        else bool(result.solver["finished"]),
+        finished=bool(result.solver["finished"]),
     )
 
 

@@ -38,7 +38,9 @@ LARGEST_PRICE = 1e100
 """Prices above this are taken as 0."""
 
 
-def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown]:
+def certify(
+    states: States, solution: Solution, *, consume: bool = False
+) -> tuple[Bounds, Ints, Breakdown]:
     """Prove bounds from a proposed assignment and proposed prices.
 
     The upper bound is the cost of the repaired assignment, summed in cost form. The lower bound is
@@ -51,6 +53,8 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
         What was solved.
     solution : Solution
         What is proposed.
+    consume : bool
+        Whether the assignment may be made in the memory of the proposed weights, which are lost.
 
     Returns
     -------
@@ -66,7 +70,7 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     SolverError
         The bounds contradict each other, which only a fault of this program can bring about.
     """
-    weights, lower, breakdown = prove(states, solution)
+    weights, lower, breakdown = prove(states, solution, consume=consume)
     problem = states.problem
     upper = upper_cost(problem, breakdown)
     least = lower_cost(problem, math.fsum((*lower.tolist(), *unpaired_prices(states))))
@@ -78,8 +82,10 @@ def certify(states: States, solution: Solution) -> tuple[Bounds, Ints, Breakdown
     return Bounds(lower=least, upper=upper, rounding=problem.rounding), weights, breakdown
 
 
-def prove(states: States, solution: Solution) -> tuple[Ints, Floats, Breakdown]:
-    """What `certify` adds up, block by block; a disposable solution is used up.
+def prove(
+    states: States, solution: Solution, *, consume: bool = False
+) -> tuple[Ints, Floats, Breakdown]:
+    """What `certify` adds up, block by block.
 
     Returns
     -------
@@ -90,19 +96,14 @@ def prove(states: States, solution: Solution) -> tuple[Ints, Floats, Breakdown]:
     Breakdown
         Cost of the assignment.
     """
-    reduced = solution.reduced
-    given, prices = (
-        solution.give_up()
-        if solution.disposable
-        else (solution.weights.copy(), solution.prices.copy())
-    )
+    given = solution.weights if consume else solution.weights.copy()
     given = np.require(given, np.float64, ["C", "W"])
     weights = given.view(np.int64)
     for low, high in states.cuts(PART):
         part, state, _ = states.between(low, high)
         whole_weights(given[state], weights[state])
         make_feasible(part, weights[state])
-    lower = lower_bounds(states, prices, reduced)
+    lower = lower_bounds(states, solution.prices, solution.reduced)
     return weights, lower, break_down(states, weights)
 
 

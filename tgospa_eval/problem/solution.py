@@ -11,7 +11,7 @@ from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
 
 
-@dataclass(kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """What a solver proposes; nothing in it is trusted.
 
@@ -34,8 +34,7 @@ class Solution:
     history : tuple of dict
         Convergence, one record per check.
     disposable : bool
-        Whether nobody needs the arrays any more, so that the proof may write over them; it takes
-        them away then.
+        Whether the weights are handed over with it: whoever gets it may write over them.
     missing : (B,) bool array
         Blocks that are not known to be solved.
     reduced : tuple of Reduced
@@ -61,12 +60,6 @@ class Solution:
         if self.unsolved is None:
             return text
         return f"{text} ({self.unsolved[0]} of {self.unsolved[1]} components)"
-
-    def give_up(self) -> tuple[Floats, Floats]:
-        """Weights and prices, which the solution holds no longer: they are large."""
-        weights, prices = self.weights, self.prices
-        self.weights = self.prices = np.zeros(0)
-        return weights, prices
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

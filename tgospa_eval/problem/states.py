@@ -8,7 +8,7 @@ graph, each in its own window of time) share nothing and are contiguous in every
 What competes for a node (a trajectory) is told by its slots (`problem.slots`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,10 +84,6 @@ class States:
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
 
-    def forget(self) -> None:
-        """Give up what is kept only because it is used again and again while solving."""
-        vars(self).pop("rows", None)
-
     @cached_property
     def rows(self) -> Slots:
         """Constraints of the rows."""
@@ -127,6 +123,8 @@ class States:
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
         """The blocks from `low` to before `high` as a problem of their own; copies little.
 
+        Its `rows` live as long as it does: the whole does not keep them.
+
         Returns
         -------
         states : States
@@ -135,7 +133,7 @@ class States:
             Where its states and its column slots are here.
         """
         if (low, high) == (0, len(self.block_begin)):
-            return self, slice(0, len(self.begin)), slice(0, len(self.columns.step))
+            return replace(self), slice(0, len(self.begin)), slice(0, len(self.columns.step))
         pairs = slice(*np.searchsorted(self.pair_block, (low, high)))
         nodes = slice(*np.searchsorted(self.node_block, (low, high)))
         state = slice(*self.pair_first[[pairs.start, pairs.stop]])

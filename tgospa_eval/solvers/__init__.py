@@ -26,6 +26,15 @@ class Solver(Protocol):
         return False
 
     @property
+    def referee(self) -> bool:
+        """Whether it checks the others: it takes long, and none of their kernels."""
+        return False
+
+    @property
+    def epsilon(self) -> float | None:
+        """Temperature, if it has one."""
+
+    @property
     def gap(self) -> float:
         """Relative gap of the total that counts as exact."""
         return 1e-9

@@ -185,7 +185,7 @@ def _solve_some(
         part, state, slot = states.between(*cuts[number])
         batch = Batch(
             states=part,
-            wanted=wanted[blocks].copy(),
+            wanted=wanted[blocks],
             quickly=quickly[blocks],
             weights=weights[state],
             prices=prices[slot],
@@ -197,7 +197,6 @@ def _solve_some(
             answer = _answer(batch, routine)
             if limit.progress.watched and len(cuts) > 1:
                 batch.progress.finish()
-        part.forget()
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
@@ -239,7 +238,7 @@ def _answer(batch: Batch, routine: Routine) -> Answer:
     left = routine.trivial(states, batch.weights, batch.prices)
     not_trivial = np.zeros(len(quickly), bool)
     not_trivial[left] = True
-    batch.wanted[:] &= not_trivial
+    batch = replace(batch, wanted=batch.wanted & not_trivial)
     if quickly.any():  # gains near 1 have lost the digits that decide
         batch.weights[np.repeat(quickly[states.pair_block], np.diff(states.pair_first))] = 0.0
         batch.prices[quickly[states.node_block[states.columns.node]]] = 0.0

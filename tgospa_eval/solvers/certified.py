@@ -46,6 +46,8 @@ class Certified:
 
     name: ClassVar[str] = "certified"
     proves: ClassVar[bool] = True
+    referee: ClassVar[bool] = False
+    epsilon: ClassVar[float | None] = None
     gap: float = 1e-9
     time_limit: float | None = None
     jobs: int | None = None

@@ -74,6 +74,8 @@ class Exact:
 
     name: ClassVar[str] = "exact"
     proves: ClassVar[bool] = False
+    referee: ClassVar[bool] = True
+    epsilon: ClassVar[float | None] = None
     gap: ClassVar[float] = REFEREE_GAP
     jobs: ClassVar[int | None] = 1
     time_limit: float | None = None

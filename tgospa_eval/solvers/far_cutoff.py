@@ -79,7 +79,8 @@ def solve_at_fitting_cutoffs(
     if doubtful.any():
         cost = block_costs(states, found.weights)
         width = cost - lower_bounds(states, found.prices)
-        missing |= doubtful & (width > max(gap, PROOF_ROUNDING) * cost)
+        missing = missing | (doubtful & (width > max(gap, PROOF_ROUNDING) * cost))
+        found = replace(found, missing=missing)
     if not missing.any() or states.problem.pair_price is None:
         return found
     scale = np.where(scale < 1, scale, _scales_of_costs(states, found.weights))

@@ -64,6 +64,7 @@ class Sinkhorn:
 
     name: ClassVar[str] = "sinkhorn"
     proves: ClassVar[bool] = False
+    referee: ClassVar[bool] = False
     epsilon: float = 0.03
     gap: float = 1e-9
     time_limit: float | None = None

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -132,14 +133,15 @@ def test_prices_between_neighbours_prove_the_chord(
     shares = sensitivity._shares(a, m, b, name)
     warm_start = make_warm_start(states[1], (kept_a, kept_b), shares)
     solution = Certified(jobs=1)(states[1], Stopwatch())
-    solution.prices, solution.disposable = warm_start.prices.copy(), False
+    solution = replace(solution, prices=warm_start.prices)
     proven = certify(states[1], solution)[0]
     # shares are of costs in units of the c^p of the middle
     alone = 1e-9
     assert proven.lower >= shares[0] * lower_a + shares[1] * lower_b - alone
     for weights in warm_start.weights:
-        solution.weights = weights.copy()
-        assert certify(states[1], solution)[0].upper >= proven.lower - alone
+        assert (
+            certify(states[1], replace(solution, weights=weights))[0].upper >= proven.lower - alone
+        )
 
 
 @pytest.mark.skipif(kernels is None, reason="without kernels offers are not used")

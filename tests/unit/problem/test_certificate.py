@@ -175,12 +175,11 @@ def test_a_solution_that_is_used_up_proves_the_same(seed: int) -> None:
         bounds, weights, _ = certify(states, solution)
         assert np.array_equal(solution.weights, kept[0], equal_nan=True)
         assert np.array_equal(solution.prices, kept[1], equal_nan=True)
-        last = replace(solution, disposable=True)
-        used, again, _ = certify(states, last)
+        used, again, _ = certify(states, solution, consume=True)
         assert bounds == used
         assert np.array_equal(weights, again)
-        assert not len(last.weights)
-        assert not len(last.prices)
+        assert np.shares_memory(again, solution.weights)
+        assert np.array_equal(solution.prices, kept[1], equal_nan=True)
 
 
 @pytest.mark.parametrize("seed", range(12))

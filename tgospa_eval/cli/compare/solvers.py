@@ -35,11 +35,10 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
         chosen, left_out = list(solvers), {}
         states = takes_long(prepared)
         if options.solvers is None and states is not None:
-            chosen = [solver for solver in solvers if solver.name != "exact"]
-            left_out["exact"] = (
-                f"{states:,} reduced states, it would take minutes; --solvers "
-                f"{','.join(SOLVERS)} runs it all the same"
-            )
+            chosen = [solver for solver in solvers if not solver.referee]
+            reason = f"{states:,} reduced states, it would take minutes; --solvers "
+            reason += f"{','.join(SOLVERS)} runs it all the same"
+            left_out = {solver.name: reason for solver in solvers if solver.referee}
         stopwatch.stage = "solve/lp"
         stopwatch.progress.begin(settings.parameters.root)
         found = compare_solvers(prepared, chosen, progress=stopwatch.progress)

@@ -122,7 +122,7 @@ def read_sides(
     notices = [
         *(notice for path, side in zip(paths, sides, strict=True) for notice in about(path, side)),
         *pair_notices(fitted, request, pixels=any(side.pixels for side in sides)),
-        *(slow_notice() if settings.solver.name != "exact" else ()),
+        *(() if settings.solver.referee else slow_notice()),
     ]
     for notice in notices:
         notify(notice)
