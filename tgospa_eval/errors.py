@@ -12,7 +12,7 @@ from enum import IntEnum
 
 from tgospa_eval.text import visible
 
-MOST = 2**31 - 2
+LARGEST_COUNT = 2**31 - 2
 """Of anything that is numbered with 32 bits, ends of ranges included."""
 
 
@@ -79,12 +79,12 @@ def check_size(what: str, count: int) -> None:
     Raises
     ------
     InputError
-        They do not.
+        The count is above `LARGEST_COUNT`.
     """
-    if count > MOST:
+    if count > LARGEST_COUNT:
         raise InputError(
-            f"{count} {what} are too many, {MOST} are possible; evaluate the scene in parts, "
-            "or with a smaller cutoff"
+            f"{count} {what} are too many, {LARGEST_COUNT} are possible; evaluate the scene in "
+            "parts, or with a smaller cutoff"
         )
 
 

@@ -9,7 +9,7 @@ to such an escape.
 import re
 from collections.abc import Iterable
 
-MOST = 60
+CLIPPED_LENGTH = 60
 """Characters of a text that a message quotes."""
 
 LISTED = 12
@@ -34,7 +34,7 @@ def visible_lines(text: str) -> str:
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))
 
 
-def clipped(text: str, most: int = MOST) -> str:
+def clipped(text: str, most: int = CLIPPED_LENGTH) -> str:
     """The beginning of the text, all of it to be seen, with dots for what is left out."""
     shown = visible(text[: most + 1])
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."

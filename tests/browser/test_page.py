@@ -219,7 +219,7 @@ def test_names_on_bars_have_contrast(shown: Callable, sample: Result, dark: bool
     """Of every track, also where the foot of a bar is darker."""
     tab = shown(sample, dark=dark)
     text = tab.run(f"({MIXED})([({VALUE})('label')])")
-    for track in range(len(palette.TRACKS)):
+    for track in range(len(palette.TRACK_COLOURS)):
         bar = tab.run(f"({VALUE})('track-{track}')")
         for paints in ([bar], [bar, "rgb(0 0 0 / 0.25)"]):
             assert contrast(text, tab.run(f"({MIXED})({json.dumps(paints)})")) >= 4.5

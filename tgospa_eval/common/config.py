@@ -11,8 +11,8 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
 FILE = "tgospa-eval.toml"
-TABLE = "tgospa-eval"
-MOST = sys.float_info.max
+TOOL_TABLE = "tgospa-eval"
+LARGEST_NUMBER = sys.float_info.max
 ALIASES = {"gamma": "switch-penalty"}
 """Other names of keys."""
 
@@ -50,7 +50,7 @@ def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, Setti
         if Path(path).name == "pyproject.toml":
             table = _section(table) or {}
     if not isinstance(table, dict):
-        raise ConfigError(f"{path}: [tool.{TABLE}] must be a table")
+        raise ConfigError(f"{path}: [tool.{TOOL_TABLE}] must be a table")
     return path, settings_of(table, str(path), known)
 
 
@@ -69,7 +69,7 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
         if name not in known:
             raise ConfigError(f"{path}: unknown key {quoted(key)}; {_meant(name, known)}")
         for number in value if isinstance(value, list) else [value]:
-            if isinstance(number, int | float) and abs(number) > MOST:
+            if isinstance(number, int | float) and abs(number) > LARGEST_NUMBER:
                 raise ConfigError(
                     f"{path}: {quoted(key)} is no finite number, or beyond those of a double"
                 )
@@ -113,14 +113,14 @@ def _search() -> tuple[str | None, object]:
 def _may_have_table(path: str) -> bool:
     """Whether the name of our table is in the file: parsing costs a start some 15 ms."""
     try:
-        return os.path.isfile(path) and TABLE.encode() in read_bytes(path, ConfigError)
+        return os.path.isfile(path) and TOOL_TABLE.encode() in read_bytes(path, ConfigError)
     except ConfigError:
         return False
 
 
 def _section(document: Mapping[str, object]) -> object:
     tool = document.get("tool")
-    return tool.get(TABLE) if isinstance(tool, dict) else None
+    return tool.get(TOOL_TABLE) if isinstance(tool, dict) else None
 
 
 def read_toml(path: str) -> dict[str, object]:
@@ -129,7 +129,7 @@ def read_toml(path: str) -> dict[str, object]:
     Raises
     ------
     ConfigError
-        It cannot be read, or is no TOML.
+        The file cannot be read, or is no TOML.
     """
     import tomllib  # here: most runs have no such file
 

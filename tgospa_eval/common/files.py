@@ -14,7 +14,7 @@ SETTINGS = 1 << 26
 CHUNK = 1 << 24
 """Bytes that are read at a time where the length is not known."""
 
-PATIENCE = 2.0
+LOCK_PATIENCE = 2.0
 """Seconds before it is said that a pipe or a terminal is waited for."""
 
 
@@ -50,7 +50,7 @@ def reason(error: Exception) -> str:
 @contextmanager
 def patience(path: str, what: str) -> Iterator[None]:
     """Say what is waited for, where a pipe or a terminal keeps us waiting."""
-    timer = threading.Timer(PATIENCE, lambda: announce(f"waiting for {what} {path}"))
+    timer = threading.Timer(LOCK_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
     timer.daemon = True
     timer.start()
     try:
@@ -67,7 +67,7 @@ def read_bytes(
     Raises
     ------
     kind
-        It cannot be read, is a folder, or larger.
+        The file cannot be read, is a folder, or is larger.
     """
     with named(path, kind):
         found = os.stat(path)

@@ -81,13 +81,13 @@ RENAMED = {
 }
 """Arguments that are not called as their options."""
 
-WORDS = ("distance", "grid", "missing-cov", "on-duplicate")
+WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate")
 """Options whose value in messages is a word."""
 
 _OPTION = re.compile(
     r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
-    rf"|(?P<named>{'|'.join(WORDS)}) (?P<word>[\w-]+)"
+    rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) (?P<word>[\w-]+)"
     r"|(?P<alone>[a-z][a-z-]*))"
 )
 
@@ -126,7 +126,7 @@ def spoken_in_python(*, reads: bool = True) -> Iterator[None]:
     Raises
     ------
     TgospaError
-        The same, in other words.
+        One is raised inside; its message names arguments now.
     """
     try:
         yield

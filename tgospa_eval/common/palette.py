@@ -29,7 +29,7 @@ DARK: Mapping[str, str] = {
 }
 """On a dark screen."""
 
-TRACKS = (
+TRACK_COLOURS = (
     "#2569a8",
     "#b2574e",
     "#087957",
@@ -45,7 +45,7 @@ TRACKS = (
 )
 """Of estimates, in turn, on white: neighbours are far apart in hue; white letters are legible."""
 
-DARK_TRACKS = (
+DARK_TRACK_COLOURS = (
     "#79b6f4",
     "#fdaa9f",
     "#66c7a0",

@@ -15,7 +15,7 @@ from tgospa_eval.common.solver_status import Status
 T = TypeVar("T")
 
 SOON = 1.0
-"""Seconds before anything is worth telling."""
+"""Seconds before anything is shown."""
 
 
 class StoppedError(Exception):
@@ -59,15 +59,15 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """Whether it takes long enough to be told of."""
+        """Whether it takes long enough to be shown."""
         return self.watched and time.monotonic() > self._due
 
     def expect_long(self) -> None:
-        """It will take long: what is known is worth telling at once."""
+        """It will take long: what is known is shown at once."""
         self._due = 0.0
 
     def silent(self) -> "Progress":
-        """One for work inside of this work: stopped together, and told to nobody."""
+        """One for work inside of this work: stopped together, and shown to nobody."""
         return Progress(watched=self.watched, stop=self.stop)
 
     def begin(self, scale: Callable[[float], float]) -> None:
@@ -88,19 +88,19 @@ class Progress:
             self._span, self.name, self.bracket = outer, around, None
 
     def done(self, share: float) -> None:
-        """Tell how much of the part is done."""
+        """Report how much of the part is done."""
         share = self._span[0] + self._span[1] * share
         if self.watched:
             self.share = max(share, self.share)
 
     def again(self, name: str, share: float) -> None:
-        """Tell how far another piece of work is, which begins where nothing of it is done."""
+        """Report how far another piece of work is, which begins where nothing of it is done."""
         if self.name != name:
             self.name, self.share = name, 0.0
         self.done(share)
 
     def prove(self, lower: float, upper: float) -> None:
-        """Tell what is proven of the total cost, in units of the cutoff."""
+        """Report what is proven of the total cost, in units of the cutoff."""
         found = self.scale(max(lower, 0.0)), self.scale(max(upper, 0.0))
         if self.bracket is not None:  # what was proven before still holds
             found = max(found[0], self.bracket[0]), min(found[1], self.bracket[1])
@@ -160,7 +160,7 @@ class Limit:
     deadline : float, optional
         On the clock of `time.monotonic`.
     progress : Progress
-        Which may be told to stop.
+        Which may be asked to stop.
     """
 
     deadline: float | None = None

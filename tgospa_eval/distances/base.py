@@ -67,7 +67,7 @@ class Effort:
     jobs : int, optional
         Threads; all cores by default.
     stopwatch : Stopwatch
-        Shows the stage, and tells the user.
+        Shows the stage, and notifies the user.
     """
 
     jobs: int | None = None
@@ -197,7 +197,7 @@ class Distance(ABC):
 
         Shape (e, R), or (e, 1) if it is the same for all. Two states that are near differ on each
         axis by less than the larger of their two reaches: no distance that is computed as less than
-        the cutoff may have a computed difference that is not. Infinite on an axis that tells
+        the cutoff may have a computed difference that is not. Infinite on an axis that shows
         nothing.
         """
 
@@ -207,7 +207,7 @@ class Distance(ABC):
         Raises
         ------
         ConfigError, InputError
-            It cannot.
+            The distance needs other columns, or its settings are for another number of them.
         """
         if self.columns is not None and columns != self.columns:
             needed = ",".join(self.columns)

@@ -14,7 +14,7 @@ def check_columns(
     Raises
     ------
     InputError
-        A column is on one side only, or they are in another order.
+        A state column is on one side only, or they are in another order.
     """
     for own, other, name, missing in (
         (truth, estimate, *names),

@@ -68,7 +68,7 @@ def prepared_pairs(
 
 
 def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tuple[Ints, Ints]]:
-    """Candidates, by those axes of the embedded states that can tell some apart."""
+    """Candidates, by those axes of the embedded states that can separate some."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
     telling = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)

@@ -161,7 +161,7 @@ class PairMahalanobis(Distance):
         Raises
         ------
         InputError
-            Neither side has any.
+            Neither side has covariances.
         """
         if truth.kind == estimate.kind == "point":
             raise InputError(
@@ -217,7 +217,7 @@ class PairMahalanobis(Distance):
         Raises
         ------
         InputError
-            One is.
+            The covariance of a pair is singular.
         """
         del cutoff, effort
         i, j = pairs.truth_row, pairs.estimate_row

@@ -35,7 +35,7 @@ SAMPLED_TRUTHS = 100
 """Truths whose near pairs are counted for a guess."""
 
 EQUAL_REACHES = 4.0
-"""Reaches of a side are not told apart, if the largest is no more than so many times the least."""
+"""Reaches of a side are one class if the largest is no more than so many times the least."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,7 +127,7 @@ def _divided(
 ) -> Iterator[tuple[Ints, Ints]]:
     """Pairs, searched for small and for large reaches of a side, in order.
 
-    They are told apart at their geometric mean: a few halvings of the logarithm leave equal ones.
+    They are divided at their geometric mean: a few halvings of the logarithm leave equal ones.
     """
     own = reaches[which]
     small = own[axis] < np.sqrt(own[axis].min()) * np.sqrt(own[axis].max())

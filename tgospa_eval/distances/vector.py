@@ -165,7 +165,7 @@ def check_length(what: str, values: Sized | None, columns: tuple[str, ...], name
     Raises
     ------
     ConfigError
-        There is not.
+        The values are not as many as the columns.
     """
     if values is not None and len(values) != len(columns):
         raise ConfigError(

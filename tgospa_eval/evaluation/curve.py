@@ -15,7 +15,13 @@ import numpy as np
 
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.problem.certificate import EPS, block_of_tracks, fair_prices, lower_bounds, prove
+from tgospa_eval.problem.certificate import (
+    ROUNDOFF,
+    block_of_tracks,
+    fair_prices,
+    lower_bounds,
+    prove,
+)
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.prefixes import propose, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
@@ -51,14 +57,14 @@ def trace(
     reduced : tuple of Reduced
         What is known of the whole at smaller cutoffs.
     progress : Progress, optional
-        Told how far it is; what is not begun when it is to stop stays open.
+        Gets the share that is done; what is not begun when it is to stop stays open.
     """
     progress = progress or Progress()
     begin, prices = time.monotonic(), fair_prices(prices)
     found = propose(states, weights, prices)
     cells, parts = found.cells, found.parts
     least, error = found.lower.copy(), found.error.copy()
-    alone = _unpaired(states)
+    unpaired_costs = _unpaired(states)
     ends = cells.first[1:] - 1
     least[ends] = np.maximum(least[ends], _whole_blocks(states, prices, reduced))
     whole = save_solution(states, weights, prices)
@@ -93,15 +99,21 @@ def trace(
 
     problem = states.problem
     shown = np.array([cells.totals(part, problem.steps)[0] for part in parts])
-    shown[1:3] += alone
+    shown[1:3] += unpaired_costs
     # Of objects that are near to none: sums of so many prices.
     rows = len(problem.truth_step) + len(problem.estimate_step)
-    unsure = 0.0 if alone.max(initial=0.0) < 2.0**31 and whole_prices(problem) else rows * EPS
-    few = 8 * EPS
+    unsure = (
+        0.0
+        if unpaired_costs.max(initial=0.0) < 2.0**31 and whole_prices(problem)
+        else rows * ROUNDOFF
+    )
+    few = 8 * ROUNDOFF
     upper, off = cells.totals(parts.sum(axis=0) + error, problem.steps)
-    upper = (upper + off + alone.sum(axis=0)) * (1 + few + unsure) / (1 - problem.cost_error)
+    upper = (
+        (upper + off + unpaired_costs.sum(axis=0)) * (1 + few + unsure) / (1 - problem.cost_error)
+    )
     lower, off = cells.totals(least, problem.steps)
-    lower = (lower - off + alone.sum(axis=0)) * (1 - few - unsure) - problem.cost_slack
+    lower = (lower - off + unpaired_costs.sum(axis=0)) * (1 - few - unsure) - problem.cost_slack
     lower *= 1 - few - problem.cost_error
     share = np.cumsum(sum_by(problem.truth_step, problem.truth_price, problem.steps))
     share += np.cumsum(sum_by(problem.estimate_step, problem.estimate_price, problem.steps))
@@ -127,18 +139,18 @@ def _unpaired(states: States) -> Floats:
 
 
 def _whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
-    """Lower bound of each whole block, (B,), of objects and steps with a near pair alone."""
+    """Lower bound of each whole block, (B,), of objects and steps with a near pair only."""
     problem, blocks = states.problem, len(states.block_begin)
     lower = lower_bounds(states, prices, reduced)
-    lone = np.zeros(blocks)
+    unpaired = np.zeros(blocks)
     for name in ("truth", "estimate"):
         block = block_of_tracks(states, name)[getattr(problem, f"{name}_track")]
         price = getattr(problem, f"{name}_price").copy()
         price[getattr(problem, f"{name}_row")] = 0.0
-        lone += sum_by(block[block >= 0], price[block >= 0], blocks)
+        unpaired += sum_by(block[block >= 0], price[block >= 0], blocks)
     exact = whole_prices(problem)
-    error = (lower + lone) * (2 if exact else 2 + len(problem.truth_price)) * EPS
-    return lower - lone - error
+    error = (lower + unpaired) * (2 if exact else 2 + len(problem.truth_price)) * ROUNDOFF
+    return lower - unpaired - error
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,7 +214,7 @@ class _Copies:
             self.numbers.append(number)
 
     def groups(self, block: Ints, end: Ints) -> list[slice]:
-        """Neighbours of which each but the last have SIZE entries, or are one alone."""
+        """Neighbours of which each but the last have SIZE entries, or are a single one."""
         size = np.cumsum(self.entries.spans(block, end)[1])
         bounds = [0]
         while bounds[-1] < len(block):
@@ -231,8 +243,8 @@ class _Copies:
         cost = parts.sum(axis=0)
         length = np.diff(first, append=problem.steps)
         terms = int(np.bincount(states.begin, minlength=1).max())
-        error = cost * (length + 2 * terms + 16) * EPS
-        return parts, bound * (1 - len(states.block_begin) * EPS), error
+        error = cost * (length + 2 * terms + 16) * ROUNDOFF
+        return parts, bound * (1 - len(states.block_begin) * ROUNDOFF), error
 
     def _cut(self, block: Ints, end: Ints) -> tuple[Problem, Origin, Ints]:
         """The problem of the copies, where it comes from, and the first step of each copy."""

@@ -39,7 +39,7 @@ def as_sides(
     Raises
     ------
     ConfigError, InputError
-        A side is of another type, or wrong; arrays have different numbers of steps.
+        A side is of no accepted type, or wrong; arrays have different numbers of steps.
     """
     if isinstance(truth, np.ndarray) and isinstance(estimate, np.ndarray):
         steps = truth.shape[:1], estimate.shape[:1]

@@ -36,7 +36,7 @@ from tgospa_eval.tracks.alignment import TimeMatching
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
 
-EASY, FEW = 10, 300
+EASY_WORK, EASY_ITERATIONS = 10, 300
 """What takes no longer than to look at what neighbours say: half sweeps, were all states in each of
 them, and iterations."""
 
@@ -198,20 +198,20 @@ class _Line:
     def points(self) -> tuple[Point, ...]:
         """All of them."""
         found: dict[int, Point] = {}
-        kept: dict[int, SavedSolution | None] = {}
+        saved: dict[int, SavedSolution | None] = {}
         progress, count = self.stopwatch.progress, len(self.parameters)
         for done, (k, neighbours) in enumerate(_bisected(count)):
             if found and progress.stop.is_set():
                 break
             value = f"{self.name.replace('_', ' ')} {_value(self.parameters[k], self.name):g}"
             with progress.part(value, done, count):
-                found[k], kept[k] = self._solve(k, neighbours, [kept[at] for at in neighbours])
+                found[k], saved[k] = self._solve(k, neighbours, [saved[at] for at in neighbours])
         return tuple(found[k] for k in sorted(found))
 
     def _solve(
-        self, k: int, neighbours: tuple[int, ...], kept: list[SavedSolution | None]
+        self, k: int, neighbours: tuple[int, ...], saved: list[SavedSolution | None]
     ) -> tuple[Point, SavedSolution | None]:
-        """A point, and what is kept of its solution for points beside it."""
+        """A point, and its solution for points beside it."""
         parameters, solver, stopwatch = self.parameters[k], self.solver, self.stopwatch
         with stopwatch.span("solve/preparation"):
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
@@ -221,7 +221,7 @@ class _Line:
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
         warm_start = None
-        beside = tuple(part for part in kept if part is not None)
+        beside = tuple(part for part in saved if part is not None)
         if len(beside) == 2:
             with stopwatch.span("solve/preparation"):
                 low, high = (self.parameters[at] for at in neighbours)
@@ -232,7 +232,9 @@ class _Line:
         solution = solver(states, stopwatch, warm_start)
         work = stopwatch.work - before
         hard = (
-            work > EASY * len(states.begin) or solution.iterations > FEW or warm_start is not None
+            work > EASY_WORK * len(states.begin)
+            or solution.iterations > EASY_ITERATIONS
+            or warm_start is not None
         )
         result = prove(prepared, solver, solution, stopwatch)
         mine = save_solution(states, result.proof.weights, solution.prices) if hard else None

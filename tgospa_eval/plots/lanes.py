@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.common.palette import TRACKS
+from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
@@ -194,7 +194,7 @@ def _bars(
     handles: dict[str, Any] = {}
     if held.any():
         boxes = _boxes(begin[held], end[held], place[held] - half, place[held] + half)
-        colours = np.array(TRACKS)[track[held] % len(TRACKS)]
+        colours = np.array(TRACK_COLOURS)[track[held] % len(TRACK_COLOURS)]
         bars = _put(
             axis, boxes, f"{lanes.side.name}/assigned", facecolors=colours,
             edgecolors=SOFT if whole else "none", linewidths=thin / 2,

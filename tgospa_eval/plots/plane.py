@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.common.palette import TRACKS
+from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.shapes import outlines
@@ -154,22 +154,22 @@ def _lines(
     single[np.append(0, breaks)[np.diff(np.concatenate([[0], breaks, [len(single)]])) == 1]] = True
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
-    colour = np.insert(row["track"] % len(TRACKS), breaks, -1)
+    colour = np.insert(row["track"] % len(TRACK_COLOURS), breaks, -1)
     made = None
-    for turn in range(1 if truth else len(TRACKS)):
+    for turn in range(1 if truth else len(TRACK_COLOURS)):
         drawn = truth | (colour == turn) | (colour == -1)
         looks: dict[str, Any]
         faint = min(1.0, (FAINT / len(side.ids)) ** 0.5)
         if truth:
             looks = {"color": SOFT, "linestyle": "-" if many else (0, (4, 2))}
         else:
-            looks = {"color": TRACKS[turn], "linestyle": "-"}
+            looks = {"color": TRACK_COLOURS[turn], "linestyle": "-"}
         line = axis.plot(
             x[drawn], y[drawn], linewidth=thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
             alpha=faint * (0.7 if many else 1),
             zorder=2 if truth else 2.1, rasterized=many, label=f"{side.name}/{turn}", **looks,
         )[0]  # fmt: skip
-        dots = single & (truth | (row["track"] % len(TRACKS) == turn))
+        dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
             axis.plot(
                 *(values[dots] for values in place), ".", color=looks["color"],

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.common.palette import TRACKS
+from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots.style import INK, Style
 from tgospa_eval.plots.views import TIME, Side, View
 from tgospa_eval.problem.problem import Floats, Ints
@@ -43,7 +43,7 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
         middle = np.stack([side.axes[across][row], side.axes[up][row]], axis=1)
         kept = spaced(side.row["track"][row], middle, APART * reach)
         truth = side.name == "truth"
-        colours = np.array(TRACKS)[side.row["track"][row[kept]] % len(TRACKS)]
+        colours = np.array(TRACK_COLOURS)[side.row["track"][row[kept]] % len(TRACK_COLOURS)]
         thin = 0.9 if style.titles else 0.5
         made = PolyCollection(
             list(shapes[kept]), facecolors="none", edgecolors=INK if truth else colours,

@@ -592,10 +592,10 @@ cdef enum:
     LOSES = 4    # slack that is more than rounding
     BEST = 8     # on the best path that was found
     TEMPTED = 16 # hardly any slack
-    MOST = 32    # on the best path, or more than half of the row in the last sweeps
+    MAJORITY = 32    # on the best path, or more than half of the row in the last sweeps
 cdef double REGRET = SUM_ERROR
 cdef double HARDLY = 1e-6
-globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPTED, MOST=MOST)
+globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPTED, MAJORITY=MAJORITY)
 
 
 def survey(Layout layout, const double[::1] price, double[::1] best, const double[::1] weight=None,
@@ -650,7 +650,7 @@ def survey(Layout layout, const double[::1] price, double[::1] best, const doubl
                             | (LOSES if paths.slack[s - low] > REGRET else 0)
                             | (TEMPTED if paths.slack[s - low] <= HARDLY else 0))
             while last >= 0:
-                flags[low + last] |= BEST | MOST
+                flags[low + last] |= BEST | MAJORITY
                 last = came[last]
 
 
@@ -709,7 +709,7 @@ def own_values(Layout layout, const Weight[::1] weight, double[::1] own):
 
 
 def majority(Layout layout, const u8[::1] flags, u8[::1] weight, i32[::1] load):
-    """Feasible weights 0 and 1: states that are MOST, unless one before is in their way.
+    """Feasible weights 0 and 1: states that are MAJORITY, unless one before is in their way.
 
     `load` (K,) must come as zeros and becomes the number of rows on each column slot. Returns
     whether a state lost its place.
@@ -729,7 +729,7 @@ def majority(Layout layout, const u8[::1] flags, u8[::1] weight, i32[::1] load):
             for a in range(row_first[i], high):
                 s = order[a]
                 weight[s] = 0
-                if not flags[s] & MOST:
+                if not flags[s] & MAJORITY:
                     continue
                 if begin[s] <= until:
                     lost = True
@@ -806,14 +806,14 @@ cdef enum:
     INSIDE = 1   # of a link: the state goes on from the link before, no way in between them
     GOES_ON = 2  # of a link: the state goes on with the next link, no way out between them
     FIRST = 4    # of a node: the window begins
-    BOUND = 8    # of a node and its state: before it the row was surely in this pair
+    CERTAIN = 8    # of a node and its state: before it the row was surely in this pair
     FINAL = 16   # of a node and its state: after it the row is surely in this pair
     FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
 
 
 def working_set(Layout layout, const double[::1] weight, const double[::1] price,
                 const u8[::1] flags, u8[::1] chosen):
-    """Choose the states that a chain is built of; 1 = chosen, with BOUND and FINAL at its ends.
+    """Choose the states that a chain is built of; 1 = chosen, with CERTAIN and FINAL at its ends.
 
     Chosen are the states near, by the flags of `survey`, and those in use. Where a row has one
     option only, and nobody contests it, there is nothing to find out: such stretches are left out
@@ -890,7 +890,7 @@ def working_set(Layout layout, const double[::1] weight, const double[::1] price
                 if chosen[s] == 2:
                     chosen[s] = 1
                     if begin[s] != first and chosen[s - 1] == 3:
-                        chosen[s] |= BOUND
+                        chosen[s] |= CERTAIN
                     if s + 1 < high and begin[s + 1] != first and chosen[s + 1] == 3:
                         chosen[s] |= FINAL
             for s in range(low, high):
@@ -1156,10 +1156,10 @@ cdef class Chain:
                             if entry[s] >= 0:
                                 self.kernel[link] = gain[s] + offset[g]
                             self.node_of[link] = node_at[k] - 1
-                            self.ends[node_at[k] - 1] |= chosen[s] & (BOUND | FINAL)
+                            self.ends[node_at[k] - 1] |= chosen[s] & (CERTAIN | FINAL)
                             if k == first:
                                 self.ends[node_at[k] - 1] |= FIRST
-                            elif chosen[s - 1] and not chosen[s] & BOUND:
+                            elif chosen[s - 1] and not chosen[s] & CERTAIN:
                                 self.previous[link] = link_of[s - 1 - low]
                                 self.next[self.previous[link]] = link
                             latest[active] = link
@@ -1258,7 +1258,7 @@ cdef class Chain:
                         price[t] *= self.price[c] / total
 
     def write_majorities(self, u8[::1] flags):
-        """Set MOST where a state of the working set has more than half of the paths of its row."""
+        """Set MAJORITY where a state of the working set has more than half of the paths of its row."""
         cdef Py_ssize_t n, l
         cdef double total
         cdef i32 s
@@ -1272,9 +1272,9 @@ cdef class Chain:
                 for l in range(self.node_link[n], self.node_link[n + 1]):
                     if not self.kind[l] & INSIDE:
                         s = self.state[l]
-                        flags[s] = flags[s] & ~MOST
+                        flags[s] = flags[s] & ~MAJORITY
                         if total > 1e-290 and self.passed[l] > 0.5 * total:
-                            flags[s] |= MOST
+                            flags[s] |= MAJORITY
 
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.
@@ -1285,7 +1285,7 @@ cdef class Chain:
         """
         cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row
-        cdef double r, q, none, unassigned, keep, bound, rho, part, violation = 0.0
+        cdef double r, q, none, unassigned, keep, filled, rho, part, violation = 0.0
         cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
         cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
         cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
@@ -1314,8 +1314,8 @@ cdef class Chain:
         cdef u8* ends = &self.ends[0]
         cdef u8 straight = GOES_ON if reverse else INSIDE  # no "none" between the link and its source
         cdef u8 held = INSIDE if reverse else GOES_ON      # no "none" after it
-        cdef u8 start = FINAL if reverse else FIRST | BOUND
-        cdef u8 sure = FINAL if reverse else BOUND
+        cdef u8 start = FINAL if reverse else FIRST | CERTAIN
+        cdef u8 sure = FINAL if reverse else CERTAIN
         for row in range(self.rows):
             at[4 * row], at[4 * row + 1], at[4 * row + 2], at[4 * row + 3] = 1.0, 0.0, 0.0, -1.0
         for step in range(self.steps):
@@ -1360,12 +1360,12 @@ cdef class Chain:
                     load[c] += passed[l] * u[c] * behind[l] * total[node_of[l] - low]
                 for c in range(step_constraint[k], step_constraint[k + 1]):
                     # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
-                    bound = u[c] * slack[c] + load[c]
-                    if fabs(bound - 1.0) > violation:
-                        violation = fabs(bound - 1.0)
-                    if bound < 1e-40:
-                        bound = 1e-40
-                    rho = u[c] / (bound * sqrt(bound))
+                    filled = u[c] * slack[c] + load[c]
+                    if fabs(filled - 1.0) > violation:
+                        violation = fabs(filled - 1.0)
+                    if filled < 1e-40:
+                        filled = 1e-40
+                    rho = u[c] / (filled * sqrt(filled))
                     # At most 1 / slack, where the price is 0.
                     u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
             for l in range(node_link[low], node_link[high]):

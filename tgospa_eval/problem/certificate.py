@@ -25,7 +25,7 @@ from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, whole_weights
 
-EPS = 2.0**-53
+ROUNDOFF = 2.0**-53
 """Largest relative error of one rounded operation."""
 
 HALF_WORD = 1 << 31
@@ -113,8 +113,8 @@ def lower_cost(problem: Problem, bound: float) -> float:
     All costs and switch prices are right within `cost_error`, relative, and the optimum is a
     minimum of sums of them with weights >= 0.
     """
-    least = (bound * (1 - 4 * EPS) - problem.cost_slack) / (1 + problem.cost_error)
-    return max(least * (1 - 4 * EPS), 0.0)
+    least = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
+    return max(least * (1 - 4 * ROUNDOFF), 0.0)
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
@@ -122,7 +122,7 @@ def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
 
     A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
     """
-    return breakdown.total * (1 + (TERMS_TOGETHER + 8) * EPS) / (1 - problem.cost_error)
+    return breakdown.total * (1 + (TERMS_TOGETHER + 8) * ROUNDOFF) / (1 - problem.cost_error)
 
 
 def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = ()) -> Floats:
@@ -278,9 +278,9 @@ def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     for name in ("truth", "estimate"):
         track = getattr(problem, f"{name}_track")
         outer = block_of_tracks(states, name)[track]
-        lone = (block_of_tracks(part.states, name)[track] < 0) & (outer >= 0)
-        price = scale * getattr(problem, f"{name}_price")[lone][:1]
-        count = np.bincount(outer[lone], minlength=blocks)
+        unpaired = (block_of_tracks(part.states, name)[track] < 0) & (outer >= 0)
+        price = scale * getattr(problem, f"{name}_price")[unpaired][:1]
+        count = np.bincount(outer[unpaired], minlength=blocks)
         for block in np.flatnonzero(count).tolist():
             terms[block].append(math.nextafter(float(price[0]) * int(count[block]), 0.0))
     forced = forced_cost(states, part.blocks)

@@ -1,4 +1,4 @@
-"""Best paths of rows for given prices: upper bounds of what each is worth.
+"""Best paths of rows for given prices: upper bounds of their values.
 
 Every operation that rounds is followed by a step outward, so that what is called a bound is one of
 the exact value in real numbers (docs/theory, "Rounding").
@@ -54,8 +54,8 @@ class Gains:
 
     Gains near 1 differ in their last digits, which sums over many steps lose, and so do large
     prices that nobody competes for; differences of costs and of prices keep the digits of those.
-    Every path of a row is lowered by the same sum. Where no pair is worth its price there is no
-    offset.
+    Every path of a row is lowered by the same sum. Where no pair gains more than its
+    price there is no offset.
 
     Parameters
     ----------
@@ -107,9 +107,9 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
         offset = np.broadcast_to(base, len(entry))[best]
         offset = down(down(down(offset) - cost[best]) - price[best])
         np.maximum(np.where(best >= 0, offset, 0.0), 0.0, out=offset)
-        lone = np.flatnonzero((best[at] < 0) & (entry >= 0))
-        own = up(np.broadcast_to(base, len(entry))[lone] - cost[lone])
-        relative[lone] = up(up(own) - price[lone])
+        single = np.flatnonzero((best[at] < 0) & (entry >= 0))
+        own = up(np.broadcast_to(base, len(entry))[single] - cost[single])
+        relative[single] = up(up(own) - price[single])
     relative[runs] = up(-price[runs] - steps.totals(offset, runs, floor=True))
     return Gains(relative=relative, offset=offset, best=best)
 
@@ -117,15 +117,15 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
 def row_steps(states: States) -> Slots:
     """The slots of the rows, with those of a single pair: the steps at which states begin."""
     rows, size = states.rows, np.diff(states.pair_first)
-    lone = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
-    if not lone.any():
+    single = rows.first[states.pair_row] == rows.first[states.pair_row + 1]
+    if not single.any():
         return rows
     count = np.diff(rows.first)
-    count[states.pair_row[lone]] = size[lone]
+    count[states.pair_row[single]] = size[single]
     first = np.concatenate(([0], np.cumsum(count))).astype(np.int32)
     begin = rows.begin + np.repeat((first[:-1] - rows.first[:-1])[states.pair_row], size)
     state = np.arange(len(begin), dtype=np.int32)
-    begin += (state - np.repeat(states.pair_first[:-1], size)) * np.repeat(lone, size)
+    begin += (state - np.repeat(states.pair_first[:-1], size)) * np.repeat(single, size)
     step = np.empty(first[-1], np.int32)
     step[begin] = states.begin
     return Slots(

@@ -5,7 +5,7 @@ constant: one step with a gain, or a maximal run of steps without (docs/theory, 
 Their number grows with the gains, not with pairs x steps. Blocks (connected components of the pair
 graph, each in its own window of time) share nothing and are contiguous in every array.
 
-What competes for a node (a trajectory) is told by its slots (`problem.slots`).
+The capacity of a node (a trajectory) is that of its slots (`problem.slots`).
 """
 
 from dataclasses import dataclass, replace

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import jinja2
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.palette import DARK, DARK_TRACKS, LIGHT, TRACKS, variables
+from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.reports.console import COUNTED, meaning
 from tgospa_eval.reports.page_data import document, packed
 from tgospa_eval.results.records import PARTS, Columns
@@ -78,7 +78,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
 
 def _colours() -> str:
     """Those of all pictures; paper is white."""
-    light, dark = variables(LIGHT, TRACKS), variables(DARK, DARK_TRACKS)
+    light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"
         f"@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
 
-COLOURS = {name: LIGHT[name] for name in ("localisation", "missed", "false", "switch")}
-WIDTH, HEIGHT = 560, 56
+PART_COLOURS = {name: LIGHT[name] for name in ("localisation", "missed", "false", "switch")}
+CHART_WIDTH, CHART_HEIGHT = 560, 56
 BARS = 140
 
 
@@ -65,7 +65,7 @@ def card(
 
 
 def _swatch(name: str) -> str:
-    colour = COLOURS.get(name)
+    colour = PART_COLOURS.get(name)
     return (
         f'<span style="display:inline-block;width:.8em;height:.8em;margin-right:.45em;'
         f'background:{colour};border:1px solid #888"></span>'
@@ -75,7 +75,7 @@ def _swatch(name: str) -> str:
 
 
 def _chart(costs: dict[str, list[float]], ends: tuple[str, str]) -> str:
-    """Stacked bars; where there are many steps the dearest of several stands for them."""
+    """Stacked bars; where there are many steps the costliest of several stands for them."""
     from html import escape
 
     totals = [sum(values) for values in zip(*costs.values(), strict=True)]
@@ -87,26 +87,26 @@ def _chart(costs: dict[str, list[float]], ends: tuple[str, str]) -> str:
         max(range(first, min(first + together, len(totals))), key=totals.__getitem__)
         for first in range(0, len(totals), together)
     ]
-    wide = WIDTH / len(chosen)
+    wide = CHART_WIDTH / len(chosen)
     below = [0.0] * len(chosen)
     paths = ""
     for name, values in costs.items():
         path = ""
         for bar, step in enumerate(chosen):
-            tall = values[step] / high * HEIGHT
+            tall = values[step] / high * CHART_HEIGHT
             if tall > 0:
                 below[bar] += tall
-                x, y = bar * wide, HEIGHT - below[bar]
+                x, y = bar * wide, CHART_HEIGHT - below[bar]
                 path += f"M{x:.1f} {y:.1f}h{wide * 0.85:.1f}v{tall:.1f}h{-wide * 0.85:.1f}z"
         if path:
-            paths += f'<path d="{path}" fill="{COLOURS[name]}"/>'
-    said = f"cost of each step from {ends[0]} to {ends[1]}, at most {number(high)}"
+            paths += f'<path d="{path}" fill="{PART_COLOURS[name]}"/>'
+    label = f"cost of each step from {ends[0]} to {ends[1]}, at most {number(high)}"
     if together > 1:
-        said += f"; each bar is the dearest of {together}"
+        label += f"; each bar is the dearest of {together}"
     return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
+        f'<svg viewBox="0 0 {CHART_WIDTH} {CHART_HEIGHT}" role="img" '
         'style="width:100%;display:block;background:#fff" '
-        f'aria-label="{escape(said)}">{paths}<path d="M0 {HEIGHT}h{WIDTH}" '
+        f'aria-label="{escape(label)}">{paths}<path d="M0 {CHART_HEIGHT}h{CHART_WIDTH}" '
         f'stroke="#888"/></svg>'
-        f'<div style="opacity:.75;font-size:.85em">{escape(said)}</div>'
+        f'<div style="opacity:.75;font-size:.85em">{escape(label)}</div>'
     )

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SCHEMA = "tgospa-eval/result/1"
+RESULT_SCHEMA = "tgospa-eval/result/1"
 
 PUBLIC = (
     *("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified"),
@@ -58,7 +58,7 @@ class Summary(Numbers, ABC):
         return {
             **({} if self.split is None else parts),
             **curve,
-            "schema": SCHEMA,
+            "schema": RESULT_SCHEMA,
             "tgospa": self.tgospa,
             "total": self.total,
             "lower_bound": self.lower_bound,

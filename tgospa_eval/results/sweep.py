@@ -12,7 +12,7 @@ from tgospa_eval.results.records import Columns, FileRecord, Json, json_text
 if TYPE_CHECKING:
     import pandas as pd
 
-SCHEMA = "tgospa-eval/sweep/1"
+SWEEP_SCHEMA = "tgospa-eval/sweep/1"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +131,7 @@ class Sweep:
     def to_dict(self) -> Json:
         """The JSON document as plain Python values."""
         return {
-            "schema": SCHEMA,
+            "schema": SWEEP_SCHEMA,
             "version": self.version,
             "parameter": self.parameter,
             "parameters": self.settings,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import MOST, ConfigError, real_number
+from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.encounters import encounters
 from tgospa_eval.simulation.particles import particle_clouds
@@ -67,10 +67,10 @@ class Scene:
         _check_integer("targets", self.targets, 0)
         _check_integer("steps", self.steps, 1)
         _check_integer("particles", self.particles, 1)
-        if self.targets * self.steps > MOST:
+        if self.targets * self.steps > LARGEST_COUNT:
             raise ConfigError(
                 f"{self.targets} targets in {self.steps} steps are too many: targets times steps "
-                f"must be at most {MOST}"
+                f"must be at most {LARGEST_COUNT}"
             )
         area = _number("area", self.area)
         if not 1e-6 <= area <= 1e12:
@@ -258,5 +258,7 @@ def _number(name: str, value: object) -> float:
 
 def _check_integer(name: str, value: object, least: int) -> None:
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not least <= value <= MOST:  # type: ignore[operator]
-        raise ConfigError(f"{name} is {value!r}: must be a whole number, from {least} to {MOST}")
+    if not whole or not least <= value <= LARGEST_COUNT:  # type: ignore[operator]
+        raise ConfigError(
+            f"{name} is {value!r}: must be a whole number, from {least} to {LARGEST_COUNT}"
+        )

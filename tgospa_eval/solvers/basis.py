@@ -14,7 +14,7 @@ from tgospa_eval.solvers.programme import Programme
 Marks = NDArray[np.bool_]
 
 LEAST_STATES = 3000
-"""Free states of a programme that is worth a starting basis: others take 50 ms at most without."""
+"""Free states from which on a starting basis saves time: fewer take 50 ms at most without."""
 
 TURNS = 8
 """The potentials are found turn by turn, which pays with so many states a turn."""
@@ -51,7 +51,7 @@ def _potentials(p: Programme) -> Floats | None:
     Along each row in time: h, the best value of a path that is in no state; F_s, that of a path
     through state s to its end, F_s = (F or h before) + gain - prices; h rises to F_s - lambda. The
     dual of a constraint is the rise of h over it, and that of a transition with the price lambda is
-    lambda - f, with f = F_s - h cut to [-lambda, lambda], what being in s is worth at that time.
+    lambda - f, with f = F_s - h cut to [-lambda, lambda], the relative value of s at that time.
     """
     size, moves = len(p.free), p.moves
     source, to, paid = moves.source[moves.two], moves.to[moves.two], moves.paid[moves.two]

@@ -7,7 +7,7 @@ from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, repair
 
-DEAR = 1000.0
+SETTLED_FROM = 1000.0
 """At lower switch prices, what rounding leaves of a switch costs less than 1e-9."""
 
 
@@ -31,7 +31,7 @@ def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
     at the true price. The average over time is as feasible as what it averages.
     """
     switch_price = states.problem.switch_price_at
-    if switch_price.max() < DEAR or not blocks.any():
+    if switch_price.max() < SETTLED_FROM or not blocks.any():
         return
     spans = zip(states.block_begin.tolist(), states.block_end.tolist(), strict=True)
     least = np.array([switch_price[a + 1 : b + 1].min(initial=np.inf) for a, b in spans])
@@ -47,13 +47,13 @@ def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
 def unassigned_costs(states: States) -> Floats:
     """Cost of each block if all its objects stay unassigned, (B,)."""
     total = np.zeros(len(states.block_begin))
-    for track, alone in zip(
+    for track, price in zip(
         (states.pair_truth, states.pair_estimate), states.problem.unassigned_costs, strict=True
     ):
-        block = np.full(len(alone), -1)
+        block = np.full(len(price), -1)
         block[track] = states.pair_block
         mine = np.flatnonzero(block >= 0)
-        total += sum_by(block[mine], alone[mine], len(total))
+        total += sum_by(block[mine], price[mine], len(total))
     return total
 
 

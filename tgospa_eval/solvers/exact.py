@@ -40,7 +40,7 @@ can stop these once they have begun. Measured on crowds of 2,000 to 40,000 state
 of three."""
 
 SLOW = 2.0
-"""Where it takes longer than so many seconds, a first bracket is worth its time."""
+"""Where it takes longer than so many seconds, a first bracket is computed before."""
 
 CVXPY_ENDS = {
     "optimal": Status.SOLVED,

@@ -30,7 +30,7 @@ NEAR_CUTOFF = 2.0**-2
 """Fractions above this are no different from 1."""
 
 DOUBTFUL, PROOF_ROUNDING = 2.0**-20, 1e-12
-"""At a fraction of c^p below this the digits of a solver do not tell whether a block is solved: the
+"""At a fraction of c^p below this the digits of a solver do not show whether a block is solved: the
 certificate is asked. It rounds outward by less than PROOF_ROUNDING, relative."""
 
 CUTOFF_ROOM = 16.0

@@ -214,9 +214,9 @@ def _moves(states: States, free: Ints, held: Floats, switch_price: Floats) -> Mo
     reward = np.zeros(len(free), np.longdouble)
     np.add.at(reward, b[both], paid[both])
     np.subtract.at(reward, a[both], paid[both])
-    lone = ~both
-    np.add.at(reward, own[lone], np.where(constant > 0, paid, -paid)[lone])
-    part = lone & (constant > 0) & (constant < 1)
+    one_held = ~both
+    np.add.at(reward, own[one_held], np.where(constant > 0, paid, -paid)[one_held])
+    part = one_held & (constant > 0) & (constant < 1)
     arcs = np.flatnonzero(both | part)
     return Moves(
         reward=reward,

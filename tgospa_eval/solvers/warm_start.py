@@ -21,7 +21,7 @@ OVERFULL = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SavedSolution:
-    """What is kept of a solution, whatever the states of its problem were.
+    """What is saved of a solution, whatever the states of its problem were.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class WarmStart:
 
 
 def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolution:
-    """What is kept of feasible weights (S,), in units of 1/ONE, and prices (K,).
+    """What is saved of feasible weights (S,), in units of 1/ONE, and prices (K,).
 
     What is held at the end of the window of its block goes on being held.
     """
@@ -97,7 +97,7 @@ def save_solution(states: States, weights: Ints, prices: Floats) -> SavedSolutio
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Origin:
-    """Where the truths, estimates and steps of a problem are in that of the solutions kept.
+    """Where the truths, estimates and steps of a problem are in that of the solutions saved.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ class Origin:
 
 def make_warm_start(
     states: States,
-    kept: tuple[SavedSolution, ...],
+    saved: tuple[SavedSolution, ...],
     shares: tuple[float, ...],
     origin: Origin | None = None,
 ) -> WarmStart:
@@ -159,11 +159,11 @@ def make_warm_start(
     goes_on = np.flatnonzero(node[1:] == node[:-1])
     end[goes_on] = begin[goes_on + 1]
     prices = np.zeros(len(begin))
-    for part, share in zip(kept, shares, strict=True):
+    for part, share in zip(saved, shares, strict=True):
         running = np.concatenate(([0.0], np.cumsum(part.price)))
         low, high = np.searchsorted(part.slot, (begin, end))
         prices += share * (running[high] - running[low])
-    weights = tuple(_feasible(states, _held(part, sought)) for part in kept)
+    weights = tuple(_feasible(states, _held(part, sought)) for part in saved)
     return WarmStart(weights=weights, prices=prices)
 
 
@@ -186,9 +186,9 @@ def _feasible(states: States, weights: Floats) -> Floats:
     return np.where(full[states.pair_block[states.pair]], 0.0, weights)
 
 
-def _held(kept: SavedSolution, sought: Ints) -> Floats:
-    if not len(kept.begin):
+def _held(saved: SavedSolution, sought: Ints) -> Floats:
+    if not len(saved.begin):
         return np.zeros(len(sought))
-    at = np.searchsorted(kept.begin, sought, side="right") - 1
-    found = (at >= 0) & (sought <= kept.end[at])
-    return np.where(found, kept.weight[at], 0.0)
+    at = np.searchsorted(saved.begin, sought, side="right") - 1
+    found = (at >= 0) & (sought <= saved.end[at])
+    return np.where(found, saved.weight[at], 0.0)

@@ -37,7 +37,7 @@ class TimeMatching:
     Raises
     ------
     ConfigError
-        A value is none of these.
+        The tolerance is negative or not finite, or the grid is unknown.
     """
 
     tolerance: float = 0.0

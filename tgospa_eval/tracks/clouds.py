@@ -18,7 +18,7 @@ LARGEST_COORDINATE = 1e150
 """Of a coordinate of a particle: the squares of clouds are numbers."""
 
 UNEVEN_SUM = 1e-3
-"""Difference of a sum of weights from 1 from which on normalising it is worth a warning."""
+"""Difference of a sum of weights from 1 from which on normalising it makes a warning."""
 
 
 def are_normalised(sums: Floats | float, counts: Ints | int) -> NDArray[np.bool_]:
@@ -42,7 +42,7 @@ class Clouds:
     Raises
     ------
     InputError
-        Shapes, bounds, a point or a weight are not like this.
+        Shapes do not fit, a cloud is empty, a point is not finite or too far, weights are wrong.
     """
 
     points: Floats

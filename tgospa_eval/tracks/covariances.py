@@ -16,7 +16,7 @@ from tgospa_eval.errors import InputError
 
 Floats = NDArray[np.float64]
 
-EPS = 2.0**-52
+MACHINE_EPSILON = 2.0**-52
 
 ROUNDED_EIGENVALUE = 1e-13
 """Least eigenvalue over the largest, negated, up to which it is rounding."""
@@ -91,7 +91,7 @@ def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
         np.divide(b, found[0], out=found[1], where=a > 0)
         np.clip(found[1], -most, most, out=found[1])
         np.divide(_determinant(a, b, c), a, out=left, where=a > 0)
-    np.sqrt(left, out=found[2], where=left > 4 * EPS * c)
+    np.sqrt(left, out=found[2], where=left > 4 * MACHINE_EPSILON * c)
     return found
 
 
@@ -141,8 +141,8 @@ def _factor_pivoted(packed: Floats) -> Floats:
     """Factors of matrices that are singular, or nearly so.
 
     Of correlations, in extended precision as far as the machine has it, the largest of what is left
-    first: so no rounding of an entry is enlarged, and what it leaves of a rank is told from what is
-    there. The factor is made a lower one by a rotation, which keeps the rounding of its rows.
+    first: so no rounding of an entry is enlarged, nor what it leaves of a rank taken for one. The
+    factor is made a lower one by a rotation, which keeps the rounding of its rows.
     """
     d = size_of(len(packed))
     matrices = unpack(packed).astype(np.longdouble)
@@ -156,7 +156,7 @@ def _factor_pivoted(packed: Floats) -> Floats:
     for k in range(d):
         pivot = np.argmax(left, axis=1)
         size = left[row, pivot]
-        positive = size > 4 * d * EPS
+        positive = size > 4 * d * MACHINE_EPSILON
         root = np.sqrt(np.where(positive, size, 1))
         known = (found[:, :, :k] * found[row, pivot, None, :k]).sum(axis=2)
         entry = (matrices[row, :, pivot] - known) / root[:, None]
@@ -194,7 +194,9 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
             row, column = i * (i + 1) // 2, j * (j + 1) // 2
             product = sum(lower[row + k] * lower[column + k] for k in range(j + 1))
             np.maximum(off, np.abs(product - packed[row + j]), out=off)
-    doubtful = np.flatnonzero((off > 16 * d * EPS * largest) | (np.min(diagonal, axis=0) < 0))
+    doubtful = np.flatnonzero(
+        (off > 16 * d * MACHINE_EPSILON * largest) | (np.min(diagonal, axis=0) < 0)
+    )
     if not len(doubtful):
         return packed, ratio
     values, vectors = np.linalg.eigh(unpack(packed[:, doubtful]))

@@ -60,7 +60,9 @@ def test_points_are_separate_evaluations(
 ) -> None:
     others = {"cutoff": 1.0, "order": order, "switch_penalty": 0.5}
     del others[name]
-    with patch.multiple(sensitivity, EASY=-1, FEW=-1):  # neighbours are asked, always
+    with patch.multiple(
+        sensitivity, EASY_WORK=-1, EASY_ITERATIONS=-1
+    ):  # neighbours are asked, always
         found = sweep(*sides, **others, **{name: VALUES[name]})
     same_as_separate(found, *sides, **others)
 
@@ -71,7 +73,7 @@ def test_crowded_points_are_separate_evaluations(name: str, side: float) -> None
     truth, estimate = scene(7, 10, 12, 30, side=side)
     others = {"cutoff": 6.0, "switch_penalty": 3.0}
     del others[name]
-    with patch.multiple(sensitivity, EASY=-1, FEW=-1):
+    with patch.multiple(sensitivity, EASY_WORK=-1, EASY_ITERATIONS=-1):
         found = sweep(truth, estimate, **others, **{name: np.linspace(1.0, 9.0, 9)})
     same_as_separate(found, truth, estimate, **others)
 

@@ -202,7 +202,7 @@ def test_sweeps_find_the_entropic_optimum() -> None:
                 totals[s] = totals.get(s, 0.0) + weight
         for s, weight in totals.items():
             shares[s] = weight / weight_of_all
-    assert np.array_equal(field.has(kernels.MOST), shares > 0.5)
+    assert np.array_equal(field.has(kernels.MAJORITY), shares > 0.5)
     load = np.zeros(len(prices))
     for s in range(len(shares)):
         load[states.columns.begin[s] : states.columns.end[s]] += shares[s]

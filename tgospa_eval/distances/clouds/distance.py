@@ -50,7 +50,7 @@ class CloudWasserstein(Distance):
     Raises
     ------
     ConfigError
-        A setting has no meaning.
+        A word is none of these, or a covariance or scale is given that is wrong or of no use.
     """
 
     order: int = 2
@@ -180,7 +180,7 @@ class PairCloudWasserstein(CloudWasserstein):
 
 
 def reduced(clouds: Clouds, reduction: Reduction, effort: Effort) -> Clouds:
-    """Every cloud reduced; the user is told if that takes long, as one of them tells."""
+    """Every cloud reduced; the user is notified if that takes long, as one of them shows."""
     large = int(np.count_nonzero(clouds.counts > reduction.size))
     if not large:
         return clouds

@@ -44,13 +44,13 @@ BOUNDS_TOGETHER = 1 << 16
 """Pairs whose bounds are computed at a time."""
 
 ANNOUNCED_FROM = 2.0
-"""Seconds of work from which on the user is told how long it will take."""
+"""Seconds of work from which on the user is notified how long it will take."""
 
 SECONDS_TOGETHER = 0.25
 """Seconds of work that a thread does at a time, about."""
 
 MANY_PARTICLES = 300
-"""Particles from which on reducing them is worth a hint."""
+"""Particles from which on there is a hint to reduce them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,7 +257,7 @@ def estimated_seconds(first: Ints, second: Ints, *, is_line: bool = False) -> fl
 
 
 def announce(effort: Effort, count: int, what: str, one: Callable[[], object]) -> None:
-    """Tell the user if so many pieces of work like this one take long."""
+    """Notify the user if so many pieces of work like this one take long."""
     for _ in range(2):  # imports are what may take long the first time
         begin = time.perf_counter()
         one()

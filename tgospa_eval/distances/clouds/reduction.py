@@ -71,7 +71,7 @@ class Reduction:
     Raises
     ------
     ConfigError
-        A value has no meaning.
+        The size is below 1, the method is unknown, or a number is out of its range.
     """
 
     size: int

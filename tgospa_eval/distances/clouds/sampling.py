@@ -97,7 +97,7 @@ def as_size(size: object) -> int:
     Raises
     ------
     ConfigError
-        It is no whole number from 1 on.
+        The size is no whole number, or below 1.
     """
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
         raise ConfigError(f"size is {size!r}: must be a whole number of particles, from 1")

@@ -28,7 +28,7 @@ Cloud = tuple[Floats, Floats]
 ASSIGNED = 200
 """Particles up to which an assignment is quicker than transport."""
 
-FARTHEST = 1e150
+WIDEST = 1e150
 """Of whitened coordinates: their squares are numbers."""
 
 MOST_PARTICLES = 4000
@@ -177,7 +177,7 @@ def check_order(order: object) -> None:
     Raises
     ------
     ConfigError
-        They cannot.
+        The order is neither 1 nor 2.
     """
     if isinstance(order, bool) or order not in (1, 2):
         raise ConfigError(f"cloud-order is {order!r}: must be 1 or 2")
@@ -205,14 +205,14 @@ def whitened(clouds: tuple[Cloud, ...], factor: Floats) -> tuple[Cloud, ...]:
     Raises
     ------
     ConfigError
-        They are so far apart that the squares are no numbers.
+        Particles are so far apart that squares of distances overflow.
     """
     centre = clouds[0][0][0]
     with np.errstate(over="ignore", invalid="ignore"):  # looked at below
         found = tuple((whitened_points(x, factor, centre), weights) for x, weights in clouds)
-    if any(not (np.abs(points) <= FARTHEST).all() for points, _ in found):
+    if any(not (np.abs(points) <= WIDEST).all() for points, _ in found):
         raise ConfigError(
-            f"particles are more than {FARTHEST:g} standard deviations apart; the covariance is "
+            f"particles are more than {WIDEST:g} standard deviations apart; the covariance is "
             "too small for them"
         )
     return found
@@ -266,7 +266,7 @@ def distance(a: Cloud, b: Cloud, order: int) -> float:
 
 
 def _are_alike(a: Cloud, b: Cloud) -> bool:
-    """Whether they are the same particles, with weights that only rounding tells apart.
+    """Whether they are the same particles, with weights that differ by rounding only.
 
     The least mass that rounding leaves over would have to go far: its root is not small.
     """

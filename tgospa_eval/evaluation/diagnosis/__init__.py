@@ -57,11 +57,11 @@ def alignment_notices(
     aligned: Alignment, matching: TimeMatching, spell: Spelling = as_option
 ) -> list[str]:
     """What aligning two sides took: steps of both, stamps that were joined, rows left out."""
-    alone = aligned.union - aligned.common
+    others = aligned.union - aligned.common
     at = "what exists at the other is missed or false"
-    if alone > 1:
-        at = f"what exists at the other {alone:,} is missed or false"
-    costly = matching.grid == "union" and alone and aligned.common
+    if others > 1:
+        at = f"what exists at the other {others:,} is missed or false"
+    costly = matching.grid == "union" and others and aligned.common
     notices = [in_both(aligned.common, aligned.union) + (f"; {at}" * bool(costly))]
     if aligned.joined:
         pairs = counted(aligned.joined, "pair of stamps was", "pairs of stamps were")

@@ -17,8 +17,8 @@ from tgospa_eval.common.notices import Notice, Spelling
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
-    FEWEST,
-    FIRST,
+    FEWEST_STEPS,
+    FIRST_STEPS,
     StepCosts,
     affordable,
     at_steps,
@@ -31,13 +31,13 @@ from tgospa_eval.problem.problem import Floats, Parameters
 from tgospa_eval.tracks.alignment import SECOND, Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
-FEW = 0.9
+COMMON_SHARE = 0.9
 """Share of common steps below which something is probably wrong with the clocks."""
 
 NEARLY = 0.01
 """Of the median step: unmatched stamps that are closer are probably meant to be the same."""
 
-FAR = 10
+STEPS_OFF = 10
 """Steps by which a clock may be off, beside those that make the first or the last stamps equal."""
 
 SAME = 0.1
@@ -47,7 +47,7 @@ POWERS = {-3: "milliseconds", -6: "microseconds", -9: "nanoseconds"}
 """What stamps beside seconds may be counted in, by the power of ten that makes seconds of them."""
 
 MORE = 0.1
-"""Share of the cost that another clock must save beyond a shift by one step, to be told instead."""
+"""Share of the cost that another clock must save beyond a shift by one step to be named."""
 
 RATES = 3.0
 """Rates of two files differ by no more where only the unit of their stamps does."""
@@ -105,7 +105,7 @@ def _few_common(
     steps, meaning = len(aligned.truth.times), "what exists at another is missed or false"
     if matching.grid == "common":  # of two rates the lower one may be wholly in the other
         steps, meaning = min(len(side.times) for side in sides), "the others are left out"
-    if not steps or aligned.common >= FEW * steps:
+    if not steps or aligned.common >= COMMON_SHARE * steps:
         return None
     share = f"{100 * aligned.common / steps:.0f} %"
     return Notice(
@@ -139,10 +139,10 @@ def _near_misses(
         most = max(most - max(float(np.spacing(np.abs(side).max())) for side in times), 0.5 * most)
     named = _rounded_up(most / unit)
     pairs = counted(len(close), "pair of stamps is", "pairs of stamps are")
-    alone = aligned.union - aligned.common
+    others = aligned.union - aligned.common
     return Notice(
         code="stamps-near",
-        text=f"{pairs} nearly the same, of {counted(alone, 'stamp')} that one file only has, at "
+        text=f"{pairs} nearly the same, of {counted(others, 'stamp')} that one file only has, at "
         f"most {named} apart where the median step is {_told(min(steps), clock, *times)}",
         remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
     )
@@ -197,12 +197,12 @@ def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -
     """
     inside = len(aligned.truth.times) - 2  # each of these has a step before and one after
     count = min(inside, affordable((aligned.truth, aligned.estimate)))
-    if count < FEWEST:
+    if count < FEWEST_STEPS:
         return None
-    shift = _shift_of(aligned, parameters, distance, min(count, FIRST))
+    shift = _shift_of(aligned, parameters, distance, min(count, FIRST_STEPS))
     return (
         shift
-        if shift is None or count <= FIRST
+        if shift is None or count <= FIRST_STEPS
         else _shift_of(aligned, parameters, distance, count)
     )
 
@@ -283,21 +283,21 @@ def _find_clock(
     if step is None or len(estimate.times) < 2:
         return None
     steps = evenly(np.flatnonzero(occupied(truth)), sides)
-    if len(steps) < FEWEST:
+    if len(steps) < FEWEST_STEPS:
         return None
     own = np.searchsorted(aligned.truth.times, truth.times[steps])
     if own[-1] >= len(aligned.truth.times) or aligned.truth.step.shape != truth.step.shape:
         return None  # a grid that leaves out steps of the truth
     chosen = at_steps(truth, steps)
     here = StepCosts(chosen, at_steps(aligned.estimate, own), parameters, distance)
-    if 2 * here.upper.sum() < here.alone.sum():
+    if 2 * here.upper.sum() < here.unassigned.sum():
         return None
     moments, theirs = map(_from_first, (truth.times, estimate.times))
     starts = Fraction(truth.times[0].item()), Fraction(estimate.times[0].item())
     best: Clock | None = None
     for clock in _clocks((moments, theirs), starts, step):
         at, is_there = _same_moments(moments[steps], theirs * clock.factor + clock.offset, step)
-        if np.count_nonzero(is_there) < FEWEST / 2:
+        if np.count_nonzero(is_there) < FEWEST_STEPS / 2:
             continue
         there = StepCosts(chosen, _moved(estimate, at, is_there), parameters, distance)
         saved = saving(here, there)
@@ -327,7 +327,7 @@ def _clocks(
             yield from (Clock(factor=float(factor), offset=offset) for offset in (since, 0.0))
     apart = float(starts[1] - starts[0])
     ends = (0.0, float(moments[-1] - theirs[-1]))
-    moves = [apart + sign * k * step for k in range(1, FAR + 1) for sign in (1, -1)]
+    moves = [apart + sign * k * step for k in range(1, STEPS_OFF + 1) for sign in (1, -1)]
     for offset in (*ends, *moves):
         if offset != apart:
             yield Clock(factor=1.0, offset=offset, ahead=apart - offset)

@@ -18,30 +18,30 @@ from tgospa_eval.tracks.trajectories import Ints, Trajectories
 SAMPLE = 100
 """Steps that are looked at."""
 
-FIRST = 25
+FIRST_STEPS = 25
 """Steps that are looked at first."""
 
-ROWS = 20_000
+SAMPLE_ROWS = 20_000
 """Rows of either side at these steps, at most."""
 
-PAIRS = 200_000
-"""Pairs of these steps, near or not, as long as that leaves `FEWEST` steps."""
+SAMPLE_PAIRS = 200_000
+"""Pairs of these steps, near or not, as long as that leaves `FEWEST_STEPS` steps."""
 
 DENSE = 1_000_000
 """Pairs of a step, near or not, up to which an assignment is computed."""
 
-FEWEST = 8
-"""Steps without which nothing is said about a shift."""
+FEWEST_STEPS = 8
+"""Fewer steps give no warning of a shift."""
 
 PAIRED = 12
-"""Pairs without which nothing is said about a shift for their sake."""
+"""Fewer pairs give no warning of a shift for their sake."""
 
-TRACKS = 3
+FEWEST_TRACKS = 3
 """Tracks that must agree on a fault that is smaller than the cutoff: that of one may be its own
 error."""
 
-WORTH = 1e-3
-"""Of the cost of leaving all unassigned: less is not worth a warning, but about rounding."""
+NOTABLE_COST = 1e-3
+"""Of the cost of leaving all unassigned: less makes no warning, but about rounding."""
 
 CHEAPER = 2 / 3
 """Share of the steps that a change must improve: a late start makes one step costly, not most."""
@@ -57,7 +57,7 @@ class StepCosts:
     parameters : Parameters
         Cutoff and order.
     distance : Distance
-        Base distance of states alone.
+        Base distance of states without covariances.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class StepCosts:
         self.rows = pairs.truth_row, pairs.estimate_row
         self.gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
         objects = np.concatenate((truth.step, estimate.step))
-        self.alone = np.bincount(objects, minlength=self.steps) * np.float64(0.5)
+        self.unassigned = np.bincount(objects, minlength=self.steps) * np.float64(0.5)
         self.truths = np.bincount(truth.step, minlength=self.steps)
         self.estimate = estimate
         self._bound()
@@ -82,7 +82,7 @@ class StepCosts:
         # From the largest down, equal ones as they come; stable in every row below.
         self.order = np.argsort(-self.gain, kind="stable")
         most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
-        self.lower = self.alone - np.minimum(*most)
+        self.lower = self.unassigned - np.minimum(*most)
 
     def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
         """Without the other rows of the estimate."""
@@ -92,14 +92,14 @@ class StepCosts:
         other.step, other.gain = self.step[near], self.gain[near]
         other.rows = self.rows[0][near], self.rows[1][near]
         left_out = np.bincount(self.estimate.step[~kept], minlength=self.steps)
-        other.alone = self.alone - 0.5 * left_out
+        other.unassigned = self.unassigned - 0.5 * left_out
         other._bound()
         return other
 
     @cached_property
     def upper(self) -> Floats:
         """Of the greedy choice; most changes of the data are ruled out without it."""
-        return self.alone - self._sums(self.taken)
+        return self.unassigned - self._sums(self.taken)
 
     def _sums(self, chosen: Ints) -> Floats:
         sums = np.bincount(self.step[chosen], self.gain[chosen], minlength=self.steps)
@@ -139,16 +139,16 @@ class StepCosts:
             gain = np.zeros(shape)
             gain[axes[0], axes[1]] = self.gain[pairs]
             best = gain[linear_sum_assignment(gain, maximize=True)].sum()
-            self.lower[step] = self.upper[step] = self.alone[step] - best
+            self.lower[step] = self.upper[step] = self.unassigned[step] - best
 
 
-def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST) -> float:
+def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
     """Share of the cost here that goes away there; 0 unless it is at least a half of most steps.
 
     `fewest` is the number of steps, of which half must become cheaper. Objects that are not looked
     at there are taken to cost what objects without counterpart do: to look away saves nothing.
     """
-    unseen = max(0.0, float(here.alone.sum() - there.alone.sum()))
+    unseen = max(0.0, float(here.unassigned.sum() - there.unassigned.sum()))
     if 2 * (there.lower.sum() + unseen) > here.upper.sum():
         return 0.0
     if 2 * (there.upper.sum() + unseen) > here.lower.sum():
@@ -171,35 +171,35 @@ def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     rows = [side.estimate.step * np.int64(2**32) + side.estimate.track for side in (here, there)]
     here = here.only(np.isin(rows[0], rows[1], assume_unique=True))
     there = there.only(np.isin(rows[1], rows[0], assume_unique=True))
-    highest = float((there.alone - there.lower).sum())
-    if 2 * highest <= len(here.taken) + float((here.alone - here.upper).sum()):
+    highest = float((there.unassigned - there.lower).sum())
+    if 2 * highest <= len(here.taken) + float((here.unassigned - here.upper).sum()):
         return 0.0
-    if 2 * len(there.taken) < np.minimum(there.truths, 2 * there.alone - there.truths).sum():
+    if 2 * len(there.taken) < np.minimum(there.truths, 2 * there.unassigned - there.truths).sum():
         return 0.0
     found = [np.bincount(side.step[side.taken], minlength=side.steps) for side in (here, there)]
     pairs = np.maximum(*found)
     here.settle()
     there.settle()
-    costs = [pairs - (side.alone - side.upper) for side in (here, there)]
+    costs = [pairs - (side.unassigned - side.upper) for side in (here, there)]
     total, left = (float(cost.sum()) for cost in costs)
     tracks = np.unique(there.estimate.track[there.rows[1][there.taken]])
     if (
-        len(tracks) < TRACKS
+        len(tracks) < FEWEST_TRACKS
         or pairs.sum() < PAIRED
-        or total < WORTH * pairs.sum()
+        or total < NOTABLE_COST * pairs.sum()
         or 2 * left > total
     ):
         return 0.0
     busy = np.count_nonzero(pairs)
     cheaper = np.count_nonzero(costs[1] < costs[0])
-    return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST) else 0.0
+    return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST_STEPS) else 0.0
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
     """How many steps may be looked at."""
     objects = [len(side.step) / max(len(side.times), 1) for side in sides]
-    by_pairs = max(FEWEST, int(PAIRS / max(objects[0] * objects[1], 1)))
-    return min(SAMPLE, by_pairs, int(ROWS / max(*objects, 1)))
+    by_pairs = max(FEWEST_STEPS, int(SAMPLE_PAIRS / max(objects[0] * objects[1], 1)))
+    return min(SAMPLE, by_pairs, int(SAMPLE_ROWS / max(*objects, 1)))
 
 
 def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:

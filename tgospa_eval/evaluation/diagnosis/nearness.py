@@ -115,7 +115,7 @@ def _most(here: StepCosts, sides: tuple[Trajectories, Trajectories]) -> int:
 
 def _saved(costs: StepCosts) -> float:
     """Of the cost of leaving all unassigned."""
-    return float((costs.alone - costs.upper).sum())
+    return float((costs.unassigned - costs.upper).sum())
 
 
 def _displaced(estimate: Trajectories, cutoff: float, distance: Distance) -> Iterator[Trajectories]:

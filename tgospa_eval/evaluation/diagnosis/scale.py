@@ -9,7 +9,7 @@ from tgospa_eval.distances.gating import median_nearest
 from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.tracks.alignment import Alignment
 
-NAMES = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
+PARAMETER_NAMES = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}
 
 
 def default_notice(
@@ -40,7 +40,9 @@ def default_notice(
     others : bool
         Whether another warning explains the distances.
     """
-    used = " and ".join(f"{NAMES[name]} = {getattr(parameters, name):g}" for name in defaults)
+    used = " and ".join(
+        f"{PARAMETER_NAMES[name]} = {getattr(parameters, name):g}" for name in defaults
+    )
     nearest = median_nearest(aligned.truth, aligned.estimate, distance)
     known = nearest is not None and math.isfinite(nearest)
     scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"

@@ -6,14 +6,14 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
-NAMES = ("truth", "estimate")
-ALONE = ("all estimates are false", "all truths are missed")
+SIDES = ("truth", "estimate")
+EMPTY_OTHER_SIDE = ("all estimates are false", "all truths are missed")
 
 
 def side_warnings(sides: tuple[Trajectories, Trajectories]) -> list[Notice]:
     """What a side cannot mean to be."""
     found = []
-    for name, meaning, side in zip(NAMES, ALONE, sides, strict=True):
+    for name, meaning, side in zip(SIDES, EMPTY_OTHER_SIDE, sides, strict=True):
         if not len(side.step):
             found.append(
                 Notice(

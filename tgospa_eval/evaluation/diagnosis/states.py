@@ -1,7 +1,7 @@
 """Warnings about the states of two sides: other units, other axes, another origin.
 
-Each suspicion is tried on some steps that both sides have: it is told only where undoing it would
-at least halve the per-step GOSPA cost.
+Each suspicion is tried on some steps that both sides have: there is a warning only where undoing it
+would at least halve the per-step GOSPA cost.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,10 +14,10 @@ from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
-    FIRST,
+    FEWEST_TRACKS,
+    FIRST_STEPS,
+    NOTABLE_COST,
     SAMPLE,
-    TRACKS,
-    WORTH,
     StepCosts,
     at_steps,
     evenly,
@@ -25,6 +25,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving,
 )
 from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
+from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Parameters
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
@@ -36,7 +37,7 @@ FACTORS = {
 }
 """How many of a unit make another one: what the coordinates of one file may be off by."""
 
-PAIRS = 6
+FEWEST_PAIRS = 6
 """Pairs that must be near after a change for it to be believed, more of a fitted offset."""
 
 FITTED = 12
@@ -46,7 +47,6 @@ VOTES, EACH = 6_000, 40
 a step, of which one may be right."""
 
 POSITIONS = (("x", "y", "z"), ("lat", "lon"))
-BOX = ("left", "top", "width", "height")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,9 +115,9 @@ class _Sample:
     @property
     def is_bad(self) -> bool:
         """Whether most truths and estimates have no counterpart."""
-        return bool(2 * self.here.upper.sum() > self.here.alone.sum())
+        return bool(2 * self.here.upper.sum() > self.here.unassigned.sum())
 
-    def saving(self, change: _Change, fewest: int = PAIRS) -> float:
+    def saving(self, change: _Change, fewest: int = FEWEST_PAIRS) -> float:
         """Share of the cost that a change saves; 0 where that is not convincing."""
         there = self.costs(change(self.estimate))
         saved = saving(self.here, there, min(len(self.steps), 2))
@@ -150,13 +150,16 @@ def state_warnings(
     spell : callable
         How settings are written in remedies.
     """
-    sample = _Sample(aligned, parameters, distance, FIRST)
-    if not len(sample.steps) or sample.here.upper.sum() < WORTH * sample.here.alone.sum():
+    sample = _Sample(aligned, parameters, distance, FIRST_STEPS)
+    if (
+        not len(sample.steps)
+        or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
+    ):
         return []
     found = _best(sample, _linear(sample)) if sample.is_bad else None
     found = found or _best(sample, _displaced(sample), FITTED)
     suspicious = found is not None or few_are_near(sample.here, sample.sides)
-    if suspicious and len(sample.steps) >= FIRST:  # what few steps suggest, more must confirm
+    if suspicious and len(sample.steps) >= FIRST_STEPS:  # what few steps suggest, more must confirm
         sample = _Sample(aligned, parameters, distance)
         saved = sample.saving(found[1]) if found else 0.0
         found = (saved, found[1]) if found and saved else None
@@ -174,7 +177,7 @@ def state_warnings(
 
 
 def _best(
-    sample: _Sample, changes: Iterator[_Change], fewest: int = PAIRS
+    sample: _Sample, changes: Iterator[_Change], fewest: int = FEWEST_PAIRS
 ) -> tuple[float, _Change] | None:
     """The change that saves the most, the first one of equals; None if none convinces."""
     best: tuple[float, _Change] | None = None
@@ -337,7 +340,7 @@ def _mean_difference(sample: _Sample) -> Floats | None:
     truth_row, estimate_row = (rows[here.taken] for rows in here.rows)
     if len(truth_row) < FITTED:
         return None
-    if np.count_nonzero(np.bincount(sample.truth.track[truth_row])) < TRACKS:
+    if np.count_nonzero(np.bincount(sample.truth.track[truth_row])) < FEWEST_TRACKS:
         return None
     apart = sample.truth.state[truth_row] - sample.estimate.state[estimate_row]
     mean = apart.mean(axis=0)
