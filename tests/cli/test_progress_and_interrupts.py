@@ -23,7 +23,7 @@ from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver, batches, certified, exact
 from tgospa_eval.solvers.bracket_progress import share_of_digits
 from tgospa_eval.solvers.certified import Certified

@@ -12,9 +12,10 @@ from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Parameters, Problem, tgospa_problem
+from tgospa_eval.problem.problem import Problem
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.problem.tgospa import Parameters, tgospa_problem
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.solvers import SOLVERS, Solver, solver_class
 
@@ -231,11 +232,11 @@ def test_limits_give_true_brackets() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        lambda: Parameters(cutoff=0.0),
-        lambda: Parameters(cutoff=float("nan")),
-        lambda: Parameters(order=0.5),
-        lambda: Parameters(switch_penalty=-1.0),
-        lambda: Parameters(cutoff=1e-200, order=3),
+        lambda: Parameters(cutoff=0.0, switch_penalty=2.0),
+        lambda: Parameters(cutoff=float("nan"), switch_penalty=2.0),
+        lambda: Parameters(cutoff=10.0, order=0.5, switch_penalty=2.0),
+        lambda: Parameters(cutoff=10.0, switch_penalty=-1.0),
+        lambda: Parameters(cutoff=1e-200, order=3, switch_penalty=2.0),
         lambda: Certified(gap=-1.0),
         lambda: Certified(time_limit=0.0),
         lambda: Exact(time_limit=-1.0),
@@ -252,7 +253,7 @@ def test_problem_rejects_pairs_across_steps() -> None:
     zero, one = np.array([0]), np.array([1])
     with pytest.raises(ConfigError, match="different steps"):
         tgospa_problem(
-            parameters=Parameters(),
+            parameters=Parameters(cutoff=10.0, switch_penalty=2.0),
             steps=2, truths=1, estimates=1,
             truth_step=zero, truth_track=zero, estimate_step=one, estimate_track=zero,
             truth_row=zero, estimate_row=zero, distance=np.array([1.0]),

@@ -27,7 +27,7 @@ WIDE = {
     "sweep": "tgospa_eval",
     "reduce_cloud": "tgospa_eval.distances",
     "solve_restricted_lp": "tgospa_eval.solvers.restricted_lp",
-    "tgospa_problem": "tgospa_eval.problem.problem",
+    "tgospa_problem": "tgospa_eval.problem.tgospa",
 }
 """Functions whose settings, or arrays, are keywords with names that stay."""
 

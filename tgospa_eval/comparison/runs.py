@@ -18,7 +18,7 @@ from tgospa_eval.errors import ConfigError, SolverError, TgospaError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.reports.records import Costs, Memory, NoCosts, Seconds
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver

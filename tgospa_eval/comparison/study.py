@@ -26,7 +26,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solver_settings
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.reports.records import (
     Metric,
     SceneRecord,

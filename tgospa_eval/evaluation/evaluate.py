@@ -19,8 +19,8 @@ from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
-from tgospa_eval.problem.problem import Parameters, check_underflow
 from tgospa_eval.problem.solution import Bounds, Solution
+from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.records import FileInfo, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result

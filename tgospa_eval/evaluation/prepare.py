@@ -13,8 +13,9 @@ from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Parameters, Problem, tgospa_problem
+from tgospa_eval.problem.problem import Floats, Problem
 from tgospa_eval.problem.states import States
+from tgospa_eval.problem.tgospa import Parameters, tgospa_problem
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Scene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, Times, align

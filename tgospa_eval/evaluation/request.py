@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
 

@@ -24,8 +24,9 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.states import States
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.sweep import Point, Sweep

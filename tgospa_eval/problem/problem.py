@@ -6,27 +6,19 @@ values. A member of the family is one choice of the arrays below (unassigned pri
 prices); no solver knows which.
 """
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.errors import ConfigError
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
 
-POWER = 2.0**-50
-"""Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
-use are off by less than two. Squares are rounded once."""
-
 REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
-
-SMALLEST_POWER = 1e-306
-"""Costs and distances below this, near the end of the doubles, count as this much."""
 
 
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
@@ -39,64 +31,6 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
     total: Floats = np.add.reduceat(np.append(value, 0.0), first[:-1])
     total[first[1:] == first[:-1]] = 0.0  # reduceat gives the value at hand there
     return total
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """The three numbers of the metric.
-
-    Parameters
-    ----------
-    cutoff : float
-        c > 0: an error counts at most c; in units of the base distance.
-    order : float
-        p >= 1: the exponent of the sum, never the norm of the base distance.
-    switch_penalty : float
-        gamma >= 0: a full track switch costs gamma^p; 0 gives per-step GOSPA, summed.
-
-    Raises
-    ------
-    ConfigError
-        A number is out of its range or not finite.
-    """
-
-    cutoff: float = 10.0
-    order: float = 2.0
-    switch_penalty: float = 2.0
-
-    def __post_init__(self) -> None:
-        for name, low, inclusive in (
-            ("cutoff", 0.0, False),
-            ("order", 1.0, True),
-            ("switch_penalty", 0.0, True),
-        ):
-            value = real_number(name.replace("_", " "), getattr(self, name))
-            object.__setattr__(self, name, value)
-            fine = math.isfinite(value) and (value >= low if inclusive else value > low)
-            if not fine:
-                word = name.replace("_", " ")
-                rule = ">=" if inclusive else ">"
-                raise ConfigError(f"{word} is {value:g}: must be finite and {rule} {low:g}")
-        if not -300 < self.order * math.log10(self.cutoff) < 300:
-            raise ConfigError(
-                f"cutoff {self.cutoff:g} to the order {self.order:g} is out of the range of "
-                "doubles; choose another unit"
-            )
-
-    def root(self, total: float) -> float:
-        """TGOSPA in state units of a total cost in units of c^p."""
-        return float(self.cutoff * total ** (1 / self.order))
-
-    @property
-    def switch_price(self) -> float:
-        """Dimensionless price of half a switch, gamma^p / (2 c^p).
-
-        At most 1e100: the value is constant long before, and infinity times zero is no number.
-        """
-        try:
-            return min(0.5 * math.pow(self.switch_penalty / self.cutoff, self.order), 1e100)
-        except OverflowError:
-            return 1e100
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,113 +134,3 @@ class Problem:
         price = np.zeros(self.steps + 1)
         price[1 : self.steps] = self.switch_price
         return price
-
-
-def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
-    *,
-    parameters: Parameters,
-    steps: int,
-    truths: int,
-    estimates: int,
-    truth_step: Ints,
-    truth_track: Ints,
-    estimate_step: Ints,
-    estimate_track: Ints,
-    truth_row: Ints,
-    estimate_row: Ints,
-    distance: Floats,
-    distance_error: float = 0.0,
-    last_place: float = 0.0,
-) -> Problem:
-    """The TGOSPA problem of the pairs of rows that are nearer than the cutoff.
-
-    Cost (d/c)^p, gain 1 - (d/c)^p, half the cutoff price per unassigned object: the LP of
-    García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in the gain form of docs/theory.
-    `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
-
-    Parameters
-    ----------
-    distance_error : float
-        Largest relative error of the distances.
-    last_place : float
-        What the last places of the states can change of a distance.
-
-    Raises
-    ------
-    ConfigError
-        A power of a distance or of the switch penalty is no double beside that of the cutoff.
-    """
-    order = parameters.order
-    cost = distance / parameters.cutoff
-    cost **= order
-    _check_powers(distance, cost, parameters)
-    slack = 0.0
-    lifted = np.flatnonzero((cost < SMALLEST_POWER) | (distance < SMALLEST_POWER))
-    lifted = lifted[distance[lifted] > 0]
-    if len(lifted):
-        least = max(SMALLEST_POWER, min(SMALLEST_POWER / parameters.cutoff, 1.0) ** order)
-        cost[lifted] = np.maximum(cost[lifted], least)
-        slack = least * min(len(truth_step), len(estimate_step))
-    keep = (distance < parameters.cutoff) & (cost < 1.0)
-    if not keep.all():
-        truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
-    objects = len(truth_step) + len(estimate_step)
-    blur = last_place / parameters.cutoff
-    return Problem(
-        steps=steps,
-        truths=truths,
-        estimates=estimates,
-        truth_step=truth_step,
-        truth_track=truth_track,
-        truth_price=np.broadcast_to(0.5, len(truth_step)),
-        estimate_step=estimate_step,
-        estimate_track=estimate_track,
-        estimate_price=np.broadcast_to(0.5, len(estimate_step)),
-        truth_row=truth_row,
-        estimate_row=estimate_row,
-        cost=cost,
-        switch_price=parameters.switch_price,
-        cost_slack=slack,
-        cost_error=_cost_error(order, distance_error),
-        rounding=objects * blur**order if blur < 1 else 0.0,
-    )
-
-
-def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
-    """Refuse a cost that is made of powers that underflow; others do not matter beside it.
-
-    Raises
-    ------
-    ConfigError
-        The cost is made of powers below the smallest double.
-    """
-    if 0 < 1e-9 * cost < problem.cost_slack:
-        raise ConfigError(
-            f"cutoff {parameters.cutoff:g} is too large for order {parameters.order:g} and the "
-            "distances that make the result: powers of their ratio are below the smallest double; "
-            "choose a smaller cutoff or a lower order"
-        )
-
-
-def _cost_error(order: float, distance_error: float) -> float:
-    """Largest relative error of a cost or switch price: of a distance, a quotient, and a power."""
-    power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
-    return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
-
-
-def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:
-    """Refuse powers of which all digits that decide are lost by underflow."""
-    order, penalty = parameters.order, parameters.switch_penalty
-    farthest = float(distance.max(initial=0.0))
-    lost = farthest if farthest > 0 and cost.max(initial=0.0) < SMALLEST_POWER else 0.0
-    if penalty > 0 and parameters.switch_price < SMALLEST_POWER:
-        lost = max(lost, penalty)
-    if lost:
-        what = "distance" if lost == farthest else "switch penalty"
-        most = math.pow(10.0, math.log10(lost) + 305 / order)
-        raise ConfigError(
-            f"cutoff {parameters.cutoff:g} is too large for order {order:g} and a {what} of "
-            f"{lost:g}: the power of their ratio is below the smallest double; "
-            f"{'set the penalty to 0, or ' if what == 'switch penalty' else ''}"
-            f"choose a cutoff of at most {most:.2g}"
-        )

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.problem.problem import POWER, Floats
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.solution import Curve
+from tgospa_eval.problem.tgospa import POWER
 from tgospa_eval.results.records import (
     PARTS,
     Columns,

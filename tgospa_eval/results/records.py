@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
 
-from tgospa_eval.problem.problem import Parameters
 from tgospa_eval.problem.solution import Bounds, Breakdown
+from tgospa_eval.problem.tgospa import Parameters
 
 Part: TypeAlias = Literal["localisation", "missed", "false", "switch"]
 CountedPart: TypeAlias = Literal["missed", "false", "switch"]

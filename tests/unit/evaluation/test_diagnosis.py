@@ -13,7 +13,7 @@ from tgospa_eval import TgospaWarning, evaluate, read_trajectories, sweep
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import DISTANCES
 from tgospa_eval.evaluation.diagnosis import diagnose
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.simulation import SCENARIOS, Scene, Tracker, simulate
 from tgospa_eval.tracks.alignment import TimeMatching, align
 from tgospa_eval.tracks.trajectories import Trajectories

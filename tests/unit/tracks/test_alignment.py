@@ -16,7 +16,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_shift
 from tgospa_eval.evaluation.diagnosis.costs import StepCosts
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
 

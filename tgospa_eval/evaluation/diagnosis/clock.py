@@ -27,7 +27,8 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     saving,
     saving_of_tracks,
 )
-from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import SECOND, Alignment, TimeMatching, Times, nearest, within
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.distances import Distance, near_pairs
-from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 SAMPLE = 100

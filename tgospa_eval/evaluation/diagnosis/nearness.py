@@ -10,7 +10,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import StepCosts
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
 
 SOME = 0.35

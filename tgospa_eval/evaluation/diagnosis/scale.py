@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import median_nearest
-from tgospa_eval.problem.problem import Parameters
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment
 
 PARAMETER_NAMES = {"cutoff": "cutoff c", "switch_penalty": "switch penalty gamma"}

@@ -26,7 +26,8 @@ from tgospa_eval.evaluation.diagnosis.costs import (
 )
 from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
 from tgospa_eval.formats.columns.asked import BOX
-from tgospa_eval.problem.problem import Floats, Parameters
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 FACTORS = {
