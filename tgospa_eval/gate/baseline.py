@@ -14,7 +14,7 @@ from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
 SCHEMA = "tgospa-eval/baseline/1"
-SOLVING = ("solver", "gap", "epsilon", "time_limit")
+ACCURACY = ("solver", "gap", "epsilon", "time_limit")
 """Parameters that change the bracket and not the metric: those of two runs may differ."""
 
 NEUTRAL = ("unit", "decimal")
@@ -118,7 +118,7 @@ def differences(entry: Entry, result: Summary) -> list[str]:
     ours, theirs = _plain(result.parameters), entry.parameters
     found = [
         f"{name} is {_shown(ours, name)}, in the baseline {_shown(theirs, name)}"
-        for name in sorted({*ours, *theirs} - {*SOLVING, *NEUTRAL})
+        for name in sorted({*ours, *theirs} - {*ACCURACY, *NEUTRAL})
         if ours.get(name) != theirs.get(name)
     ]
     if result.input["truth"]["sha256"] != entry.truth:

@@ -1,13 +1,13 @@
 """``tgospa-eval compare TRUTH ESTIMATE...``: solvers, or estimates, side by side."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Option, Verb
-from tgospa_eval.cli.shared.option import KEYS, option
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, FORMATS, QUIET
 from tgospa_eval.cli.simulate.command import SCENARIOS
 from tgospa_eval.errors import ExitStatus
@@ -19,91 +19,90 @@ ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come f
 """Options of everything that evaluates that this verb has not, or in another form."""
 
 OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}
-OF_FILES = {
-    "against", "columns", "time_tolerance", "grid", "on_duplicate", "decimal", "max_input",
-    "truth_format", "estimate_format", "truth_columns", "estimate_columns", "time", "class_",
-    "truth_class", "estimate_class", "region", "unit", "by",
-}  # fmt: skip
+SHARED = [item for item in EVALUATION if item.key not in ELSEWHERE]
+OF_FILES = {"against", "unit", "by"} | {
+    str(item.name) for item in SHARED if item.section in ("Files", "Filters")
+}
 """Parameters that mean nothing in the other case."""
 
-SHARED = [add for add in EVALUATION if KEYS[add][0] not in ELSEWHERE]
-_comparison = partial(click.option, cls=Option, section="Comparison")
-_study = partial(click.option, cls=Option, section="Scaling study", show_default=True)
+_comparison = partial(Option, section="Comparison")
+_study = partial(Option, section="Scaling study")
 # Those of this verb alone are not read from settings files, which are those of all verbs.
-OWN = (
+COMPARISON = (
     _comparison(
-        "--solvers", metavar="NAMES",
+        "--solvers NAMES",
+        "Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking the one to "
+        "use.",
         show_default="all, exact only where it is quick; for a ranking certified",
-        help="Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking the one "
-        "to use.",
     ),
     option(
-        "--epsilon", section="Comparison", metavar="NUMBERS", default="0.1,0.05,0.03,0.01",
-        help="Temperatures of sinkhorn, as fractions of c^p, with commas: one run for each. For a "
+        "--epsilon NUMBERS",
+        "Temperatures of sinkhorn, as fractions of c^p, with commas: one run for each. For a "
         "ranking a single one, 0.03 by default.",
+        section="Comparison",
+        default="0.1,0.05,0.03,0.01",
     ),
     _comparison(
-        "--against", type=click.Choice(("per-step-gospa",)), metavar="per-step-gospa",
-        help="Show per-step GOSPA beside TGOSPA: its sum, and with switches charged afterwards.",
+        "--against per-step-gospa",
+        "Show per-step GOSPA beside TGOSPA: its sum, and with switches charged afterwards.",
+        type=click.Choice(("per-step-gospa",)),
+    ),
+    _study("--simulate", "Compare solvers on simulated scenes of growing size; no files are read."),
+    _study("--targets NUMBERS", "Numbers of targets, with commas.", default="10,20,50"),
+    _study(
+        "--steps NUMBERS",
+        "Numbers of time steps, with commas; each with each number of targets.",
+        default="50,100",
+    ),
+    _study("--runs N", "Number of scenes of each size.", type=click.IntRange(min=1), default=10),
+    _study(
+        "--scenario NAME",
+        "What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
+        default="dense",
+        type=click.Choice(SCENARIOS),
     ),
     _study(
-        "--simulate", is_flag=True,
-        help="Compare solvers on simulated scenes of growing size; no files are read.",
+        "--area LENGTH",
+        "Side of the square in which it happens; the noise is area / 200.",
+        type=float,
+        default=100.0,
     ),
     _study(
-        "--targets", metavar="NUMBERS", default="10,20,50",
-        help="Numbers of targets, with commas.",
+        "--seed N",
+        "Seed: the same one makes the same scenes.",
+        type=click.IntRange(min=0),
+        default=0,
     ),
-    _study(
-        "--steps", metavar="NUMBERS", default="50,100",
-        help="Numbers of time steps, with commas; each with each number of targets.",
-    ),
-    _study(
-        "--runs", type=click.IntRange(min=1), metavar="N", default=10,
-        help="Number of scenes of each size.",
-    ),
-    _study(
-        "--scenario", default="dense", type=click.Choice(SCENARIOS), metavar="NAME",
-        help="What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
-    ),
-    _study(
-        "--area", type=float, metavar="LENGTH", default=100.0,
-        help="Side of the square in which it happens; the noise is area / 200.",
-    ),
-    _study(
-        "--seed", type=click.IntRange(min=0), metavar="N", default=0,
-        help="Seed: the same one makes the same scenes.",
+)
+OUTPUT = (
+    option(
+        "--format FORMAT",
+        "What to print: table, json, csv, markdown or latex.",
+        name="format_",
+        section="Output",
+        type=click.Choice(FORMATS),
+        default="table",
     ),
     option(
-        "--format", "format_", section="Output", type=click.Choice(FORMATS), metavar="FORMAT",
-        default="table", help="What to print: table, json, csv, markdown or latex.",
+        "-o, --output DIR",
+        "Write compare.json, CSV tables and pictures to this folder. A scaling study also writes "
+        "report.md, and each run as soon as it is done.",
+        section="Output",
+        type=PATH,
     ),
-    option(
-        "-o", "--output", section="Output", metavar="DIR", type=click.Path(readable=False),
-        help="Write compare.json, CSV tables and pictures to this folder. A scaling study also "
-        "writes report.md, and each run as soon as it is done.",
-    ),
-    option("--by", section="Filters", type=click.Choice(("class",)), hidden=True),
-    option(
-        "--force", section="Output", is_flag=True,
-        help="Write into a folder with other files in it.",
-    ),
+    option("--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True),
+    option("--force", "Write into a folder with other files in it.", section="Output"),
     CONFIG_FILE,
     QUIET,
-)  # fmt: skip
+)
 
 
-def _options(command: Any) -> Any:
-    for add in reversed((*OWN[:10], *SHARED, *OWN[10:])):
-        command = add(command)
-    return command
-
-
-@click.command("compare", cls=Verb)
-@click.argument("files", metavar="TRUTH ESTIMATE...", type=click.Path(readable=False), nargs=-1)
-@_options
+@click.command("compare", cls=Verb, params=[*COMPARISON, *SHARED, *OUTPUT])
+@click.argument("files", metavar="TRUTH ESTIMATE...", type=PATH, nargs=-1)
 @click.pass_context
-def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> None:
+def command(
+    ctx: click.Context, /, files: tuple[str, ...], simulate: bool, by: str | None, **options: object
+) -> None:
     """Rank several estimates of a truth, or compare solvers on one estimate.
 
     Two files, TRUTH ESTIMATE, are a comparison of solvers: bounds, errors, time and
@@ -124,21 +123,17 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
     source = {name: ctx.get_parameter_source(name) for name in ctx.params}
     given = {name for name, where in source.items() if where is not ParameterSource.DEFAULT}
     typed = {name for name, where in source.items() if where is ParameterSource.COMMANDLINE}
-    wrong = sorted(typed & (OF_FILES if options["simulate"] else OF_STUDIES))
+    wrong = sorted(typed & (OF_FILES if simulate else OF_STUDIES))
     if wrong:
         name = "--" + wrong[0].removesuffix("_").replace("_", "-")
-        raise click.UsageError(
-            f"{name} is for files, not for --simulate" if options["simulate"]
-            else f"{name} is for --simulate"
-        )  # fmt: skip
+        raise click.UsageError(f"{name} is for {'files, not for ' if simulate else ''}--simulate")
     if "by" in typed:
         raise click.UsageError(
             "--by class: compare takes all rows together; choose one class by --class NAME"
         )
-    by = options.pop("by")
-    if options["simulate"] and files:
+    if simulate and files:
         raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
-    if not options["simulate"] and len(files) < 2:
+    if not simulate and len(files) < 2:
         raise click.UsageError(
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
@@ -148,12 +143,12 @@ def command(ctx: click.Context, /, files: tuple[str, ...], **options: Any) -> No
     if "epsilon" not in given:
         options["epsilon"] = None  # which depends on what is compared
     chosen = CompareOptions.of(options)
-    if options["simulate"]:
+    if simulate:
         from tgospa_eval.cli.compare.study import study_sizes
 
         fine = study_sizes(chosen, StudyOptions.of(options))
     else:
-        if by and not options["quiet"]:
+        if by and not chosen.output.quiet:
             from tgospa_eval.cli.shared.streams import say
 
             say("by = class of the settings is left aside: compare takes all rows together")

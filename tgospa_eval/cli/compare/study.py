@@ -7,7 +7,7 @@ from tgospa_eval.cli.compare.values import CompareOptions, StudyOptions, numbers
 from tgospa_eval.cli.shared.notices import notifier, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import say
-from tgospa_eval.cli.simulate.command import command as simulate
+from tgospa_eval.cli.simulate.command import SceneOptions
 from tgospa_eval.cli.simulate.run import settings as scene_settings
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
@@ -65,8 +65,7 @@ def study_sizes(options: CompareOptions, sizes: StudyOptions) -> bool:
 def _study(options: CompareOptions, sizes: StudyOptions) -> Study:
     """What is to be done; the tracker is the one that ``simulate`` has by default."""
     settings = options.settings()
-    chosen = ["--scenario", sizes.scenario, "--area", str(sizes.area)]
-    scene, tracker = scene_settings(simulate.make_context("simulate", ["DIR", *chosen]).params)
+    scene, tracker = scene_settings(SceneOptions(scenario=sizes.scenario, area=sizes.area))
     return Study(
         scene=scene,
         tracker=tracker,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
@@ -19,7 +19,7 @@ TEMPERATURES = "0.1,0.05,0.03,0.01"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareOptions:
+class CompareOptions(Values):
     """What to compare, how to evaluate it, and where to write.
 
     Parameters
@@ -30,27 +30,27 @@ class CompareOptions:
         Names with commas; None where none were given.
     epsilon : str, optional
         Temperatures with commas; None where none were given.
-    per_step : bool
-        Whether per-step GOSPA is shown beside TGOSPA.
+    against : str, optional
+        The metric that is shown beside TGOSPA.
     """
 
     evaluation: EvaluationOptions
     output: OutputOptions
     solvers: str | None
     epsilon: str | None
-    per_step: bool
+    against: str | None
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Self:
+    def of(cls, values: Mapping[str, object]) -> Self:
         """From all options of the verb; temperatures and --seed are of other kinds here."""
         shared = {name: value for name, value in values.items() if name not in ("epsilon", "seed")}
-        return cls(
-            evaluation=EvaluationOptions.of(shared),
-            output=OutputOptions.of(values),
-            solvers=values["solvers"],
-            epsilon=values["epsilon"],
-            per_step=values["against"] is not None,
-        )
+        evaluation, output = EvaluationOptions.of(shared), OutputOptions.of(values)
+        return super().of({**values, "evaluation": evaluation, "output": output})
+
+    @property
+    def per_step(self) -> bool:
+        """Whether per-step GOSPA is shown beside TGOSPA."""
+        return self.against is not None
 
     def settings(self) -> Settings:
         """The records that the options ask for."""

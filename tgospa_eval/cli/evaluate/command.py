@@ -1,12 +1,12 @@
 """``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
 
-from typing import Any
-
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Option, Verb, words
-from tgospa_eval.cli.shared.options import OF_PICTURES, evaluation_options
+from tgospa_eval.cli.shared.help import Verb, words
+from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.errors import ExitStatus
 
 MANY = 8
@@ -28,29 +28,31 @@ class Files(Verb):
         return f"{text}; to rank estimates: tgospa-eval compare {files}"
 
 
-@click.command("evaluate", cls=Files)
-@click.argument("truth", type=click.Path(readable=False))
-@click.argument("estimate", type=click.Path(readable=False))
-@evaluation_options
-@click.option(  # not from settings files: it would make a sweep of every evaluation
-    "--sweep",
-    cls=Option,
-    section="Output",
-    metavar="NAME=VALUES",
-    multiple=True,
-    help="Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values from "
-    "1 to 20, gamma=1:20:12:log.",
+@click.command(
+    "evaluate",
+    cls=Files,
+    params=[
+        *EVALUATION,
+        *OUTPUT,
+        Option(
+            "--sweep NAME=VALUES",
+            "Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values "
+            "from 1 to 20, gamma=1:20:12:log.",
+            section="Output",
+            multiple=True,
+        ),
+        Option(
+            "--curve",
+            "Evaluate the steps up to each step as well: the normalised metric over time.",
+            section="Output",
+        ),
+    ],
 )
-@click.option(
-    "--curve",
-    cls=Option,
-    section="Output",
-    is_flag=True,
-    help="Evaluate the steps up to each step as well: the normalised metric over time.",
-)
+@click.argument("truth", type=PATH)
+@click.argument("estimate", type=PATH)
 @click.pass_context
 def command(
-    ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: Any
+    ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: object
 ) -> None:
     """Evaluate ESTIMATE against TRUTH with the TGOSPA metric.
 
@@ -68,19 +70,18 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
-    for name in OF_PICTURES if options["output"] is None else ():
-        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+    chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)
+    source = ctx.get_parameter_source
+    typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
+    for name in OF_PICTURES if output.output is None else ():
+        if name in typed:
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     from tgospa_eval.cli.evaluate.output import show
     from tgospa_eval.cli.evaluate.run import evaluate_files
-    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 
-    chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)
     if sweep:
         from tgospa_eval.cli.evaluate.sweep import sweep_files
 
-        source = ctx.get_parameter_source
-        typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
         finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     result, finished = evaluate_files(truth, estimate, chosen, output)

@@ -1,14 +1,13 @@
 """``tgospa-eval gate TRUTH ESTIMATE --baseline FILE``: a regression gate for CI."""
 
-from typing import Any
-
 import click
 
-from tgospa_eval.cli.shared.help import Option, Verb
-from tgospa_eval.cli.shared.options import gate_options
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.options import GATE_OPTIONS
 from tgospa_eval.cli.verbs import TYPED
 
-FORMATS = ("table", "json", "markdown")
+GATE_FORMATS = ("table", "json", "markdown")
 
 
 class Gate(Verb):
@@ -20,23 +19,32 @@ class Gate(Verb):
         return super().parse_args(ctx, args)
 
 
-@click.command("gate", cls=Gate)
-@click.argument("truth", type=click.Path(readable=False), required=False)
-@click.argument("estimate", type=click.Path(readable=False), required=False)
-@gate_options
-@click.option(
-    "--update-baseline",
-    cls=Option,
-    section="Gate",
-    is_flag=True,
-    help="Make the baseline, or replace it, and exit with 0.",
+@click.command(
+    "gate",
+    cls=Gate,
+    params=[
+        *GATE_OPTIONS,
+        Option(
+            "--update-baseline",
+            "Make the baseline, or replace it, and exit with 0.",
+            section="Gate",
+        ),
+        Option(
+            "--format [table|json|markdown]",
+            "What to print.",
+            name="format_",
+            section="Output",
+            type=click.Choice(GATE_FORMATS),
+            default="table",
+        ),
+    ],
 )
-@click.option(
-    "--format", "format_", cls=Option, section="Output", type=click.Choice(FORMATS),
-    default="table", show_default=True, help="What to print.",
-)  # fmt: skip
+@click.argument("truth", type=PATH, required=False)
+@click.argument("estimate", type=PATH, required=False)
 @click.pass_context
-def command(ctx: click.Context, /, truth: str | None, estimate: str | None, **options: Any) -> None:
+def command(
+    ctx: click.Context, /, truth: str | None, estimate: str | None, **options: object
+) -> None:
     """Fail if ESTIMATE is worse than a baseline allows: a regression gate for CI.
 
     The gate fails only if the proven lower bound breaks a rule, and passes only if the
@@ -56,5 +64,6 @@ def command(ctx: click.Context, /, truth: str | None, estimate: str | None, **op
     not comparable, 3 bad input file, 4 undecided.
     """
     from tgospa_eval.cli.gate.run import run_gate
+    from tgospa_eval.cli.gate.sources import Given
 
-    ctx.exit(run_gate(ctx, truth, estimate, options))
+    ctx.exit(run_gate(Given.of(ctx, options), truth, estimate))

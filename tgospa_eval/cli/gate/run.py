@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-import click
 from click.core import ParameterSource
 
 from tgospa_eval._version import __version__
@@ -13,7 +12,7 @@ from tgospa_eval.cli.evaluate.run import evaluate_files
 from tgospa_eval.cli.gate.sources import KNOWN, GateOptions, Given
 from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.streams import emit, say, say_as_is
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
 from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
@@ -30,12 +29,7 @@ class OverInputError(ConfigError):
     """The JUnit report would be written over what is read."""
 
 
-def run_gate(
-    context: click.Context,
-    truth: str | None,
-    estimate: str | None,
-    options: Mapping[str, object],
-) -> int:
+def run_gate(given: Given, truth: str | None, estimate: str | None) -> int:
     """Judge, print, write; the exit status.
 
     Raises
@@ -43,12 +37,6 @@ def run_gate(
     TgospaError
         Nothing could be judged.
     """
-    given = Given(
-        context=context,
-        options=options,
-        gate=GateOptions.of(options),
-        output=OutputOptions.of(options),
-    )
     gate, output = given.gate, given.output
     if output.config and not output.quiet:
         say(f"settings from {output.config}")
@@ -171,14 +159,14 @@ def _evaluate(
     result, finished = evaluate_files(
         pair.truth,
         pair.estimate,
-        EvaluationOptions.of(chosen),
+        chosen.options,
         output,
         lambda text: say(prefix + text),
     )
     if heard():
         say(f"{prefix}{result.claim}, {result.proven}; nothing is judged")
         raise KeyboardInterrupt
-    return result, given.kept(chosen, result, path, finished=finished)
+    return result, given.recorded(chosen, result, path, finished=finished)
 
 
 def _outcome(

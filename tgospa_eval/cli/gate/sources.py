@@ -3,30 +3,30 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Option
-from tgospa_eval.cli.shared.option import KEYS
+from tgospa_eval.cli.shared.option import Option
 from tgospa_eval.cli.shared.options import EVALUATION
-from tgospa_eval.cli.shared.values import OutputOptions, Values
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.gate.baseline import SOLVING, Entry
+from tgospa_eval.gate.baseline import ACCURACY, Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 
-KNOWN = dict(KEYS[add] for add in EVALUATION)
-NOT_KEPT = ("jobs", "max-input")
+KNOWN = {item.key: item.is_flag for item in EVALUATION}
+WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
 RULES = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
 
-SOLVING_KEYS = tuple(name.replace("_", "-") for name in SOLVING)
+ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
 
 STRONG = (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT)
 
@@ -50,6 +50,14 @@ class GateOptions(Values):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """The options of the evaluation of a pair, and the names of those that are no defaults."""
+
+    options: EvaluationOptions
+    given: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Given:
     """The options of the command line, with where they come from.
 
@@ -60,16 +68,24 @@ class Given:
     ----------
     context : Context
         Knows where a value comes from.
-    options : mapping of str to object
-        Values of all options by parameter.
-    gate, output : GateOptions, OutputOptions
-        Those of the gate itself, and of printing.
+    evaluation, gate, output : EvaluationOptions, GateOptions, OutputOptions
+        Those of the evaluation, of the gate itself, and of printing.
     """
 
     context: click.Context
-    options: Mapping[str, object]
+    evaluation: EvaluationOptions
     gate: GateOptions
     output: OutputOptions
+
+    @classmethod
+    def of(cls, context: click.Context, values: Mapping[str, object]) -> Self:
+        """From all options of the verb by parameter."""
+        return cls(
+            context=context,
+            evaluation=EvaluationOptions.of(values),
+            gate=GateOptions.of(values),
+            output=OutputOptions.of(values),
+        )
 
     def strong(self, name: str) -> bool:
         """Whether it is a flag or from the environment."""
@@ -102,36 +118,37 @@ class Given:
                 raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
         return values
 
-    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> dict[str, object]:
-        """The values of a pair that are no defaults, by parameter."""
-        names = [str(item.name) for item in self.parameters().values()]
+    def resolve(self, pair: Pair, entry: Entry | None, path: str) -> Chosen:
+        """The options of a pair."""
+        own = {str(i.name): getattr(self.evaluation, str(i.name)) for i in EVALUATION}
         given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
         if given.get("covariance"):
             given["covariance"] = os.path.join(os.path.dirname(path), str(given["covariance"]))
-        given |= {name: self.options[name] for name in names if self.weak(name)}
+        given |= {name: value for name, value in own.items() if self.weak(name)}
         given |= self.typed(dict(pair.options), f"pair {quoted(pair.name)}, options")
-        given |= {name: self.options[name] for name in names if self.strong(name)}
-        return given
+        given |= {name: value for name, value in own.items() if self.strong(name)}
+        return Chosen(options=EvaluationOptions.of(given), given=tuple(given))
 
-    def kept(
-        self, given: Mapping[str, object], result: Summary, path: str, *, finished: bool
+    def recorded(
+        self, chosen: Chosen, result: Summary, path: str, *, finished: bool
     ) -> dict[str, object]:
-        """What the baseline keeps of the options: those given, and c and gamma in any case.
+        """What the baseline records of the options: those given, and c and gamma in any case.
 
         Those of a solver that did not reach its accuracy are left out, a later run would inherit
         them; the path of a covariance is relative to the folder of the baseline.
         """
         keys = {str(item.name): key for key, item in self.parameters().items()}
-        kept: dict[str, object] = {
+        values = {name: getattr(chosen.options, name) for name in chosen.given}
+        recorded: dict[str, object] = {
             keys[name]: ",".join(value) if isinstance(value, tuple) else value
-            for name, value in given.items()
-            if keys[name] not in NOT_KEPT and value not in (None, ())
-            if finished or keys[name] not in SOLVING_KEYS
+            for name, value in values.items()
+            if keys[name] not in WITHOUT_EFFECT and value not in (None, ())
+            if finished or keys[name] not in ACCURACY_KEYS
         }
-        if "covariance" in kept:
-            kept["covariance"] = _relative(str(kept["covariance"]), os.path.dirname(path))
+        if "covariance" in recorded:
+            recorded["covariance"] = _relative(str(recorded["covariance"]), os.path.dirname(path))
         used = result.proof.parameters
-        return {**kept, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
+        return {**recorded, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
 
     def rules(self, pair: Pair, *, baseline: bool = True) -> list[Rule]:
         """The rules of a pair.

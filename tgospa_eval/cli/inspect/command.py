@@ -1,30 +1,32 @@
 """``tgospa-eval inspect TRUTH [ESTIMATE]``: what was read, and what looks wrong with it."""
 
-from typing import Any
-
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.help import Option, Verb
-from tgospa_eval.cli.shared.options import reading_options
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.options import READING
 
 
-@click.command("inspect", cls=Verb)
-@click.argument("truth", type=click.Path(readable=False))
-@click.argument("estimate", type=click.Path(readable=False), required=False)
-@reading_options
-@click.option(
-    "--format",
-    "format_",
-    cls=Option,
-    section="Output",
-    type=click.Choice(("table", "json")),
-    default="table",
-    show_default=True,
-    help="What to print.",
+@click.command(
+    "inspect",
+    cls=Verb,
+    params=[
+        *READING,
+        Option(
+            "--format [table|json]",
+            "What to print.",
+            name="format_",
+            section="Output",
+            type=click.Choice(("table", "json")),
+            default="table",
+        ),
+    ],
 )
+@click.argument("truth", type=PATH)
+@click.argument("estimate", type=PATH, required=False)
 @click.pass_context
-def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: Any) -> None:
+def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: object) -> None:
     """Show what is in TRUTH, and how well ESTIMATE fits it in time and space.
 
     The files are read as evaluate reads them, and nothing is solved. Where an id has
@@ -47,8 +49,7 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
     if ctx.get_parameter_source("on_duplicate") is ParameterSource.DEFAULT:
         options["on_duplicate"] = "first"
     paths = (truth,) if estimate is None else (truth, estimate)
-    document = inspect_files(
-        paths, EvaluationOptions.of({"switch_penalty": 0.0, **options}), OutputOptions.of(options)
-    )
-    name = options["format_"]
+    output = OutputOptions.of(options)
+    chosen = EvaluationOptions.of({"switch_penalty": 0.0, **options})
+    document, name = inspect_files(paths, chosen, output), output.format_
     emit((json_text if name == "json" else table)(document), name)

@@ -1,120 +1,79 @@
 """``tgospa-eval associate A B``: which states of two sensors belong together."""
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import click
 
-from tgospa_eval.cli.shared.help import Option, Verb
-from tgospa_eval.cli.shared.option import option
-from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option, option
+from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_options
 
-SENSOR_OPTIONS = (
-    "distance",
-    "cloud-order",
-    "inner",
-    "inner-cov",
-    "reduce",
-    "reduce-method",
-    "directions",
-    "iterations",
-    "restarts",
-    "polish",
-    "seed",
-    "no-gating",
-    "covariance",
-    "periodic",
-    "scale",
-    "fix-cov",
-    "missing-cov",
-    "mixed",
-    "columns",
-    "jobs",
-    "time-tolerance",
-    "grid",
-    "on-duplicate",
-    "decimal",
-    "max-input",
-    "time",
-    "class",
-    "region",
-)
+SENSOR_OPTIONS = {
+    item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
+} - {"cutoff", "order", "switch-penalty", "by", "unit", "solver", "gap", "epsilon", "time-limit"}
+"""What it has of the options of everything that evaluates."""
 
 _files = partial(
     option,
     section="Files",
     type=click.Choice(FILE_FORMATS),
-    metavar="FORMAT",
     show_default="found from name and content",
 )
-_output = partial(click.option, cls=Option, section="Output")
+_output = partial(Option, section="Output")
 
 
-def _options(command: Callable[..., Any]) -> Callable[..., Any]:
-    return chosen_options(
-        command,
-        SENSOR_OPTIONS,
-        (
+@click.command(
+    "associate",
+    cls=Verb,
+    params=[
+        Option(
+            "-c, --cutoff C",
+            "Cutoff c > 0: states farther apart are not associated, and each costs c/2.",
+            section="Metric",
+            type=float,
+            required=True,
+        ),
+        *chosen_options(
+            SENSOR_OPTIONS,
             _files(
-                "--a-format",
-                "truth_format",
-                help="Format of A: csv, parquet, motchallenge, kitti or npz.",
+                "--a-format FORMAT",
+                "Format of A: csv, parquet, motchallenge, kitti or npz.",
+                name="truth_format",
             ),
-            _files("--b-format", "estimate_format", help="Format of B, one of the same."),
+            _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),
             option(
-                "--a-columns",
-                "truth_columns",
-                section="Files",
-                metavar="NAMES",
-                help="--columns for A alone.",
+                "--a-columns NAMES", "--columns for A alone.", name="truth_columns", section="Files"
             ),
             option(
-                "--b-columns",
-                "estimate_columns",
+                "--b-columns NAMES",
+                "--columns for B alone.",
+                name="estimate_columns",
                 section="Files",
-                metavar="NAMES",
-                help="--columns for B alone.",
             ),
             _output(
-                "--format",
-                "format_",
+                "--format [table|json|csv]",
+                "What to print.",
+                name="format_",
                 type=click.Choice(("table", "json", "csv")),
                 default="table",
-                show_default=True,
-                help="What to print.",
             ),
             _output(
-                "--cost-matrix",
-                metavar="FILE",
-                type=click.Path(readable=False),
-                help="Write the distances of all pairs of each step to a CSV file.",
+                "--cost-matrix FILE",
+                "Write the distances of all pairs of each step to a CSV file.",
+                type=PATH,
             ),
             _output(
-                "--cross-cov",
-                metavar="FILE",
-                type=click.Path(readable=False),
-                help="Write the cross-covariances of associated clouds to a CSV file.",
+                "--cross-cov FILE",
+                "Write the cross-covariances of associated clouds to a CSV file.",
+                type=PATH,
             ),
-            _output("--force", is_flag=True, help="Write over files that exist."),
+            _output("--force", "Write over files that exist."),
         ),
-    )
-
-
-@click.command("associate", cls=Verb)
-@click.argument("a", type=click.Path(readable=False))
-@click.argument("b", type=click.Path(readable=False))
-@click.option(
-    "-c",
-    "--cutoff",
-    cls=Option,
-    section="Metric",
-    type=float,
-    metavar="C",
-    required=True,
-    help="Cutoff c > 0: states farther apart are not associated, and each costs c/2.",
+    ],
 )
-@_options
+@click.argument("a", type=PATH)
+@click.argument("b", type=PATH)
 def command(a: str, b: str, **options: Any) -> None:
     """Associate the states of two sensors, A and B, at every step.
 

@@ -140,9 +140,10 @@ def unit_notices(unit: str | None) -> Iterator[Notice]:
         )
 
 
-def _with(distance: Any, **settings: Any) -> Distance:
-    """The same distance with other settings."""
-    changed: Distance = replace(distance, **settings)
+def _with(distance: Distance, **settings: object) -> Distance:
+    """The same distance with other settings, which are those of its type."""
+    record: Any = distance
+    changed: Distance = replace(record, **settings)
     return changed
 
 

@@ -4,7 +4,6 @@ import os
 import re
 from collections.abc import Iterable
 from shlex import quote
-from typing import Any
 
 import click
 
@@ -70,39 +69,6 @@ OPTIONS = {
 """What people type for an option, where no name of one is like it."""
 
 LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
-
-
-class Option(click.Option):
-    """An option that belongs to a section of the help.
-
-    Parameters
-    ----------
-    section : str
-        One of `SECTIONS`.
-    """
-
-    def __init__(self, *args: Any, section: str, **settings: Any) -> None:
-        super().__init__(*args, **settings)
-        self.section = section
-
-    @property
-    def key(self) -> str:
-        """Its name in a configuration file: the first long one."""
-        return next(name for name in self.opts if name.startswith("--")).lstrip("-")
-
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Names and text; a default in words needs no parentheses of its own."""
-        record = super().get_help_record(ctx)
-        if record is None or not isinstance(self.show_default, str):
-            return record
-        names, text = record
-        return names, text.replace(f"({self.show_default})", self.show_default)
-
-    def get_help_extra(self, ctx: click.Context) -> Any:
-        """Without ranges, which the texts say in words."""
-        extra = super().get_help_extra(ctx)
-        extra.pop("range", None)
-        return extra
 
 
 class Verb(click.Command):

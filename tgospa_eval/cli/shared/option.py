@@ -1,30 +1,93 @@
-"""An option, and where its value comes from: command line, environment, configuration file."""
+"""How an option is declared, and where its value comes from: command line, environment, file."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import click
 
-from tgospa_eval.cli.shared.help import Option
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import config
 
-KEYS: dict[Callable[[Any], Any], tuple[str, bool]] = {}
-"""Of each option its key in a configuration file, and whether it is a flag."""
+if TYPE_CHECKING:
+    from click.types import OptionHelpExtra
+
+PATH = click.Path(readable=False)
+KEYS: dict[str, bool] = {}
+"""Keys of a configuration file, and whether each is a flag."""
 
 
-def option(*names: str, section: str, **settings: Any) -> Callable[[Any], Any]:
-    """Make a click option that also reads the environment variable TGOSPA_EVAL_<OPTION>."""
-    long = [name.lstrip("-") for name in names if name.startswith("--")]
-    variables = ["TGOSPA_EVAL_" + name.replace("-", "_").upper() for name in long]
-    made = click.option(
-        *names,
-        cls=Option,
-        section=section,
-        envvar=variables,
-        **{"show_default": True, **settings},
-    )
-    KEYS[made] = long[0], settings.get("is_flag", False)
+class OptionSettings(TypedDict, total=False):
+    """Of `click.Option`; `name` is the parameter, if it is not the first long option."""
+
+    name: str
+    type: "click.ParamType[Any] | type[float]"
+    default: object
+    show_default: bool | str
+    multiple: bool
+    required: bool
+    hidden: bool
+    callback: Callable[[click.Context, click.Parameter, Any], object]
+    is_eager: bool
+    envvar: str
+
+
+class Option(click.Option):
+    """An option of a command line.
+
+    Parameters
+    ----------
+    declaration : str
+        As help shows it: ``-c, --cutoff C``; without a metavar it is a flag.
+    text : str
+        Its help.
+    section : str
+        One of `cli.shared.help.SECTIONS`.
+    """
+
+    def __init__(
+        self, declaration: str, text: str, *, section: str, **settings: Unpack[OptionSettings]
+    ) -> None:
+        names = declaration.split(", ")
+        names[-1], _, metavar = names[-1].partition(" ")
+        name = settings.pop("name", None)
+        settings.setdefault("show_default", True)
+        super().__init__(
+            names if name is None else [*names, name],
+            help=text,
+            metavar=metavar or None,
+            is_flag=None if metavar else True,
+            **settings,
+        )
+        self.section = section
+
+    @property
+    def key(self) -> str:
+        """Its name in a configuration file: the first long one."""
+        return next(name for name in self.opts if name.startswith("--")).lstrip("-")
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        """Names and text; a default in words needs no parentheses of its own."""
+        record = super().get_help_record(ctx)
+        if record is None or not isinstance(self.show_default, str):
+            return record
+        names, text = record
+        return names, text.replace(f"({self.show_default})", self.show_default)
+
+    def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
+        """Without ranges, which the texts say in words."""
+        extra = super().get_help_extra(ctx)
+        extra.pop("range", None)
+        return extra
+
+
+def option(
+    declaration: str, text: str, *, section: str, **settings: Unpack[OptionSettings]
+) -> Option:
+    """Make an option that is also read from TGOSPA_EVAL_<OPTION> and from configuration files."""
+    made = Option(declaration, text, section=section, **settings)
+    long = [name[2:] for name in made.opts if name.startswith("--")]
+    made.envvar = ["TGOSPA_EVAL_" + name.replace("-", "_").upper() for name in long]
+    KEYS[made.key] = made.is_flag
     return made
 
 
@@ -38,10 +101,10 @@ def load_config(ctx: click.Context, parameter: click.Parameter, path: str | None
         for item in ctx.command.params
         if isinstance(item, Option) and item is not parameter and item.envvar
     }
-    used, settings = config.load(path, dict(KEYS.values()))
+    used, settings = config.load(path, KEYS)
     ctx.meta[CONFIG] = used
     named = {
-        taken[key].name: (value,) if taken[key].multiple else value
+        str(taken[key].name): (value,) if taken[key].multiple else value
         for key, value in settings.items()
         if key in taken
     }

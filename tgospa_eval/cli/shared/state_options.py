@@ -24,108 +24,90 @@ _particles = partial(option, section="Particles")
 GAUSSIANS = (
     _gaussians(
         "--fix-cov",
-        is_flag=True,
-        help="Replace a matrix that is no covariance by the nearest one that is. Without it such "
-        "a matrix is an error.",
+        "Replace a matrix that is no covariance by the nearest one that is. Without it such a "
+        "matrix is an error.",
     ),
     _gaussians(
-        "--missing-cov",
+        "--missing-cov NAME",
+        "A row without covariance is an error, or a point (zero).",
         type=click.Choice(("error", "zero")),
-        metavar="NAME",
         default="error",
-        help="A row without covariance is an error, or a point (zero).",
     ),
     _gaussians(
-        "--mixed",
+        "--mixed NAME",
+        "A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
         type=click.Choice(("error", "moments")),
-        metavar="NAME",
         default="error",
-        help="A particle cloud is an error, or a Gaussian with its mean and covariance (moments).",
     ),
 )
 
 REDUCTION = (
     _particles(
-        "--reduce-method",
+        "--reduce-method METHOD",
+        "How clouds are reduced. sliced, recursive: least squares on projections; atl: transport "
+        "and new locations in turn; kmeans: clustering; systematic, stratified, multinomial: "
+        "resampling; top: the highest weights.",
         type=click.Choice(REDUCTIONS),
-        metavar="METHOD",
         show_default="sliced",
-        help="How clouds are reduced. sliced, recursive: least squares on projections; atl: "
-        "transport and new locations in turn; kmeans: clustering; systematic, stratified, "
-        "multinomial: resampling; top: the highest weights.",
     ),
     _particles(
-        "--directions",
+        "--directions N",
+        "Number of projections of sliced and recursive.",
         type=COUNT,
-        metavar="N",
         show_default="32; 24 each from 3-D on",
-        help="Number of projections of sliced and recursive.",
     ),
     _particles(
-        "--iterations",
+        "--iterations N",
+        "Most iterations of sliced, recursive, atl and kmeans.",
         type=COUNT,
-        metavar="N",
         show_default="25",
-        help="Most iterations of sliced, recursive, atl and kmeans.",
     ),
     _particles(
-        "--restarts",
+        "--restarts N",
+        "Number of starts of these four; the nearest result is kept.",
         type=COUNT,
-        metavar="N",
         show_default="1",
-        help="Number of starts of these four; the nearest result is kept.",
     ),
     _particles(
-        "--polish",
+        "--polish N",
+        "Number of atl iterations after sliced and recursive.",
         type=click.IntRange(min=0),
-        metavar="N",
         show_default="0",
-        help="Number of atl iterations after sliced and recursive.",
     ),
     _particles(
-        "--seed",
+        "--seed N",
+        "Seed of the random choices; equal clouds are reduced alike.",
         type=click.IntRange(min=0),
-        metavar="N",
         show_default="0",
-        help="Seed of the random choices; equal clouds are reduced alike.",
     ),
 )
 """How clouds are reduced; without defaults, to see what was given."""
 
 PARTICLES = (
     _particles(
-        "--cloud-order",
+        "--cloud-order 1|2",
+        "Order of the Wasserstein distance, whatever the order p of the metric is.",
         type=click.IntRange(1, 2),
-        metavar="1|2",
         show_default="2",
-        help="Order of the Wasserstein distance, whatever the order p of the metric is.",
     ),
     _particles(
-        "--inner",
+        "--inner NAME",
+        "Distance between two particles: euclidean or mahalanobis.",
         type=click.Choice(("euclidean", "mahalanobis")),
-        metavar="NAME",
         show_default="euclidean",
-        help="Distance between two particles: euclidean or mahalanobis.",
     ),
     _particles(
-        "--inner-cov",
-        metavar="global|FILE",
+        "--inner-cov global|FILE",
+        "Covariance of --inner mahalanobis. global: the mean over all clouds; or a CSV file with "
+        "a matrix. With associate also pair, its default: the mean of the two clouds.",
         show_default="global",
-        help="Covariance of --inner mahalanobis. global: the mean over all clouds; or a CSV file "
-        "with a matrix. With associate also pair, its default: the mean of the two clouds.",
     ),
-    _particles(
-        "--reduce",
-        type=COUNT,
-        metavar="N",
-        help="Reduce clouds to N particles first.",
-    ),
+    _particles("--reduce N", "Reduce clouds to N particles first.", type=COUNT),
     *REDUCTION,
     _particles(
         "--no-gating",
-        is_flag=True,
-        help="Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to "
-        "check the bounds.",
+        "Solve all pairs of clouds, also those that bounds show to be far apart. Slow; to check "
+        "the bounds.",
     ),
 )
 """Of clouds as states."""

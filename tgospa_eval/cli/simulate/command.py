@@ -1,11 +1,13 @@
 """``tgospa-eval simulate DIR``: a synthetic scene as files, with the command to evaluate it."""
 
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import click
 
-from tgospa_eval.cli.shared.help import Option, Verb
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.values import Values
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
@@ -21,126 +23,142 @@ def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple
     return least, most
 
 
-_scene = partial(click.option, cls=Option, section="Scene", show_default=True)
-_tracker = partial(click.option, cls=Option, section="Tracker", show_default=True)
-_output = partial(click.option, cls=Option, section="Output", show_default=True)
+@dataclass(frozen=True, kw_only=True)
+class SceneOptions(Values):
+    """What to make; None where it depends on the others."""
+
+    scenario: str = "crossing"
+    targets: int = 5
+    steps: int = 60
+    area: float = 200.0
+    state: str | None = None
+    particles: int | None = None
+    seed: int = 0
+    noise: float | None = None
+    detection: float = 0.95
+    confirmation: int = 0
+    swaps: float = 0.25
+    merges: float = 0.0
+    near: float | None = None
+    fragmentation: float = 0.01
+    lost: int = 3
+    latency: int = 0
+    false_rate: float = 0.02
+    false_length: tuple[int, int] = (3, 10)
+    format_: str = "csv"
+    force: bool = False
+    quiet: bool = False
 
 
-@click.command("simulate", cls=Verb)
-@click.argument("folder", metavar="DIR", type=click.Path(readable=False))
-@_scene(
-    "--scenario",
-    default="crossing",
-    type=click.Choice(SCENARIOS),
-    metavar="NAME",
-    help="What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
+_scene = partial(Option, section="Scene")
+_tracker = partial(Option, section="Tracker")
+_output = partial(Option, section="Output")
+
+
+OPTIONS = (
+    _scene(
+        "--scenario NAME",
+        "What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
+        default=SceneOptions.scenario,
+        type=click.Choice(SCENARIOS),
+    ),
+    _scene("--targets N", "Number of targets.", default=SceneOptions.targets),
+    _scene("--steps N", "Number of time steps.", default=SceneOptions.steps),
+    _scene(
+        "--area LENGTH",
+        "Side of the square in which it happens, in state units.",
+        default=SceneOptions.area,
+    ),
+    _scene(
+        "--state KIND",
+        "What a state is. point: x,y; gaussian: the estimates have covariances as well; cloud: "
+        "the estimates are weighted particles; box: left,top,width,height.",
+        type=click.Choice(("point", "gaussian", "cloud", "box")),
+        show_default="box for motchallenge and kitti, else point",
+    ),
+    _scene(
+        "--particles N",
+        "Number of particles of each cloud.",
+        type=click.IntRange(min=1),
+        show_default="100",
+    ),
+    _scene(
+        "--seed N",
+        "Seed: the same one makes the same files.",
+        default=SceneOptions.seed,
+        type=click.IntRange(min=0),
+    ),
+    _tracker(
+        "--noise SD",
+        "Standard deviation of the error in each coordinate.",
+        type=float,
+        show_default="area / 200",
+    ),
+    _tracker(
+        "--detection P",
+        "Probability that a target is reported at a step.",
+        default=SceneOptions.detection,
+    ),
+    _tracker(
+        "--confirmation N",
+        "Number of steps after its birth at which a target is not yet reported.",
+        default=SceneOptions.confirmation,
+    ),
+    _tracker(
+        "--swaps P",
+        "Probability that two targets that come near exchange their tracks.",
+        default=SceneOptions.swaps,
+    ),
+    _tracker(
+        "--merges P",
+        "Probability that two targets that come near become one track.",
+        default=SceneOptions.merges,
+    ),
+    _tracker(
+        "--near LENGTH",
+        "Distance below which two targets are near.",
+        type=float,
+        show_default="area / 20",
+    ),
+    _tracker(
+        "--fragmentation P",
+        "Probability that a track is lost, at every step.",
+        default=SceneOptions.fragmentation,
+    ),
+    _tracker(
+        "--lost N",
+        "Number of steps until the target is found again, under a new id.",
+        default=SceneOptions.lost,
+    ),
+    _tracker(
+        "--latency N", "Number of steps by which reports are late.", default=SceneOptions.latency
+    ),
+    _tracker(
+        "--false-rate N",
+        "Mean number of false tracks that begin at a step.",
+        default=SceneOptions.false_rate,
+    ),
+    _tracker(
+        "--false-length A:B",
+        "Length of false tracks, from A to B steps.",
+        default="3:10",
+        callback=_lengths,
+    ),
+    _output(
+        "--format FORMAT",
+        "Format of the files: csv, motchallenge or kitti.",
+        name="format_",
+        default=SceneOptions.format_,
+        type=click.Choice(SCENE_FORMATS),
+    ),
+    _output("--force", "Write into a folder with other files in it."),
+    Option("-q, --quiet", "Do not print what was made.", section="General"),
 )
-@_scene("--targets", default=5, metavar="N", help="Number of targets.")
-@_scene("--steps", default=60, metavar="N", help="Number of time steps.")
-@_scene(
-    "--area",
-    default=200.0,
-    metavar="LENGTH",
-    help="Side of the square in which it happens, in state units.",
-)
-@_scene(
-    "--state",
-    type=click.Choice(("point", "gaussian", "cloud", "box")),
-    metavar="KIND",
-    show_default="box for motchallenge and kitti, else point",
-    help="What a state is. point: x,y; gaussian: the estimates have covariances as well; cloud: "
-    "the estimates are weighted particles; box: left,top,width,height.",
-)
-@_scene(
-    "--particles",
-    type=click.IntRange(min=1),
-    metavar="N",
-    show_default="100",
-    help="Number of particles of each cloud.",
-)
-@_scene(
-    "--seed",
-    default=0,
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Seed: the same one makes the same files.",
-)
-@_tracker(
-    "--noise",
-    type=float,
-    metavar="SD",
-    show_default="area / 200",
-    help="Standard deviation of the error in each coordinate.",
-)
-@_tracker(
-    "--detection",
-    default=0.95,
-    metavar="P",
-    help="Probability that a target is reported at a step.",
-)
-@_tracker(
-    "--confirmation",
-    default=0,
-    metavar="N",
-    help="Number of steps after its birth at which a target is not yet reported.",
-)
-@_tracker(
-    "--swaps",
-    default=0.25,
-    metavar="P",
-    help="Probability that two targets that come near exchange their tracks.",
-)
-@_tracker(
-    "--merges",
-    default=0.0,
-    metavar="P",
-    help="Probability that two targets that come near become one track.",
-)
-@_tracker(
-    "--near",
-    type=float,
-    metavar="LENGTH",
-    show_default="area / 20",
-    help="Distance below which two targets are near.",
-)
-@_tracker(
-    "--fragmentation",
-    default=0.01,
-    metavar="P",
-    help="Probability that a track is lost, at every step.",
-)
-@_tracker(
-    "--lost",
-    default=3,
-    metavar="N",
-    help="Number of steps until the target is found again, under a new id.",
-)
-@_tracker("--latency", default=0, metavar="N", help="Number of steps by which reports are late.")
-@_tracker(
-    "--false-rate",
-    default=0.02,
-    metavar="N",
-    help="Mean number of false tracks that begin at a step.",
-)
-@_tracker(
-    "--false-length",
-    default="3:10",
-    callback=_lengths,
-    metavar="A:B",
-    help="Length of false tracks, from A to B steps.",
-)
-@_output(
-    "--format",
-    default="csv",
-    type=click.Choice(SCENE_FORMATS),
-    metavar="FORMAT",
-    help="Format of the files: csv, motchallenge or kitti.",
-)
-@_output("--force", is_flag=True, help="Write into a folder with other files in it.")
-@click.option(
-    "-q", "--quiet", cls=Option, section="General", is_flag=True, help="Do not print what was made."
-)
-def command(folder: str, **options: Any) -> None:
+
+
+@click.command("simulate", cls=Verb, params=[*OPTIONS])
+@click.argument("folder", metavar="DIR", type=PATH)
+def command(folder: str, **options: object) -> None:
     """Make a ground truth and a tracker's estimate of it, to try things on.
 
     Two files are written to the folder DIR. What was made is printed, and the command
@@ -157,4 +175,4 @@ def command(folder: str, **options: Any) -> None:
     """
     from tgospa_eval.cli.simulate.run import make_scene
 
-    make_scene(folder, options)
+    make_scene(folder, SceneOptions.of(options))
