@@ -7,8 +7,8 @@ from tgospa_eval.cli.compare.values import CompareOptions, StudyOptions, numbers
 from tgospa_eval.cli.shared.notices import notifier, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import say
-from tgospa_eval.cli.simulate.command import SceneOptions
 from tgospa_eval.cli.simulate.run import settings as scene_settings
+from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison.log import Log, machine

@@ -1,13 +1,12 @@
 """``tgospa-eval simulate DIR``: a synthetic scene as files, with the command to evaluate it."""
 
-from dataclasses import dataclass
 from functools import partial
 
 import click
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option
-from tgospa_eval.cli.shared.values import Values
+from tgospa_eval.cli.simulate.values import SceneOptions
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
@@ -21,33 +20,6 @@ def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple
     except ValueError:
         raise click.BadParameter(f"{text!r}: must be A:B or A, in steps") from None
     return least, most
-
-
-@dataclass(frozen=True, kw_only=True)
-class SceneOptions(Values):
-    """What to make; None where it depends on the others."""
-
-    scenario: str = "crossing"
-    targets: int = 5
-    steps: int = 60
-    area: float = 200.0
-    state: str | None = None
-    particles: int | None = None
-    seed: int = 0
-    noise: float | None = None
-    detection: float = 0.95
-    confirmation: int = 0
-    swaps: float = 0.25
-    merges: float = 0.0
-    near: float | None = None
-    fragmentation: float = 0.01
-    lost: int = 3
-    latency: int = 0
-    false_rate: float = 0.02
-    false_length: tuple[int, int] = (3, 10)
-    format_: str = "csv"
-    force: bool = False
-    quiet: bool = False
 
 
 _scene = partial(Option, section="Scene")

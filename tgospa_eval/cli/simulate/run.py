@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.cli.shared.streams import emit
-from tgospa_eval.cli.simulate.command import SceneOptions
+from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.write import WRITERS
