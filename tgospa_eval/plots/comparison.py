@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from operator import itemgetter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
@@ -34,6 +34,8 @@ FLOOR = 1e-9
 Size = Literal["targets", "steps"]
 SIZES: tuple[Size, ...] = ("targets", "steps")
 
+SPENT, ERROR = "seconds, solving and proof", "relative error, at most"
+TEMPERATURE = "temperature ε, fraction of $c^p$"
 AT_FLOOR = f"errors below {FLOOR:g} are drawn at {FLOOR:g}"
 
 
@@ -68,12 +70,9 @@ def error_over_epsilon(document: SolversRecord) -> "Figure":
     }
     for k, (title, y) in enumerate(lines.items()):
         axis.plot(x, y, f"-{MARKERS[k]}", color=COLOURS[k], label=title, clip_on=False, zorder=3)
-    axis.set_xscale("log")
+    _ticks(axis, x)
     error_axis(axis)
-    axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
-    axis.set_xticks([], minor=True)
-    label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
-          "Error of sinkhorn by temperature")  # fmt: skip
+    label(axis, TEMPERATURE, ERROR, "Error of sinkhorn by temperature")
     axis.legend(frameon=False)
     return made
 
@@ -86,14 +85,12 @@ def time_over_error(document: SolversRecord) -> "Figure":
     made, ((axis,),) = figure(6.2, 3.6)
     solvers = list(dict.fromkeys(run["solver"] for run in runs))
     for k, run in enumerate(runs):
-        axis.plot(
-            [floored(run["error"])], [_spent(run)], MARKERS[k % len(MARKERS)], ms=7, alpha=0.8,
-            color=COLOURS[solvers.index(run["solver"])], label=run["name"], clip_on=False, zorder=3,
-        )  # fmt: skip
+        looks = {"ms": 7, "alpha": 0.8, "clip_on": False, "zorder": 3, "label": run["name"]}
+        looks["color"] = COLOURS[solvers.index(run["solver"])]
+        axis.plot([floored(run["error"])], [_spent(run)], MARKERS[k % len(MARKERS)], **looks)
     seconds_axis(axis.yaxis)
     error_axis(axis, vertical=False)
-    label(axis, "relative error, at most", "seconds, solving and proof",
-          "Time and error")  # fmt: skip
+    label(axis, ERROR, SPENT, "Time and error")
     made.legend(*axis.get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return made
 
@@ -111,7 +108,7 @@ def _times(runs: Sequence[SolverRun]) -> "Figure":
     axis.grid(visible=False, axis="y")
     axis.set_ylim(len(runs) - 0.4, -0.6)
     axis.set_xlim(0, max(spent, default=0.0) * 1.1 or 1.0)
-    label(axis, "seconds, solving and proof", "", f"Time; all errors are below {FLOOR:g}")
+    label(axis, SPENT, "", f"Time; all errors are below {FLOOR:g}")
     return made
 
 
@@ -139,8 +136,7 @@ def convergence(document: SolversRecord) -> "Figure":
         axis.plot(sweeps, above, "-", marker=MARKERS[k % 7], ms=4, color=colour, label=title)
         axis.plot(sweeps, below, "--", marker=MARKERS[k % 7], ms=4, color=colour, mfc="white")
     error_axis(axis)
-    label(axis, "sweeps", "relative error, at most",
-          "Convergence: upper bound (solid), lower bound (dashed)")  # fmt: skip
+    label(axis, "sweeps", ERROR, "Convergence: upper bound (solid), lower bound (dashed)")
     axis.legend(frameon=False, fontsize="small")
     return made
 
@@ -161,10 +157,9 @@ def error_axis(axis: "Axes", *, vertical: bool = True) -> None:
     which.set_major_formatter(LogFormatterSciNotation())
     which.set_minor_formatter(NullFormatter())
     if at_floor:
-        axis.annotate(
-            AT_FLOOR, (0, 0), xytext=(0, -44), xycoords="axes fraction",
-            textcoords="offset points", fontsize="x-small", color=LIGHT["soft"],
-        )  # fmt: skip
+        looks: Any = {"fontsize": "x-small", "color": LIGHT["soft"]}
+        looks |= {"xycoords": "axes fraction", "textcoords": "offset points"}
+        axis.annotate(AT_FLOOR, (0, 0), xytext=(0, -44), **looks)
 
 
 def seconds_axis(which: "Axis") -> None:
@@ -218,23 +213,15 @@ def study_errors(document: StudyRecord) -> "Figure":
     """Error over temperature, a line for each number of targets, at the largest number of steps."""
     made, ((axis,),) = figure(5.2, 3.6)
     longest = max(size["steps"] for size in document["sizes"])
-    sizes = sorted(
-        (size for size in document["sizes"] if size["steps"] == longest),
-        key=lambda size: size["targets"],
-    )
+    sizes = [size for size in document["sizes"] if size["steps"] == longest]
+    sizes.sort(key=itemgetter("targets"))
     for k, size in enumerate(sizes):
-        runs = sorted(
-            (run for run in size["solvers"] if run["epsilon"] is not None),
-            key=_epsilon,
-        )
+        runs = sorted((run for run in size["solvers"] if run["epsilon"] is not None), key=_epsilon)
         x = [*map(_epsilon, runs)]
         _line(axis, x, [run["error"] for run in runs], k, f"m = {size['targets']:,}", FLOOR)
-    axis.set_xscale("log")
-    axis.set_xticks(x, [f"{value:g}" for value in x], minor=False)
-    axis.set_xticks([], minor=True)
+    _ticks(axis, x)
     error_axis(axis)
-    label(axis, "temperature ε, fraction of $c^p$", "relative error, at most",
-          f"Error of sinkhorn by temperature, T = {longest:,}")  # fmt: skip
+    label(axis, TEMPERATURE, ERROR, f"Error of sinkhorn by temperature, T = {longest:,}")
     if axis.lines:
         axis.legend(frameon=False)
     return made
@@ -266,16 +253,16 @@ def scaling(document: StudyRecord) -> "Figure":
             _line(left, x, [item["seconds"] for item in runs], k, run["name"], 1e-9)
         if left.lines:
             seconds_axis(left.yaxis)
-        label(left, name, "seconds, solving and proof", f"Time, {where}")
+        label(left, name, SPENT, f"Time, {where}")
         if with_errors:
             exact = _errors(panels[1], varied, chosen)
             below = f"\n{', '.join(exact)}: below {FLOOR:g}" if exact else ""
-            label(panels[1], name, "relative error, at most", f"Error, {where}{below}")
+            label(panels[1], name, ERROR, f"Error, {where}{below}")
         for axis in panels:
             _sizes(axis, [size[varied] for size in chosen])
     if not with_errors:
-        axes[0, 0].set_title(f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}",
-                             fontsize="medium", loc="left")  # fmt: skip
+        title = f"{axes[0, 0].get_title(loc='left')}; all errors are below {FLOOR:g}"
+        axes[0, 0].set_title(title, fontsize="medium", loc="left")
     handles, names = axes[0, 0].get_legend_handles_labels()
     if names:
         beside = min(len(names), 3 * columns)
@@ -301,9 +288,14 @@ def _errors(axis: "Axes", varied: Size, chosen: Sequence[SizeRecord]) -> list[st
 
 def _sizes(axis: "Axes", x: Sequence[int]) -> None:
     """A logarithmic axis that names the sizes that were run."""
-    axis.set_xscale("log")
+    _ticks(axis, x, ",")
     axis.set_xlim(x[0] / (x[-1] / x[0]) ** 0.05, x[-1] * (x[-1] / x[0]) ** 0.05)
-    axis.set_xticks(x, [f"{value:,}" for value in x], minor=False)
+
+
+def _ticks(axis: "Axes", x: Sequence[float], form: str = "g") -> None:
+    """A logarithmic axis that names these values, and no others."""
+    axis.set_xscale("log")
+    axis.set_xticks(x, [f"{value:{form}}" for value in x], minor=False)
     axis.set_xticks([], minor=True)
 
 

@@ -20,7 +20,7 @@ from tgospa_eval.plots.style import (
     literal,
     styled,
     titled,
-)  # fmt: skip
+)
 from tgospa_eval.plots.views import Side, View, view
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.page_data import NONE
@@ -132,10 +132,9 @@ def draw_lanes(seen: View, style: Style) -> "Figure":
         _others(axis, lanes, seen, columns)
         _names(axis, lanes, seen, letters, _room(style))
         if lanes.side.name == "truth" or len(lanes.tracks):
-            axis.annotate(
-                lanes.title, (0.004, lanes.first - 0.95), xycoords=("axes fraction", "data"),
-                fontsize=letters, fontweight="bold", color=SOFT, va="center",
-            )  # fmt: skip
+            words: Any = {"fontsize": letters, "fontweight": "bold", "color": SOFT, "va": "center"}
+            at, of = (0.004, lanes.first - 0.95), ("axes fraction", "data")
+            axis.annotate(lanes.title, at, xycoords=of, **words)
     handles |= _switches(axis, truths, seen, style)
     _ids(axis, (truths, estimates), letters)
     time_axis(axis, seen, style)
@@ -195,22 +194,16 @@ def _bars(
     if held.any():
         boxes = _boxes(begin[held], end[held], place[held] - half, place[held] + half)
         colours = np.array(TRACK_COLOURS)[track[held] % len(TRACK_COLOURS)]
-        bars = _put(
-            axis, boxes, f"{lanes.side.name}/assigned", facecolors=colours,
-            edgecolors=SOFT if whole else "none", linewidths=thin / 2,
-        )  # fmt: skip
+        looks = {"edgecolors": SOFT if whole else "none", "linewidths": thin / 2}
+        bars = _put(axis, boxes, f"{lanes.side.name}/assigned", facecolors=colours, **looks)
         if truth:
             handles["assigned, foot: error / c"] = bars
     kind = "missed" if truth else "false"
     unassigned = ~np.isnan(place) & (run["other"] == NONE)
     if whole and unassigned.any():
-        short = np.maximum(pixel - (end - begin), 0)[unassigned] / 2
-        boxes = _boxes(
-            begin[unassigned] - short,
-            end[unassigned] + short,
-            place[unassigned] - 0.3,
-            place[unassigned] + 0.3,
-        )
+        begin, end, place = begin[unassigned], end[unassigned], place[unassigned]
+        short = np.maximum(pixel - (end - begin), 0) / 2
+        boxes = _boxes(begin - short, end + short, place - 0.3, place + 0.3)
         name = f"{lanes.side.name}/{kind}"
         handles[kind] = _put(axis, boxes, name, linewidths=thin, **FILLS[kind])
     elif unassigned.any():
@@ -237,7 +230,7 @@ def _column_edges(seen: View, columns: int) -> tuple[Floats, Floats]:
     return begin[first[:-1]], end[first[1:] - 1]
 
 
-def _alone(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
+def _unassigned(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
     """Lane and step of all that is unassigned, of lanes that are a number."""
     run = lanes.side.run
     kept = np.flatnonzero((run["other"] == NONE) & ~np.isnan(chosen))
@@ -248,7 +241,7 @@ def _alone(lanes: Lanes, chosen: Floats) -> tuple[Ints, Ints]:
 
 def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -> None:
     """What hangs from the top of a lane: the share of the steps of a column that are wrong."""
-    lane, step = _alone(lanes, lanes.place(lanes.side.run["track"]))
+    lane, step = _unassigned(lanes, lanes.place(lanes.side.run["track"]))
     if not len(lane):
         return
     cells = lane * columns + _columns(step, columns, seen.steps)
@@ -257,11 +250,8 @@ def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -
     tall = np.clip(count / wide, 0.2, 1.0) * 2 * HALF
     begin, end = _column_edges(seen, columns)
     left, right, top = begin[cell % columns], end[cell % columns], cell // columns - HALF
-    made = _put(
-        axis, _boxes(left, right, top, top + tall), f"{lanes.side.name}/share",
-        facecolors=colour, edgecolors=colour, linewidths=0.1,
-    )  # fmt: skip
-    made.set_zorder(2.2)
+    looks = {"facecolors": colour, "edgecolors": colour, "linewidths": 0.1, "zorder": 2.2}
+    _put(axis, _boxes(left, right, top, top + tall), f"{lanes.side.name}/share", **looks)
 
 
 def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
@@ -278,10 +268,8 @@ def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     begin, end = _column_edges(seen, columns)
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
     # As one outline for each cell, which is a fraction of a bar.
-    _put(
-        axis, _boxes(left, right, low - tall, low), "truth/error", facecolors="black",
-        alpha=0.25, linewidths=0,
-    )  # fmt: skip
+    looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
+    _put(axis, _boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
 def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
@@ -290,17 +278,16 @@ def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
         return
     chosen = np.full(len(lanes.side.ids), np.nan)
     chosen[lanes.others] = 0
-    _, step = _alone(lanes, chosen[lanes.side.run["track"]])
+    _, step = _unassigned(lanes, chosen[lanes.side.run["track"]])
     count = np.bincount(_columns(step, columns, seen.steps), minlength=columns).astype(float)
     most = count.max(initial=0.0) or 1.0
     begin, end = _column_edges(seen, columns)
     low = lanes.end - 1 + HALF
     # What is wrong at all is seen.
     height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
-    axis.stairs(
-        low - height, np.append(begin, end[-1]), baseline=low, fill=True,
-        color=MISSED if lanes.side.name == "truth" else FALSE, label=f"{lanes.side.name}/others",
-    )  # fmt: skip
+    name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
+    top, places = low - height, np.append(begin, end[-1])
+    axis.stairs(top, places, baseline=low, fill=True, color=colour, label=f"{name}/others")
 
 
 def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str, Any]:
@@ -312,12 +299,11 @@ def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str
     place = np.where(np.isnan(place), truths.end - 1, place)
     many = len(place) > 400
     size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
-    marks = axis.scatter(
-        seen.edges[0][switches["step"]], place - HALF,
-        s=np.where(switches["mass"] >= 0.99, size, size / 2),
-        marker="v", color=INK, edgecolors="white", linewidths=0 if many else 0.3, zorder=4,
-        label="switch", clip_on=False, rasterized=len(place) > VECTOR,
-    )  # fmt: skip
+    looks: dict[str, Any] = {"marker": "v", "color": INK, "edgecolors": "white", "zorder": 4}
+    looks |= {"linewidths": 0 if many else 0.3, "clip_on": False, "rasterized": len(place) > VECTOR}
+    sizes = np.where(switches["mass"] >= 0.99, size, size / 2)
+    x = seen.edges[0][switches["step"]]
+    marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
     return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
 
 
@@ -333,15 +319,14 @@ def _names(axis: "Axes", lanes: Lanes, seen: View, letters: float, room: float) 
     (begin, end), point = seen.edges, (seen.edges[1][-1] - seen.edges[0][0]) / room
     wide = (end[run["end"]] - begin[run["begin"]]) / point
     held = np.flatnonzero((run["other"] != NONE) & ~np.isnan(place) & (wide > letters))
+    looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}
+    looks |= {"fontsize": letters, "parse_math": False, "zorder": 3}
+    looks["backgroundcolor"] = "none" if truth else "white"
     for k in held[np.argsort(-wide[held], kind="stable")][:NAMES]:
         name = literal(other.ids[run["other"][k]], 16)
         if len(name) * 0.66 * letters + 3 > wide[k]:
             continue
-        text = Text(
-            begin[run["begin"][k]] + 2 * point, place[k], name, fontsize=letters,
-            va="center_baseline", color="white" if truth else INK, parse_math=False, zorder=3,
-            backgroundcolor="none" if truth else "white",
-        )  # fmt: skip
+        text = Text(begin[run["begin"][k]] + 2 * point, place[k], name, **looks)
         text.set_in_layout(False)
         if not truth:
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.4})

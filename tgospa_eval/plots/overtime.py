@@ -78,10 +78,8 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         # What costs nothing has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
-        bars = axis.stairs(
-            top, places, baseline=foot, fill=True, linewidth=_thin(style, len(first)),
-            label=name, **FILLS[name],
-        )  # fmt: skip
+        looks = {"linewidth": _thin(style, len(first)), "label": name, **FILLS[name]}
+        bars = axis.stairs(top, places, baseline=foot, fill=True, **looks)
         handles.append(bars)
         base = base + cost[costliest]
     axis.set_ylim(0, float(base.max(initial=0.0)) * 1.03 or 1.0)
@@ -102,13 +100,11 @@ def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     names = [*parts, "total"]
     dot = {"marker": "o", "markersize": 4} if seen.steps == 1 else {}  # one point is no line
     width = axis.spines["left"].get_linewidth() * 1.3  # of the style
-    handles = [
-        axis.plot(
-            seen.at, seen.data["curve"][name], linewidth=width * (1.6 if name == "total" else 1),
-            **LINES[name], **dot, clip_on=False, label=name, zorder=2 + (name != "total") / 10,
-        )[0]
-        for name in names
-    ]  # fmt: skip
+    handles = []
+    for name in names:
+        looks = {**LINES[name], **dot, "zorder": 2 + (name != "total") / 10, "clip_on": False}
+        looks |= {"linewidth": width * (1.6 if name == "total" else 1), "label": name}
+        handles += axis.plot(seen.at, seen.data["curve"][name], **looks)
     top = max((max(seen.data["curve"][name], default=0.0) for name in names), default=0.0)
     axis.set_ylim(0, top * 1.05 or 1.0)
     time_axis(axis, seen, style)

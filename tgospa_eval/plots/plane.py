@@ -20,7 +20,7 @@ from tgospa_eval.plots.style import (
     literal,
     styled,
     titled,
-)  # fmt: skip
+)
 from tgospa_eval.plots.views import TIME, Side, View, plane_columns, view
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.summary import Summary
@@ -155,26 +155,22 @@ def _lines(
     # One line with holes for each colour: a thousand artists take seconds.
     x, y = (np.insert(values, breaks, np.nan) for values in place)
     colour = np.insert(row["track"] % len(TRACK_COLOURS), breaks, -1)
+    looks: dict[str, Any] = {
+        "linestyle": (0, (4, 2)) if truth and not many else "-",
+        "linewidth": thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
+        "alpha": min(1.0, (FAINT / len(side.ids)) ** 0.5) * (0.7 if many else 1),
+        "zorder": 2 if truth else 2.1,
+    }
+    dot: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2.5 * thin}
+    dot |= {"zorder": 2.1, "label": f"{side.name}/single"}
     made = None
-    for turn in range(1 if truth else len(TRACK_COLOURS)):
+    for turn, shade in enumerate([SOFT] if truth else TRACK_COLOURS):
         drawn = truth | (colour == turn) | (colour == -1)
-        looks: dict[str, Any]
-        faint = min(1.0, (FAINT / len(side.ids)) ** 0.5)
-        if truth:
-            looks = {"color": SOFT, "linestyle": "-" if many else (0, (4, 2))}
-        else:
-            looks = {"color": TRACK_COLOURS[turn], "linestyle": "-"}
-        line = axis.plot(
-            x[drawn], y[drawn], linewidth=thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
-            alpha=faint * (0.7 if many else 1),
-            zorder=2 if truth else 2.1, rasterized=many, label=f"{side.name}/{turn}", **looks,
-        )[0]  # fmt: skip
+        both: Any = {"color": shade, "rasterized": many}
+        line = axis.plot(x[drawn], y[drawn], label=f"{side.name}/{turn}", **both, **looks)[0]
         dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
-            axis.plot(
-                *(values[dots] for values in place), ".", color=looks["color"],
-                markersize=2.5 * thin, zorder=2.1, rasterized=many, label=f"{side.name}/alone",
-            )  # fmt: skip
+            axis.plot(*(values[dots] for values in place), **both, **dot)
         made = made or line
     return {side.name: made}
 
@@ -201,14 +197,13 @@ def _events(
     if count > GROUPED:
         return _grouped(axis, marks, style)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
+    common = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6, "zorder": 3}
+    common["rasterized"] = count > VECTOR // 8
     return {
-        name: axis.plot(
-            x, y, linestyle="none", label=name, rasterized=count > VECTOR // 8,
-            **{"markersize": size, "markeredgewidth": size / 6, "zorder": 3, **looks},
-        )[0]
+        name: axis.plot(x, y, label=name, **{**common, **looks})[0]
         for name, x, y, looks in marks
         if len(x)
-    }  # fmt: skip
+    }
 
 
 def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
@@ -217,23 +212,22 @@ def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
     groups = {name: _near(x, y, wide, tall) for name, x, y, _ in marks if len(x)}
     most = max(int(count.max()) for _, _, count in groups.values())
-    area = ((style.width - 1.0) * 72) ** 2
+    whole = ((style.width - 1.0) * 72) ** 2
     busiest = max(int(count.sum()) for _, _, count in groups.values())
-    largest = min(1.1 * area / CELLS**2, COVERED * area * most / busiest)
+    largest = min(1.1 * whole / CELLS**2, COVERED * whole * most / busiest)
     handles = {}
     for name, _, _, looks in marks:
         if name not in groups:
             continue
         x, y, count = groups[name]
-        looks = {"marker": looks["marker"], "zorder": looks.get("zorder", 3)} | (
+        looks = {"marker": looks["marker"], "zorder": looks.get("zorder", 3), "alpha": 0.8} | (
             {"facecolors": "none", "edgecolors": looks["color"]}
             if "markerfacecolor" in looks
             else {"color": looks["color"]}
         )
-        made = axis.scatter(
-            x, y, s=np.maximum(largest * count / most, largest / 40), label=name, alpha=0.8,
-            linewidths=0.7, rasterized=len(x) > VECTOR // 8, **looks,
-        )  # fmt: skip
+        looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR // 8}
+        area = np.maximum(largest * count / most, largest / 40)
+        made = axis.scatter(x, y, area, label=name, **looks)
         handles[f"{name}, {count.min():,} to {count.max():,}"] = made
     return handles
 

@@ -44,12 +44,10 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
         kept = spaced(side.row["track"][row], middle, APART * reach)
         truth = side.name == "truth"
         colours = np.array(TRACK_COLOURS)[side.row["track"][row[kept]] % len(TRACK_COLOURS)]
-        thin = 0.9 if style.titles else 0.5
-        made = PolyCollection(
-            list(shapes[kept]), facecolors="none", edgecolors=INK if truth else colours,
-            linewidths=thin, linestyles=(0, (4, 2)) if truth else "-",
-            zorder=2.3, label=f"{side.name}/shapes",
-        )  # fmt: skip
+        looks: dict[str, Any] = {"facecolors": "none", "edgecolors": INK if truth else colours}
+        looks |= {"linewidths": 0.9 if style.titles else 0.5, "zorder": 2.3}
+        looks["linestyles"] = (0, (4, 2)) if truth else "-"
+        made = PolyCollection(list(shapes[kept]), label=f"{side.name}/shapes", **looks)
         axis.add_collection(made)
         what = "box" if boxes else f"{SIGMAS}-sigma"
         handles[f"{what}, {side.name}"] = made

@@ -130,10 +130,9 @@ def titled(axis: "Axes", style: Style, title: str, about: str = "") -> None:
 def legend(made: "Figure", handles: list[Any], names: list[str], columns: int) -> None:
     """Above the axes, where it hides nothing."""
     if handles:
-        made.legend(
-            handles, names, loc="outside upper left", ncols=columns, frameon=False,
-            fontsize="small", columnspacing=1.2, handletextpad=0.5, borderpad=0.1,
-        )  # fmt: skip
+        tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
+        where: Any = {"loc": "outside upper left", "frameon": False, "fontsize": "small"}
+        made.legend(handles, names, ncols=columns, **where, **tight)
 
 
 def literal(text: str, most: int = 24) -> str:

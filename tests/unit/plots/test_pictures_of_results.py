@@ -206,7 +206,7 @@ def test_a_state_that_is_alone_is_seen() -> None:
     truth = np.zeros((3, 1, 2))
     truth[1] = np.nan
     made = plot_plane(evaluate(truth, truth, cutoff=1.0))
-    dots = [line for line in made.axes[0].get_lines() if line.get_label() == "truth/alone"]
+    dots = [line for line in made.axes[0].get_lines() if line.get_label() == "truth/single"]
     assert [len(line.get_xdata()) for line in dots] == [2]
 
 
