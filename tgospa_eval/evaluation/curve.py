@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.common.progress import Progress
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import (
     ROUNDOFF,
@@ -251,7 +252,7 @@ class _Copies:
         problem, begin = self.states.problem, self.states.block_begin[block].astype(np.int64)
         length = end - begin + 1
         first = np.cumsum(length) - length
-        step = np.arange(length.sum()) + np.repeat(begin - first, length)
+        step = concatenated(begin, length)
         taken, copy = _ranges(*self.entries.spans(block, end))
         entry = self.entries.which[taken]
         sides: dict[str, Any] = {}
@@ -291,6 +292,5 @@ class _Copies:
 
 
 def _ranges(low: Ints, count: Ints) -> tuple[Ints, Ints]:
-    """The numbers low, low + 1, ... of each range, one range after the other, and whose each is."""
-    whose = np.repeat(np.arange(len(low)), count)
-    return np.arange(len(whose)) + (low - (np.cumsum(count) - count))[whose], whose
+    """The numbers of each range, one range after the other, and whose each is."""
+    return concatenated(low, count), np.repeat(np.arange(len(low)), count)

@@ -42,55 +42,25 @@ class Fitted:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared:
-    """A problem that waits for a solver: what all solvers have in common.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        Cutoff, order and switch penalty.
-    sides : pair of Trajectories
-        Truth and estimate, aligned and prepared.
-    distance : Distance
-        Base distance, prepared.
-    states : States
-        The reduced problem.
-    labels : Labels
-        Times and ids.
-    moments : (T,) int or float array
-        The times as numbers.
-    settings : dict
-        Every option that changes the number, but for those of the solver.
-    input : dict
-        Rows and digest of either side.
-    scene : Scene
-        Where the objects were before the distance prepared them, for pictures.
-    """
-
-    parameters: Parameters
-    sides: tuple[Trajectories, Trajectories]
-    distance: Distance
-    states: States
-    labels: Labels
-    moments: Times
-    settings: Mapping[str, object]
-    input: Mapping[str, FileRecord]
-    scene: Scene
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Numbers of trajectories, steps, near pairs, their steps, and components."""
-        return sizes_of(self.states)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
     """Two sides that are compared: what problems with other parameters have in common.
 
     Parameters
     ----------
-    sides, distance, labels, moments, settings, input, scene
-        As of `Prepared`, `settings` without the parameters.
+    sides : pair of Trajectories
+        Truth and estimate, aligned and prepared.
+    distance : Distance
+        Base distance, prepared.
+    labels : Labels
+        Times and ids.
+    moments : (T,) int or float array
+        The times as numbers.
+    settings : dict
+        Every option that changes the number, but for parameters and those of the solver.
+    input : dict
+        Rows and digest of either side.
+    scene : Scene
+        Where the objects were before the distance prepared them, for pictures.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -120,7 +90,7 @@ class Measured:
             last_place=self.distance.last_place(truth, estimate),
         )
 
-    def prepared(self, states: States, parameters: Parameters) -> Prepared:
+    def prepared(self, states: States, parameters: Parameters) -> "Prepared":
         """With the reduced problem, ready for a solver."""
         return Prepared(
             **{
@@ -130,6 +100,27 @@ class Measured:
                 "settings": {**vars(parameters), **self.settings},
             }
         )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared(Measured):
+    """A problem that waits for a solver: what all solvers have in common.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Cutoff, order and switch penalty; `settings` has them as well.
+    states : States
+        The reduced problem.
+    """
+
+    parameters: Parameters
+    states: States
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Numbers of trajectories, steps, near pairs, their steps, and components."""
+        return sizes_of(self.states)
 
 
 def prepare(

@@ -194,10 +194,8 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
             size += of_objects + of_pairs
     slot_block = states.node_block[slots.node]
     paid = cells.sums(slot_block, slots.step, prices)
-    best = _best(
-        states, cells, (offset_step, offset_row, offset), (gaining, relative), (charged, slot),
-        prices,
-    )  # fmt: skip
+    offsets = offset_step, offset_row, offset
+    best = _best(states, cells, offsets, (gaining, relative), (charged, slot), prices)
     # Sums at a step, of as many terms as states begin or rows there are; then running sums.
     rows = int(np.bincount(states.node_block).max(initial=0))
     terms = 16 + 2 * _busiest(states) + 2 * rows + np.diff(cells.first)[cells.block]

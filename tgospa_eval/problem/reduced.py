@@ -9,11 +9,13 @@ for a small s, at which no digit of an error is lost beside the cutoff (docs/the
 above the errors").
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 
 LARGEST_SWITCH_PRICE = 1e100
@@ -28,26 +30,16 @@ def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> St
     problem = states.problem
     entry = _entries(states, blocks)
     entry = entry[problem.cost[entry] < scale * (problem.pair_price or 0.0)]
-    price = problem.switch_price
     return merge_runs(
-        Problem(
-            steps=problem.steps,
-            truths=problem.truths,
-            estimates=problem.estimates,
-            truth_step=problem.truth_step,
-            truth_track=problem.truth_track,
-            truth_price=problem.truth_price,
-            estimate_step=problem.estimate_step,
-            estimate_track=problem.estimate_track,
-            estimate_price=problem.estimate_price,
+        replace(
+            problem,
             truth_row=problem.truth_row[entry],
             estimate_row=problem.estimate_row[entry],
             cost=problem.cost[entry] / scale,
-            switch_price=(
-                min(price / scale, LARGEST_SWITCH_PRICE)
-                if isinstance(price, float)
-                else np.minimum(price / scale, LARGEST_SWITCH_PRICE)
-            ),
+            switch_price=np.minimum(problem.switch_price / scale, LARGEST_SWITCH_PRICE),
+            cost_error=0.0,
+            cost_slack=0.0,
+            rounding=0.0,
         )
     )
 

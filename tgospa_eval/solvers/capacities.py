@@ -1,7 +1,6 @@
 """Capacities as constraints of a linear programme, on the states that it decides."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,10 +93,10 @@ def capacity_rows(
     )
 
 
-def load(slots: Slots, weights: NDArray[Any]) -> NDArray[Any]:
+def load(slots: Slots, weights: Floats | NDArray[np.bool_]) -> Floats:
     """Sum of the weights (S,) on each slot, (K,); of booleans, how many are true."""
     marks = weights.dtype == bool
-    total = np.zeros(len(slots.step) + 1, np.int32 if marks else np.float64)
+    total = np.zeros(len(slots.step) + 1, "i4" if marks else "f8")
     ends = slots.end
     for part in parts(len(weights)):
         used = np.flatnonzero(weights[part])

@@ -20,6 +20,8 @@ from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.schedule import ASCENT
 
+Weights = Floats | NDArray[np.uint8]
+
 LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
 unless it is tiny."""
@@ -156,7 +158,7 @@ class Ascent:
         """Which states bear a flag since the last survey, (S,)."""
         return (self.flags & flag) > 0
 
-    def _values(self, weights: NDArray[Any]) -> Floats:
+    def _values(self, weights: Weights) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
         kernels.own_values(self.layout, weights, self.own)
         return self._sum_own()
@@ -176,7 +178,7 @@ class Ascent:
         """Take the feasible assignment in the open blocks where it gains more."""
         self._try(self._values(weights), weights)
 
-    def _try(self, primal: Floats, weights: NDArray[Any]) -> None:
+    def _try(self, primal: Floats, weights: Weights) -> None:
         wins = self.open & (primal > self.primal)
         self.primal = np.where(wins, primal, self.primal)
         np.copyto(self.weights, weights, where=self._states_of(wins))

@@ -59,9 +59,11 @@ def cut_out(states: States, free: Ints) -> Subproblem:
     row, column, block = (
         np.searchsorted(known, what).astype(np.int32)
         for known, what in (
-            (nodes, states.pair_row[pairs]), (nodes, states.pair_column[pairs]), (blocks, home)
+            (nodes, states.pair_row[pairs]),
+            (nodes, states.pair_column[pairs]),
+            (blocks, home),
         )
-    )  # fmt: skip
+    )
     columns = make_slots(begin, first, column, len(nodes), states.problem.steps, group=block)
     piece = States(
         problem=states.problem,
@@ -83,7 +85,7 @@ def cut_out(states: States, free: Ints) -> Subproblem:
     place = states.columns.first
     opens = np.maximum(before, states.block_begin[states.node_block[nodes]])
     base = _last_until(states.columns.step, place[nodes], place[nodes + 1], opens)
-    at = np.arange(len(columns.step)) + np.repeat(base - columns.first[:-1], np.diff(columns.first))
+    at = concatenated(base, np.diff(columns.first))
     slot = np.clip(at, 0, max(len(states.columns.step) - 1, 0))
     return Subproblem(states=piece, state=state, free=np.searchsorted(state, free), slot=slot)
 

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]
@@ -115,8 +116,8 @@ class Clouds:
     def chosen(self, rows: Ints) -> "Clouds":
         """Some of the clouds, in order."""
         counts = self.counts[rows]
+        at = concatenated(self.first[:-1][rows], counts)
         first = np.concatenate(([0], np.cumsum(counts)))
-        at = np.arange(first[-1]) + np.repeat(self.first[:-1][rows] - first[:-1], counts)
         return Clouds(points=self.points[at], weights=self.weights[at], first=first)
 
     def merged(self) -> "Clouds":

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
@@ -213,9 +214,8 @@ def at_steps(side: Trajectories, steps: Ints) -> Trajectories:
     """The rows at these steps as points; the steps are then 0, 1, 2, ..."""
     begin = np.searchsorted(side.step, steps)
     count = np.searchsorted(side.step, steps, side="right") - begin
-    rows = np.arange(count.sum()) + np.repeat(begin - (np.cumsum(count) - count), count)
     order = np.arange(len(steps))
-    return side.seen_as(()).chosen(rows, np.repeat(order, count), order)
+    return side.seen_as(()).chosen(concatenated(begin, count), np.repeat(order, count), order)
 
 
 def occupied(side: Trajectories) -> NDArray[np.bool_]:
