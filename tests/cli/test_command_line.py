@@ -118,7 +118,7 @@ def test_bad_values(invoke: Run, quickstart: Pair, arguments: list[str], parts: 
     ],
     ids=" ".join,
 )
-@pytest.mark.parametrize("format_", options.FORMATS)
+@pytest.mark.parametrize("format_", options.REPORT_FORMATS)
 def test_extreme_values(invoke: Run, quickstart: Pair, arguments: list[str], format_: str) -> None:
     status, out, _ = invoke(*quickstart, *arguments, "--format", format_)
     assert status in (0, 2)
@@ -361,7 +361,7 @@ def test_option_choices_are_the_members() -> None:
 
     assert tuple(DISTANCES) == options.DISTANCES
     assert tuple(SOLVERS) == options.SOLVERS
-    assert tuple(REPORTS) == options.FORMATS
+    assert tuple(REPORTS) == options.REPORT_FORMATS
 
 
 @pytest.mark.parametrize("solver", ["certified", "sinkhorn"])  # the referee is slow to start

@@ -171,7 +171,7 @@ def test_on_a_terminal_one_line_is_written_anew(monkeypatch: pytest.MonkeyPatch)
     stopwatch, screen = Stopwatch(), Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.delenv("TERM", raising=False)
-    monkeypatch.setattr(shown, "PATIENCE", 0.0)
+    monkeypatch.setattr(shown, "SILENT", 0.0)
     with Display(stopwatch) as display:
         stopwatch.stage = "drawing " + "x" * 200
         display.update()

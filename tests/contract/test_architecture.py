@@ -19,7 +19,7 @@ from tgospa_eval.solvers import SOLVERS, solver_class
     [
         (options.DISTANCES, DISTANCES),
         (options.SOLVERS, SOLVERS),
-        (options.FORMATS, REPORTS),
+        (options.REPORT_FORMATS, REPORTS),
         (options.FILE_FORMATS, FORMATS),
     ],
 )

@@ -13,7 +13,7 @@ import click
 from tgospa_eval.cli.group import cli
 from tgospa_eval.cli.guard import guarded
 from tgospa_eval.cli.shared.interrupts import heard
-from tgospa_eval.cli.shared.streams import check_stdout, check_written, say, say_lines
+from tgospa_eval.cli.shared.streams import check_stdout, check_written, print_notice, print_notices
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import files
 from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
@@ -25,7 +25,7 @@ NO_MEMORY = (
     "start new thread",
     "without exception set",
 )
-"""What systems, loaders of libraries and Python say where there is none left."""
+"""Messages of systems, loaders of libraries and Python where there is none left."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -33,13 +33,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Memory goes with the process: to look through all modules for cycles first takes as long as
     # a small evaluation.
     atexit.register(gc.freeze)
-    files.announce = say
+    files.announce = print_notice
 
     def work() -> int:
         try:
             return _run(arguments)
         except Exception as error:
-            _say_internal(error)
+            _print_internal(error)
             return ExitStatus.NOT_REACHED
 
     sys.exit(guarded(work, ExitStatus.INTERRUPTED) if arguments is None else work())
@@ -55,33 +55,33 @@ def _run(arguments: Sequence[str] | None) -> int:
     except SystemExit:  # click's own, with 1, where a pipe has no reader
         status = 0
     except TgospaError as error:
-        say_lines(str(error))
+        print_notices(str(error))
         status = error.exit_status
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         if context is not None and context.meta.get(CONFIG):
-            say(f"settings from {context.meta[CONFIG]}")
+            print_notice(f"settings from {context.meta[CONFIG]}")
         text = io.StringIO()
         error.show(file=text)
-        say_lines(text.getvalue().rstrip("\n"))
+        print_notices(text.getvalue().rstrip("\n"))
         status = max(error.exit_code, ExitStatus.WRONG_OPTION)
     except (KeyboardInterrupt, click.Abort):
-        say("interrupted")
+        print_notice("interrupted")
         _end_interrupted()  # a solver may be deep in compiled code, in its own thread
     except (OSError, MemoryError, ImportError, RuntimeError, SystemError) as error:
-        status = _say_lacking(error)
+        status = _print_lacking(error)
     return status or 0
 
 
-def _say_lacking(error: Exception) -> int:
+def _print_lacking(error: Exception) -> int:
     """What the system does not give is no fault of ours, even if unforeseen; the status."""
     if _is_of_memory(error):
-        say("out of memory; a smaller cutoff leaves fewer pairs")
+        print_notice("out of memory; a smaller cutoff leaves fewer pairs")
         return ExitStatus.NOT_REACHED
     if not isinstance(error, OSError):
         raise error
     where = "" if error.filename is None else f"{error.filename}: "
-    say(f"{where}{files.reason(error)}")
+    print_notice(f"{where}{files.reason(error)}")
     return ConfigError.exit_status
 
 
@@ -117,9 +117,9 @@ def _invoke(arguments: list[str] | None) -> int | None:
     return status
 
 
-def _say_internal(error: Exception) -> None:
+def _print_internal(error: Exception) -> None:
     """The traceback of a fault of ours, and a sentence."""
     import traceback  # here: there should be none
 
-    say_lines("".join(traceback.format_exception(error)).rstrip("\n"))
-    say(f"internal error: {type(error).__name__}: {error}; please report it")
+    print_notices("".join(traceback.format_exception(error)).rstrip("\n"))
+    print_notice(f"internal error: {type(error).__name__}: {error}; please report it")

@@ -77,7 +77,7 @@ def _check_word(ctx: click.Context, word: str) -> None:
     Raises
     ------
     click.UsageError
-        It is more like a verb.
+        No file has that name, and it is like a verb.
     """
     from tgospa_eval.cli.shared.help import meant_verb  # here: not needed where a verb is given
 

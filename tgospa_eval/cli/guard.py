@@ -1,7 +1,7 @@
 """Under a limit of memory (``ulimit -v``) a child does the work.
 
 Compiled code that gets no memory aborts, or exits with a status of its own choosing, which might be
-that of a regression; this one is left to say so.
+that of a regression; this one is left to report it.
 """
 
 import os
@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.errors import ExitStatus
 
 FATAL = ("SIGABRT", "SIGSEGV", "SIGBUS", "SIGILL", "SIGTRAP")
@@ -42,7 +42,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         return work()
     if child == 0:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, passed_on)
-        os.setpgid(0, 0)  # a terminal interrupts the parent alone, which passes it on
+        os.setpgid(0, 0)  # a terminal interrupts only the parent, which passes it on
         # Each thread takes address space; without it OpenBLAS waits for ever, or interrupts us.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         status = work()
@@ -69,7 +69,7 @@ def guarded(work: Callable[[], int], interrupted: int) -> int:
         with suppress(OSError):  # of the two that have no handler
             signal.signal(-status, signal.SIG_DFL)
         os.kill(os.getpid(), -status)
-    say(f"out of memory: {limit >> 20} MiB are allowed (ulimit -v), which is too little")
+    print_notice(f"out of memory: {limit >> 20} MiB are allowed (ulimit -v), which is too little")
     return ExitStatus.NOT_REACHED
 
 

@@ -1,4 +1,4 @@
-"""TGOSPA beside per-step GOSPA, alone and with switches charged afterwards.
+"""TGOSPA beside per-step GOSPA, plain and with switches charged afterwards.
 
 Two tools charge switches so; their rules are those of `problem.gospa`, their sums are
 Stone Soup     (GOSPA_k^2 + gamma^2 n_k^(2/p))^(1/2), the exponent 2 whatever p is

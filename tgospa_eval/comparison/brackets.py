@@ -59,13 +59,12 @@ def places(
     alike : callable, optional
         Whether two of them, by their numbers, are equal; by default if their brackets prove it.
     """
-    size = range(len(brackets))
     alike = alike or (lambda k, other: equal(brackets[k], brackets[other]))
-    return [
-        (
-            1 + sum(less(brackets[other], brackets[k]) for other in size),
-            sum(other == k or not (less(brackets[k], brackets[other]) or alike(k, other))
-                for other in size),
+    found = []
+    for k, own in enumerate(brackets):
+        ahead = sum(less(other, own) for other in brackets)
+        behind = sum(
+            j != k and (less(own, other) or alike(k, j)) for j, other in enumerate(brackets)
         )
-        for k in size
-    ]  # fmt: skip
+        found.append((1 + ahead, len(brackets) - behind))
+    return found

@@ -26,9 +26,9 @@ Key = tuple[int, int, int]
 Kind: TypeAlias = type | tuple[type, ...]
 
 SCHEMA = "tgospa-eval/study/1"
-NAME = "runs.jsonl"
+LOG_NAME = "runs.jsonl"
 
-FAR = 1 << 40
+LOCKED_BYTE = 1 << 40
 """A byte that no file of ours reaches, for locking."""
 
 NUMBER = (int, float)
@@ -40,14 +40,16 @@ RECORD: dict[str, Kind] = {
     **dict.fromkeys(("occupied", "sizes", "prepare_seconds"), object),
     "runs": list,
 }
-MADE: dict[str, Kind] = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
+ONCE_KINDS: dict[str, Kind] = {"occupied": int, "sizes": dict, "prepare_seconds": NUMBER}
 RUN: dict[str, Kind] = {
     **dict.fromkeys(("name", "solver", "status"), str),
     "epsilon": (*NUMBER, type(None)),
     "finished": bool,
 }
-PROVEN: dict[str, Kind] = dict.fromkeys(("lower", "upper", "iterations", "seconds", *PARTS), NUMBER)
-FAILED: dict[str, Kind] = dict.fromkeys(PROVEN, type(None))
+RUN_KINDS: dict[str, Kind] = dict.fromkeys(
+    ("lower", "upper", "iterations", "seconds", *PARTS), NUMBER
+)
+FAILED: dict[str, Kind] = dict.fromkeys(RUN_KINDS, type(None))
 """What a record must hold, that of a scene that could be made, each run, one with a bracket."""
 
 
@@ -82,7 +84,7 @@ class Log:
     """
 
     def __init__(self, folder: str, settings: Mapping[str, object]) -> None:
-        self.path = Path(folder) / NAME
+        self.path = Path(folder) / LOG_NAME
         header = {
             "schema": SCHEMA,
             "version": __version__,
@@ -132,7 +134,7 @@ class Log:
             if sys.platform == "win32":
                 import msvcrt
 
-                self._file.seek(FAR)  # a locked byte cannot be read
+                self._file.seek(LOCKED_BYTE)  # a locked byte cannot be read
                 msvcrt.locking(self._file.fileno(), msvcrt.LK_NBLCK, 1)
             else:
                 import fcntl
@@ -194,12 +196,12 @@ def is_record(document: object, solvers: int) -> TypeGuard[SceneRecord]:
         and all(_has(run, RUN) for run in document["runs"])
         and (
             (
-                _has(document, MADE)
+                _has(document, ONCE_KINDS)
                 and _has(document["sizes"], {"states": int})
-                and all(_has(run, PROVEN) or _has(run, FAILED) for run in document["runs"])
+                and all(_has(run, RUN_KINDS) or _has(run, FAILED) for run in document["runs"])
             )
             or (
-                all(document[name] is None for name in MADE)
+                all(document[name] is None for name in ONCE_KINDS)
                 and all(_has(run, FAILED) for run in document["runs"])
             )
         )

@@ -5,7 +5,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import IO, Any, cast
 
 import numpy as np
@@ -27,7 +27,7 @@ from tgospa_eval.tracks.trajectories import Trajectories
 NO_COSTS: NoCosts = {"localisation": None, "missed": None, "false": None, "switch": None}
 """Of a run that failed."""
 
-APART: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
+OWN_GROUP: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}
 """Ctrl-C reaches the one who asked, who stops the process."""
 
 EXACT_STATES = 15_000
@@ -70,15 +70,15 @@ class Run:
 
     solver: str
     epsilon: float | None
-    bracket: Interval | None
-    tgospa: float | None
-    lower_bound: float | None
-    parts: Costs | None
-    counts: dict[str, float]
     status: str
-    finished: bool
-    iterations: int | None
-    seconds: Seconds | None
+    bracket: Interval | None = None
+    tgospa: float | None = None
+    lower_bound: float | None = None
+    parts: Costs | None = None
+    counts: dict[str, float] = field(default_factory=dict)
+    finished: bool = False
+    iterations: int | None = None
+    seconds: Seconds | None = None
     memory: Memory | None = None
     history: Sequence[dict[str, float]] = ()
 
@@ -119,11 +119,7 @@ def bracket_of(result: Summary) -> Interval:
 
 def failed(solver: Solver, error: BaseException) -> Run:
     """What is left of a run whose solver raised."""
-    return Run(
-        solver=solver.name, epsilon=solver.epsilon, bracket=None, tgospa=None,
-        lower_bound=None, parts=None, counts={}, status=f"failed: {reason(error)}",
-        finished=False, iterations=None, seconds=None,
-    )  # fmt: skip
+    return Run(solver=solver.name, epsilon=solver.epsilon, status=f"failed: {reason(error)}")
 
 
 def reason(error: BaseException) -> str:
@@ -182,7 +178,7 @@ def run_apart(prepared: Prepared, solver: Solver, progress: Progress | None = No
         env=environment,
         cwd=os.path.dirname(__file__),  # the working folder may be gone, and Python would not start
         bufsize=0,  # so that nothing is left to write when stdin is closed
-        **APART,
+        **OWN_GROUP,
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None

@@ -77,7 +77,7 @@ def compare_solvers(
     run : callable, optional
         `run_here`, or else `run_apart`.
     progress : Progress, optional
-        Told which of them runs, and how far that is.
+        Gets which of them runs, and how far that is.
     """
     progress = progress or Progress()
     run = run or partial(run_apart, progress=progress)

@@ -270,14 +270,8 @@ def _solver(
     """One solver on all scenes of one size; errors against what all solvers prove of a scene."""
     every = [record["runs"][k] for record, _ in scenes]
     made = [record["runs"][k] for record, _ in sound if record["runs"][k]["upper"] is not None]
-    errors, lower_errors = (
-        [error for error in (find(comparison.runs[k]) for find, comparison in finders)
-         if error is not None]
-        for finders in (
-            [(comparison.error, comparison) for _, comparison in sound],
-            [(comparison.lower_error, comparison) for _, comparison in sound],
-        )
-    )  # fmt: skip
+    errors = [e for _, c in sound if (e := c.error(c.runs[k])) is not None]
+    lower_errors = [e for _, c in sound if (e := c.lower_error(c.runs[k])) is not None]
     return {
         "name": every[0]["name"],
         "solver": every[0]["solver"],
@@ -319,7 +313,10 @@ def _run(made: SceneRun) -> Run:
     if made["lower"] is not None and made["upper"] is not None:
         bracket = Interval(lower=made["lower"], upper=made["upper"])
     return Run(
-        solver=made["solver"], epsilon=made["epsilon"], bracket=bracket, tgospa=None,
-        lower_bound=None, parts=None, counts={}, status=made["status"], finished=made["finished"],
-        iterations=made["iterations"], seconds=None,
-    )  # fmt: skip
+        solver=made["solver"],
+        epsilon=made["epsilon"],
+        status=made["status"],
+        bracket=bracket,
+        finished=made["finished"],
+        iterations=made["iterations"],
+    )

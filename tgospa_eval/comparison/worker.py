@@ -21,7 +21,7 @@ from tgospa_eval.errors import SolverError, TgospaError
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.solvers import Solver
 
-STATUS = Path("/proc/self/status")
+PROC_STATUS = Path("/proc/self/status")
 RESET = Path("/proc/self/clear_refs")
 BEAT = 0.2
 """Seconds from one word to the next."""
@@ -69,7 +69,7 @@ def _send(target: BinaryIO, message: object) -> None:
 def memory(field: str) -> int | None:
     """Bytes of this process, as Linux counts them: VmRSS now, VmHWM at most; else None."""
     try:
-        lines = STATUS.read_text(encoding="ascii", errors="replace").splitlines()
+        lines = PROC_STATUS.read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
         return None
     found = next((line for line in lines if line.startswith(f"{field}:")), None)

@@ -29,7 +29,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     Raises
     ------
     InputError
-        An (id, t) is repeated and `on_duplicate` is ``"error"``, or a box has no size.
+        An (id, t) is repeated and `which` is ``"error"``, or a box has no size.
     """
     roles = rows.roles
     state = roles.mixed(rows.numbers, roles.state)
@@ -209,27 +209,27 @@ def _check_states(rows: Rows, state: Floats, mask: Flags, options: ReadOptions) 
 
 
 def _repeats(
-    rows: Rows, key: Ints, taken: Ints, ordered: Ints, kept: str, format: str, choice: _Choice
+    rows: Rows, key: Ints, taken: Ints, ordered: Ints, which: str, format: str, choice: _Choice
 ) -> Ints | None:
-    """Places in `taken`, sorted by key, of rows that repeat an (id, t) and are not kept.
+    """Places in `taken`, sorted by key, of rows that repeat an (id, t) and are left out.
 
     Raises
     ------
     InputError
-        There are some, and `kept` is ``"error"``.
+        There are some, and `which` is ``"error"``.
     """
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
     if not len(again):
         return None
     from tgospa_eval.formats.repeats import most_repeat, refusal  # here: few files have any
 
-    if kept == "error":
+    if which == "error":
         raise InputError(refusal(taken, again, key, rows, format))
-    choice.warnings += most_repeat(taken, again, rows, kept)
+    choice.warnings += most_repeat(taken, again, rows, which)
     rows_repeat = counted(len(again), "row repeats", "rows repeat")
-    choice.notices.append(f"{rows_repeat} an (id, t): the {kept} one was taken")
+    choice.notices.append(f"{rows_repeat} an (id, t): the {which} one was taken")
     choice.left_out["duplicate"] = len(again)
-    return again + 1 if kept == "first" else again
+    return again + 1 if which == "first" else again
 
 
 def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:

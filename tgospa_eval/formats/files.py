@@ -108,7 +108,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
 
     Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
-    Covariances that are not quite such are told of by a warning.
+    Covariances that are not quite such get a warning.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         Guessed by name and content if not given.
     covariance : bool
         Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
-        std_y, rho_xy``; the distance says whether they are compared.
+        std_y, rho_xy``; whether they are compared depends on the distance.
     columns, decimal, on_duplicate, boxes, time, classes, region
         As in `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input

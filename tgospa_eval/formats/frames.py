@@ -51,7 +51,7 @@ def from_frame(
         levels = [str(level) for level in frame.index.names if level is not None]
         if not levels:
             raise
-        find_roles([*levels, *headers], options, name)  # says what else is missing
+        find_roles([*levels, *headers], options, name)  # whose error has what else is missing
         indexed = ", ".join(map(quoted, levels))
         raise InputError(
             f"{name}: {indexed} must be a column and is in the index; call reset_index() first"
@@ -151,12 +151,12 @@ def _number_text(value: object, decimal: str) -> str:
 
 
 def _other(value: object, wanted: str) -> str:
-    """What to say of a value of another type."""
+    """Message about a value of another type."""
     return f"a value of type {type(value).__name__}, not {wanted}; write numbers or texts"
 
 
 def _unwritten(column: pd.Series, header: str, where: Callable[[int], str]) -> InputError:
-    """What to say of a column with a timestamp that pandas cannot write out."""
+    """Message about a column with a timestamp that pandas cannot write out."""
     for row in range(len(column)):
         try:
             str(column.iloc[row])

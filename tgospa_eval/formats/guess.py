@@ -5,7 +5,7 @@ import re
 from tgospa_eval.formats.fields import is_number
 
 ENDINGS = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet", ".npz": "npz"}
-"""What the end of a name says; only magic bytes know better."""
+"""Format by the end of a name; only magic bytes come first."""
 
 MAGIC = b"PAR1"
 ZIP = b"PK\x03\x04"
@@ -46,7 +46,7 @@ COMMENTS = ("#", "%", "//")
 
 
 def foreign(line: str) -> str:
-    """What the first line is that is no header of a table, and what to do; blank if nothing tells.
+    """What the first line is that is no header of a table, and what to do; blank if unknown.
 
     A table whose header is understood may begin with any of these.
     """

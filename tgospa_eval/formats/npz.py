@@ -18,7 +18,7 @@ from tgospa_eval.formats.rows import Rows
 def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
     """The rows of an npz file, the same in either role.
 
-    Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or ``x`` alone
+    Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or only ``x``
     with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ...
 
     Raises
@@ -63,7 +63,7 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
 
 
 def _unpacked(data: bytes) -> int:
-    """Bytes of the arrays, as the archive says; if there is none, reading it says so."""
+    """Bytes of the arrays, by the directory of the archive; if there is none, reading it fails."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             return sum(member.file_size for member in archive.infolist())

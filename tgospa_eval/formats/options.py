@@ -16,7 +16,7 @@ class ReadOptions:
     Parameters
     ----------
     columns : tuple of str, optional
-        State columns in order; an item ``"name=header"`` says under which header a name is found
+        State columns in order; an item ``"name=header"`` has the header of a name
         (``"id=trk"``, ``"t=clock"``, ``"x=px"``). By default x, y, z as far as present, else
         lat, lon, else the centres of boxes.
     decimal : {".", ","}
@@ -32,7 +32,7 @@ class ReadOptions:
     region : str, optional
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
-        The reading says which row is of which class.
+        The reading has the class of each row.
     covariance : bool
         Read covariances, if there are columns of such.
     fix_covariance : bool
@@ -121,7 +121,7 @@ def one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
     Raises
     ------
     ConfigError
-        It is another one.
+        The value is not among those allowed.
     """
     if value not in allowed:
         options = ", ".join(f'"{item}"' for item in allowed)

@@ -72,7 +72,7 @@ class Particles:
         return found, taken[begin], ordered[begin]
 
     def notices(self, clouds: Clouds, *, compared: bool) -> list[str]:
-        """What the user should know; `compared` says whether particles enter the distance."""
+        """What the user should know; `compared`: whether particles enter the distance."""
         found = []
         if not compared:
             one = "cloud of {} particles is compared by its mean"
@@ -132,8 +132,8 @@ def gather(rows: Rows, key: Ints, mask: Flags, *, always: bool) -> Particles | N
     totals = np.bincount(number, scaled, minlength=len(distinct))
     with np.errstate(over="ignore"):
         sums = totals * largest
-    kept = are_normalised(sums, np.bincount(number, minlength=len(distinct)))[number]
-    weights[used] = np.where(kept, weights[used], scaled / totals[number])
+    normalised = are_normalised(sums, np.bincount(number, minlength=len(distinct)))[number]
+    weights[used] = np.where(normalised, weights[used], scaled / totals[number])
     off = np.abs(sums - 1)
     return Particles(
         weights=weights,

@@ -35,7 +35,7 @@ class Reading:
     named : tuple of str
         Classes of all rows of the file, if they were asked for.
     lacking : dict of str to str
-        Of `ReadOptions.shared` what the file lacks, and what to say if every file does.
+        Of `ReadOptions.shared` what the file lacks, and the message if every file does.
     headers : dict of str to str
         Headers of the columns whose names are others.
     pixels : bool

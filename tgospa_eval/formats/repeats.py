@@ -1,4 +1,4 @@
-"""What to say of rows that repeat an (id, t)."""
+"""Messages about rows that repeat an (id, t)."""
 
 from collections.abc import Iterator
 
@@ -36,33 +36,33 @@ def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str
     row = int(second[k])
     first = int(taken[np.searchsorted(key[taken], key[row])])
     where, roles = rows.where, rows.roles
-    said = (
+    message = (
         f"{where(row)}: id {rows.called(row)} at t {rows.moment(row)} was given before, "
         f"{where(first)}{more(len(again))}; "
     )
     cause = _cause(taken, again, rows)
     if cause:
-        return said + cause
+        return message + cause
     remedy = "--on-duplicate first or last"
     if format == "frame":
         remedy = f"drop_duplicates({[roles.headers[roles.id], roles.headers[roles.time]]!r})"
-    return f"{said}one row per object and step, or {remedy}; {PARTICLES_HINT}"
+    return f"{message}one row per object and step, or {remedy}; {PARTICLES_HINT}"
 
 
-def most_repeat(taken: Ints, again: Ints, rows: Rows, kept: str) -> Iterator[Notice]:
+def most_repeat(taken: Ints, again: Ints, rows: Rows, which: str) -> Iterator[Notice]:
     """A warning if most rows are left out; arguments as of `refusal`."""
     if 2 * len(again) > len(taken):
         yield Notice(
             code="duplicates",
-            text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {kept} one was "
-            "taken: the number says little about the tracker",
+            text=f"{len(again):,} of {len(taken):,} rows repeat an (id, t), and the {which} one "
+            "was taken: the number says little about the tracker",
             remedy=_cause(taken, again, rows)
             or "name the columns of ids and times, --columns id=HEADER,t=HEADER",
         )
 
 
 def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
-    """Why rows may repeat an (id, t), with a remedy; blank if nothing tells."""
+    """Why rows may repeat an (id, t), with a remedy; blank if it is not known."""
     time = rows.roles.headers[rows.roles.time]
     rest = next(filter(fraction, rows.roles.unused), None)
     if rest and not fraction(time):

@@ -34,13 +34,13 @@ class Rows:
     numbers : (R, n) float array
         The columns `Roles.numbers`, finite, NaN where blank.
     where : callable
-        Says where a row is, for messages.
+        Where a row is, for messages.
     classes : Numbered, optional
         Classes, if the roles ask for them.
     weight_fault : str, optional
         What is wrong with the texts of the weights, for those who need them.
     apart : dict of str to (R,) bool array and str
-        Rows that the format itself leaves out, by its rule, and what to say of them.
+        Rows that the format itself leaves out, by its rule, and the message about them.
     """
 
     name: str

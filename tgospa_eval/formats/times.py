@@ -13,7 +13,7 @@ from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
 ISO = re.compile(r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)")
 EXACT_BELOW = 2.0**53
-"""Below this doubles tell integers apart."""
+"""Below this doubles hold every integer."""
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -38,7 +38,7 @@ class Times:
 
 
 class TimeError(ValueError):
-    """Row `row` is wrong; the message says what and what would be right."""
+    """Row `row` is wrong; the message has what is wrong and what would be right."""
 
     def __init__(self, row: int, message: str) -> None:
         super().__init__(message)

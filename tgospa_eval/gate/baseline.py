@@ -189,7 +189,7 @@ def _check_json(text: str, path: str) -> None:
     Raises
     ------
     ConfigError
-        It is not.
+        The text begins like another kind of file.
     """
     begin = text.lstrip()
     if begin and begin[0] not in "{[<":
@@ -286,7 +286,7 @@ def _agree(values: dict[str, float], order: object, where: str) -> None:
     Raises
     ------
     ConfigError
-        They do.
+        tgospa, its bounds, total and parts do not fit each other.
     """
     total = values["total"]
     upper = values.get("upper_bound", values["tgospa"])

@@ -13,7 +13,7 @@ from tgospa_eval.gate.report import markdown_lines, title
 from tgospa_eval.reports.escape import workflow_data, workflow_property
 from tgospa_eval.text import clipped, visible
 
-MOST = 10
+MOST_ANNOTATIONS = 10
 """Annotations of one kind that GitHub shows of a step."""
 
 LONGEST = 1000
@@ -32,7 +32,7 @@ def annotations(report: Report) -> Iterator[str]:
         _warning(outcome) for outcome in report.outcomes if outcome.warned or outcome.warnings
     ]
     for kind, found in (("error", errors), ("warning", warnings)):
-        shown = found if len(found) <= MOST else found[: MOST - 1]
+        shown = found if len(found) <= MOST_ANNOTATIONS else found[: MOST_ANNOTATIONS - 1]
         for name, text in shown:
             yield _command(kind, f"TGOSPA gate: {name}", text)
         if len(found) > len(shown):
@@ -83,10 +83,10 @@ def summary(report: Report, room: int) -> bytes:
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
     room -= len(CUT.encode())
-    kept = []
+    lines = []
     for line in lines:
         room -= len(line)
         if room < 0:
             break
-        kept.append(line)
-    return b"".join((*kept, CUT.encode())) if kept else b""
+        lines.append(line)
+    return b"".join((*lines, CUT.encode())) if lines else b""

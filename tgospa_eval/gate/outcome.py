@@ -87,7 +87,7 @@ class Outcome:
 
     @property
     def warned(self) -> tuple[Finding, ...]:
-        """Rules of ``--warn-on`` that are broken, or not known to be kept."""
+        """Rules of ``--warn-on`` that are broken, or not proven to hold."""
         return tuple(f for f in self.findings if f.warning)
 
 

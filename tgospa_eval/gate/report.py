@@ -8,7 +8,7 @@ from typing import Any
 from tgospa_eval.common.figures import number
 from tgospa_eval.gate.outcome import Outcome, Report
 from tgospa_eval.gate.rules import Finding, Verdict
-from tgospa_eval.gate.suite import ALONE
+from tgospa_eval.gate.suite import ONLY_PAIR
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import WIDTH
 from tgospa_eval.reports.escape import markdown_code
@@ -22,7 +22,7 @@ PAIR, RULE, NUMBER = 16, 20, 11
 
 def title(outcome: Outcome) -> str:
     """What to call a pair."""
-    return outcome.estimate if outcome.name == ALONE and outcome.estimate else outcome.name
+    return outcome.estimate if outcome.name == ONLY_PAIR and outcome.estimate else outcome.name
 
 
 def headline(report: Report) -> str:

@@ -31,10 +31,10 @@ Key = str | tuple[str, str]
 TOLERANCE = 1e-6
 """Of rules on the split: in counts, or in units of c^p."""
 
-FLOOR = 1e-9
+LEAST_SLACK = 1e-9
 """Least slack of the default rule, in units of c^p."""
 
-ROUNDING = 1e-9
+NO_CHANGE = 1e-9
 """Relative change that is no improvement."""
 
 _RULE = r"(?P<path>.+):\+(?P<slack>[^%]+)(?P<percent>%?)"
@@ -143,7 +143,7 @@ class Rule:
         return base + max(slack, self.floor * unit)
 
 
-DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=FLOOR)
+DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=LEAST_SLACK)
 """The rule that holds where none is given."""
 
 
@@ -173,7 +173,7 @@ class Finding:
 
     @property
     def warning(self) -> bool:
-        """Whether it is a rule that only warns, and is not known to be kept."""
+        """Whether it is a rule that only warns, and is not proven to hold."""
         return self.rule.warns and self.verdict in (Verdict.FAIL, Verdict.UNDECIDED)
 
     @property
@@ -181,7 +181,7 @@ class Finding:
         """Whether the value is better than the baseline by more than the rule's slack."""
         if self.base is None or self.rule.maximum:
             return False
-        slack = max(self.limit - self.base, ROUNDING * self.base, self.now.tolerance)
+        slack = max(self.limit - self.base, NO_CHANGE * self.base, self.now.tolerance)
         return self.now.upper < self.base - slack
 
 
@@ -209,7 +209,7 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
     Raises
     ------
     ConfigError
-        It is no rule.
+        The text has another form, or names a value that cannot be judged.
     """
     found = re.fullmatch(_RULE, text.strip())
     slack = _number(found["slack"]) if found else None
@@ -232,7 +232,7 @@ def parse_maximum(text: str) -> Rule:
     Raises
     ------
     ConfigError
-        It is none.
+        The text has another form, or names a value that cannot be judged.
     """
     name, equals, number = text.rpartition("=")
     limit = _number(number)

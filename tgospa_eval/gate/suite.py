@@ -10,10 +10,10 @@ from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
-RULES = ("fail-on", "warn-on", "max")
-PAIR = ("name", "truth", "estimate", "options", *RULES)
-SUITE = ("baseline", "pair", "options", *RULES)
-ALONE = "pair"
+RULE_KEYS = ("fail-on", "warn-on", "max")
+PAIR_KEYS = ("name", "truth", "estimate", "options", *RULE_KEYS)
+SUITE_KEYS = ("baseline", "pair", "options", *RULE_KEYS)
+ONLY_PAIR = "pair"
 """Name of the pair in a baseline that holds one pair only."""
 
 Table: TypeAlias = dict[str, object]
@@ -81,7 +81,7 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
     """
     document = config.read_toml(path)
     folder = os.path.dirname(path)
-    _check(document, SUITE, path)
+    _check(document, SUITE_KEYS, path)
     tables = document.get("pair", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ConfigError(f'{path}: "pair" must be a list of tables; write [[pair]]')
@@ -117,7 +117,7 @@ def _pairs(
     common: tuple[Table, dict[str, tuple[str, ...]]],
 ) -> Iterator[Pair]:
     """The pairs of one table: one, or one for each file that its pattern finds."""
-    _check(table, PAIR, where)
+    _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = list(dict.fromkeys(re.findall(_PLACEHOLDER, truth)))
     name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in words)
@@ -133,14 +133,12 @@ def _pairs(
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
     found = [{}] if not words else list(_matches(truth, folder))
     if not found:
-        pattern = os.path.join(folder, truth)
-        yield Pair(
-            name=name, truth=pattern, estimate=os.path.join(folder, estimate),
-            fault=f"{where}: no file is like {quoted(pattern)}",
-        )  # fmt: skip
+        pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
+        fault = f"{where}: no file is like {quoted(pattern)}"
+        yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
     for values in found:
         yield Pair(
-            name=_fill(name, values) or ALONE,
+            name=_fill(name, values) or ONLY_PAIR,
             truth=os.path.join(folder, _fill(truth, values)),
             estimate=os.path.join(folder, _fill(estimate, values)),
             options=options,
@@ -182,7 +180,7 @@ def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -
 
 def _rules(table: Table, where: str) -> dict[str, tuple[str, ...]]:
     rules = {}
-    for key in RULES:
+    for key in RULE_KEYS:
         texts = table.get(key, ())
         texts = [texts] if isinstance(texts, str) else texts
         if not isinstance(texts, list | tuple) or not all(isinstance(t, str) for t in texts):

@@ -1,4 +1,4 @@
-"""Made-up scenes: a ground truth by name, and what a tracker with known errors makes of it."""
+"""Synthetic scenes: a ground truth by name, and what a tracker with known errors makes of it."""
 
 import math
 from dataclasses import dataclass, replace
@@ -238,13 +238,13 @@ def _trajectories(
     if scene.state == "box":
         size = np.maximum(states[..., 2:], scene.area / 100)  # noise must leave a box
         states = np.concatenate((states[..., :2] - size / 2, size), axis=-1)
-    kept = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
+    existing = np.flatnonzero(~np.isnan(states[..., 0]).all(axis=0))
     found = Trajectories.from_array(
-        np.round(states[:, kept], decimals),
+        np.round(states[:, existing], decimals),
         columns,
-        None if covariance is None else covariance[:, kept],
+        None if covariance is None else covariance[:, existing],
     )
-    ids = np.array([str(before + 1 + k) for k in kept], dtype=object)
+    ids = np.array([str(before + 1 + k) for k in existing], dtype=object)
     return replace(found, ids=ids, times=np.arange(1, scene.steps + 1))
 
 

@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 WIDER = 1.5
 """Standard deviation from which particles are drawn, over that of the Gaussian they stand for."""
 
-FARTHEST = 2.6
+LARGEST_DEVIATE = 2.6
 """Of the coordinates drawn, in standard deviations: beyond, weights would be next to nothing."""
 
 
@@ -23,7 +23,7 @@ def particle_clouds(
     Positions are rounded to so many decimals; weights are short decimals that sum to 1.
     """
     rows, size = centres.shape
-    drawn = rng.standard_normal((rows, count, size)).clip(-FARTHEST, FARTHEST) * WIDER
+    drawn = rng.standard_normal((rows, count, size)).clip(-LARGEST_DEVIATE, LARGEST_DEVIATE) * WIDER
     ratio = np.exp(-0.5 * (1 - WIDER**-2) * (drawn**2).sum(axis=-1))
     unit = 10 ** (len(str(count)) + 4)
     shares = np.floor(unit * ratio / ratio.sum(axis=1, keepdims=True))

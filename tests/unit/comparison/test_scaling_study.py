@@ -17,7 +17,7 @@ from answer import Answer
 
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import study
-from tgospa_eval.comparison.log import NAME, Log
+from tgospa_eval.comparison.log import LOG_NAME, Log
 from tgospa_eval.comparison.study import spread
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.simulation import Scene, Tracker
@@ -28,7 +28,7 @@ SMALL = ("compare", "--simulate", "--targets", "3,6", "--steps", "10,20", "--run
 
 
 def records(folder: Path) -> list[dict]:
-    lines = (folder / NAME).read_text(encoding="utf-8").splitlines()
+    lines = (folder / LOG_NAME).read_text(encoding="utf-8").splitlines()
     return [json.loads(line) for line in lines[1:]]
 
 
@@ -64,18 +64,18 @@ def test_killed_study_goes_on(tmp_path: Path, environment: dict[str, str], invok
         env=environment,
         stdout=subprocess.DEVNULL,
     )
-    while not (killed / NAME).exists() or len(records(killed)) < 3:
+    while not (killed / LOG_NAME).exists() or len(records(killed)) < 3:
         assert process.poll() is None
         time.sleep(0.02)
     process.send_signal(signal.SIGKILL)
     process.wait()
-    text = (killed / NAME).read_text(encoding="utf-8")
+    text = (killed / LOG_NAME).read_text(encoding="utf-8")
     kept = text.splitlines()[:4]
     # as if the kill had come in the middle of a line
-    (killed / NAME).write_text("\n".join(kept) + '\n{"targets": 6, "st', encoding="utf-8")
+    (killed / LOG_NAME).write_text("\n".join(kept) + '\n{"targets": 6, "st', encoding="utf-8")
     for folder in (killed, whole):
         assert invoke(*SMALL, "-o", str(folder)).status == 0
-    assert (killed / NAME).read_text(encoding="utf-8").splitlines()[:4] == kept
+    assert (killed / LOG_NAME).read_text(encoding="utf-8").splitlines()[:4] == kept
     assert timeless(killed) == timeless(whole)
     assert len(records(whole)) == 12
     document = json.loads((killed / "compare.json").read_text(encoding="utf-8"))
@@ -134,14 +134,14 @@ def test_scenes_are_counted_one_by_one() -> None:
 
 def test_files_of_others_beside_a_log(tmp_path: Path, invoke: Invoke) -> None:
     small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
-    (tmp_path / NAME).touch()
+    (tmp_path / LOG_NAME).touch()
     (tmp_path / "report.md").write_text("mine", encoding="utf-8")
     answer = invoke(*small)
     assert (answer.status, "is not empty" in answer.err) == (2, True)
     (tmp_path / "report.md").unlink()
     assert invoke(*small).status == 0  # killed before its first line
     for left in tmp_path.iterdir():  # as if killed before the report
-        if left.name != NAME:
+        if left.name != LOG_NAME:
             left.unlink()
     (tmp_path / "report.md").write_text("mine", encoding="utf-8")
     answer = invoke(*small)
@@ -153,24 +153,24 @@ def test_damaged_and_foreign_files_are_refused(tmp_path: Path, invoke: Invoke) -
     small = ("compare", "--simulate", "--targets", "2", "--steps", "5", "--runs", "1", "-o", ".")
     (tmp_path / "notes.txt").write_text("mine", encoding="utf-8")
     assert "is not empty" in invoke(*small).err
-    (tmp_path / NAME).write_text('{"a": 1}\n', encoding="utf-8")
+    (tmp_path / LOG_NAME).write_text('{"a": 1}\n', encoding="utf-8")
     assert "not the file of a study" in invoke(*small).err
-    (tmp_path / NAME).unlink()
+    (tmp_path / LOG_NAME).unlink()
     assert invoke(*small, "--force").status == 0
-    with (tmp_path / NAME).open("a", encoding="utf-8") as file:
+    with (tmp_path / LOG_NAME).open("a", encoding="utf-8") as file:
         file.write("garbage\n")
     answer = invoke(*small)
     assert (answer.status, "line 3: no record of this study" in answer.err) == (2, True)
     # a record that lacks something, and one whose run is no whole run
-    header, whole = (tmp_path / NAME).read_text(encoding="utf-8").splitlines()[:2]
+    header, whole = (tmp_path / LOG_NAME).read_text(encoding="utf-8").splitlines()[:2]
     for name in ("runs", "occupied", "sizes"):
         lacking = {key: value for key, value in json.loads(whole).items() if key != name}
-        (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+        (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
         answer = invoke(*small)
         assert (answer.status, "line 2: no record of this study" in answer.err) == (2, True)
     lacking = json.loads(whole)
     lacking["runs"][0].pop("upper")
-    (tmp_path / NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
+    (tmp_path / LOG_NAME).write_text(f"{header}\n{json.dumps(lacking)}\n", encoding="utf-8")
     assert "line 2: no record of this study" in invoke(*small).err
     assert (tmp_path / "notes.txt").read_text(encoding="utf-8") == "mine"
 
@@ -220,13 +220,13 @@ def test_failing_and_contradicting_scenes_are_counted(
 @pytest.mark.parametrize("content", ["mine, without an end of line", "{'", "\x00\x01"])
 def test_foreign_files_are_left_as_they_are(content: str, tmp_path: Path) -> None:
     """Not even what has no line of its own is cut off; the begin of our own first line is."""
-    (tmp_path / NAME).write_text(content, encoding="utf-8")
+    (tmp_path / LOG_NAME).write_text(content, encoding="utf-8")
     with pytest.raises(ConfigError, match="not the file of a study"):
         Log(str(tmp_path), {"solvers": []})
-    assert (tmp_path / NAME).read_text(encoding="utf-8") == content
-    (tmp_path / NAME).write_text('{"mach', encoding="utf-8")
+    assert (tmp_path / LOG_NAME).read_text(encoding="utf-8") == content
+    (tmp_path / LOG_NAME).write_text('{"mach', encoding="utf-8")
     with Log(str(tmp_path), {"solvers": []}):
-        assert json.loads((tmp_path / NAME).read_text(encoding="utf-8"))["settings"]
+        assert json.loads((tmp_path / LOG_NAME).read_text(encoding="utf-8"))["settings"]
 
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:

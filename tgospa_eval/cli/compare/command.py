@@ -8,7 +8,7 @@ from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option, option
-from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, FORMATS, QUIET
+from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS
 from tgospa_eval.cli.simulate.command import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
@@ -80,7 +80,7 @@ OUTPUT = (
         "What to print: table, json, csv, markdown or latex.",
         name="format_",
         section="Output",
-        type=click.Choice(FORMATS),
+        type=click.Choice(REPORT_FORMATS),
         default="table",
     ),
     option(
@@ -149,9 +149,11 @@ def command(
         fine = study_sizes(chosen, StudyOptions.of(options))
     else:
         if by and not chosen.output.quiet:
-            from tgospa_eval.cli.shared.streams import say
+            from tgospa_eval.cli.shared.streams import print_notice
 
-            say("by = class of the settings is left aside: compare takes all rows together")
+            print_notice(
+                "by = class of the settings is left aside: compare takes all rows together"
+            )
         fine = _compare(files, chosen)
     ctx.exit(ExitStatus.DONE if fine else ExitStatus.NOT_REACHED)
 

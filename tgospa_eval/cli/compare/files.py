@@ -8,7 +8,7 @@ from pathlib import Path
 from tgospa_eval.cli.shared.notices import about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.settings import Settings, infos
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import natural
@@ -67,7 +67,7 @@ def check_files(paths: Sequence[str]) -> None:
     for path in paths:
         place = find_place(path)
         if place is not None:
-            raise InputError(place.said)
+            raise InputError(place.message)
         if not os.path.lexists(path):
             raise InputError(f"{path or quoted(path)}: no such file")
 
@@ -135,12 +135,12 @@ class Pairs:
         self.last: tuple[str, Reading] | None = None
         self.warnings: list[dict[str, str]] = []
         if not quiet:
-            stopwatch.notify = say
+            stopwatch.notify = print_notice
         for notice in slow_notice():
             self._notify_once(notice)
 
     def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
-        """The problem of two files; `named` notices say which estimate they are about."""
+        """The problem of two files; `named` notices name the estimate they are about."""
         with self.stopwatch.span("read"):
             if self.last is None or self.last[0] != truth:
                 self.last = truth, self._read(truth, 0)

@@ -7,17 +7,11 @@ from tgospa_eval.cli.compare.files import Pairs, check_files, expand, short_name
 from tgospa_eval.cli.compare.show import show
 from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.comparison.ranking import (
-    Entrant,
-    Outcome,
-    StepCosts,
-    document,
-    outcome,
-    steps_columns,
-    steps_costs,
-)
+from tgospa_eval.comparison.entrants import Entrant, Outcome, outcome
+from tgospa_eval.comparison.ranking import document
+from tgospa_eval.comparison.steps import StepCosts, steps_columns, steps_costs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.plots.comparison import estimate_pictures
@@ -66,7 +60,7 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
             if mine
         ]
         if len(found[-1]) < len(runs):
-            say(
+            print_notice(
                 f"interrupted: {whole} of {len(runs)} runs and {len(entrants)} of {len(names)} "
                 "estimates are compared"
             )
@@ -88,9 +82,9 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
         if not made["finished"]
     ]
     for text in () if quiet else opposed(answer):
-        say(text)
+        print_notice(text)
     for path, status in unfinished:
-        say(f"accuracy not reached: {path}: {status}")
+        print_notice(f"accuracy not reached: {path}: {status}")
     return not unfinished
 
 

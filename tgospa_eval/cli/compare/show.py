@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 from tgospa_eval import plots
 from tgospa_eval.cli.shared.interrupts import undisturbed
-from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.reports.comparison import render
@@ -41,7 +41,7 @@ def show(
         if plots.available():
             pictures = plots.pictures(draw)
         elif not output.quiet:
-            say(plots.MISSING)
+            print_notice(plots.MISSING)
         files: dict[str, str | bytes] = {
             "compare.json": json_text(answer),
             "compare.csv": render(answer, "csv"),

@@ -4,7 +4,7 @@ from tgospa_eval.cli.compare.files import Pairs, check_files
 from tgospa_eval.cli.compare.show import show
 from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.runs import name_of, takes_long
 from tgospa_eval.comparison.solvers import compare_solvers, document
@@ -50,9 +50,11 @@ def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:
     answer = run(work, stopwatch, show=not quiet)
     show(answer, options.output, {}, lambda: solver_pictures(answer))
     if not answer["agree"]:
-        say("brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"])))
+        print_notice(
+            "brackets do not overlap: " + "; ".join(map(" and ".join, answer["contradictions"]))
+        )
     unfinished = [made for made in answer["runs"] if not made["finished"]]
     for made in unfinished:
         missed = "" if made["total"] is None else "accuracy not reached: "
-        say(f"{missed}{made['name']}: {made['status']}")
+        print_notice(f"{missed}{made['name']}: {made['status']}")
     return answer["agree"] and not unfinished

@@ -6,7 +6,7 @@ from tgospa_eval.cli.compare.show import show
 from tgospa_eval.cli.compare.values import CompareOptions, StudyOptions, numbers
 from tgospa_eval.cli.shared.notices import notifier, slow_notice
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate.run import settings as scene_settings
 from tgospa_eval.cli.simulate.values import SceneOptions
 from tgospa_eval.common.timing import Stopwatch
@@ -47,18 +47,18 @@ def study_sizes(options: CompareOptions, sizes: StudyOptions) -> bool:
 
         if not quiet and log is not None and log.known:
             scenes = counted(len(log.known), "scene is", "scenes are")
-            say(f"{log.path}: {scenes} there, going on")
+            print_notice(f"{log.path}: {scenes} there, going on")
         answer = run(work, stopwatch, show=not quiet)
         show(answer, options.output, {}, lambda: study_pictures(answer))
     for targets, steps, number, *pair in answer["contradictions"]:
-        say(
+        print_notice(
             f"brackets do not overlap: {' and '.join(pair)}, run {number} of {targets} targets, "
             f"{steps} steps"
         )
     made = [made for size in answer["sizes"] for made in size["solvers"]]
     late = sum(item["unfinished"] + item["failed"] for item in made)
     if late:
-        say(f"failed, or accuracy not reached: {counted(late, 'run')} of solvers")
+        print_notice(f"failed, or accuracy not reached: {counted(late, 'run')} of solvers")
     return not answer["contradictions"] and not late
 
 

@@ -14,7 +14,7 @@ MANY = 8
 
 
 class Files(Verb):
-    """Says which other verb takes one file, or more than two."""
+    """Proposes the verb that takes one file, or more than two."""
 
     def _too_few(self, ctx: click.Context, missing: click.Argument) -> str:
         text, truth = super()._too_few(ctx, missing), ctx.params.get("truth")

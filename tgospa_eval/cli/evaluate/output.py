@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tgospa_eval.cli.shared.interrupts import undisturbed
-from tgospa_eval.cli.shared.streams import emit, on_terminal, say
+from tgospa_eval.cli.shared.streams import emit, on_terminal, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.words import install
@@ -36,7 +36,7 @@ def _print(result: Summary, output: OutputOptions) -> None:
     """The result to stdout."""
     name = output.format_
     if name == "table" and on_terminal():
-        from tgospa_eval.reports.terminal import report  # here: rich is for terminals alone
+        from tgospa_eval.reports.terminal import report  # here: rich is for terminals only
 
         emit(report(result, sys.stdout.encoding or "ascii"), "colours")
     else:
@@ -51,7 +51,7 @@ def wanted_pictures(output: OutputOptions) -> "Pictures | None":
     ConfigError
         Something is wrong with them.
     """
-    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: of folders alone
+    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for folders only
 
     if output.pictures == "none":
         return None
@@ -75,14 +75,14 @@ def named_options() -> Iterator[None]:
 
 
 def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
-    """The result folder; says what is not in it for want of an extra."""
+    """The result folder; prints what is not in it for want of an extra."""
     from tgospa_eval import plots
 
     wanted = wanted_pictures(output)
     absent: list[tuple[str, str]] = []
 
-    def make(tell: Callable[[str, float], None]) -> Files:
-        tell("report.html", 0.0)
+    def make(notify: Callable[[str, float], None]) -> Files:
+        notify("report.html", 0.0)
         texts, missing = result_texts(result, names)
         absent.extend(("report.html", extra) for extra in missing)
         if wanted is None:
@@ -92,13 +92,13 @@ def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> No
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
-        return {**texts, **result_pictures(result, wanted, tell)}
+        return {**texts, **result_pictures(result, wanted, notify)}
 
     write_output(output, RESULT, make)
     if absent and not output.quiet:
         what, extras = (list(column) for column in zip(*absent, strict=True))
         single = absent == [("report.html", "report")]
-        say(
+        print_notice(
             f"{' and '.join(what)} {'is' if single else 'are'} not written: "
             f"{'it needs' if single else 'they need'} {install(*extras)}"
         )

@@ -9,7 +9,7 @@ from tgospa_eval.cli.evaluate.output import named_options, wanted_pictures
 from tgospa_eval.cli.shared.notices import Notify, about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
@@ -30,9 +30,9 @@ def evaluate_files(
     estimate: str,
     options: EvaluationOptions,
     output: OutputOptions,
-    say: Callable[[str], None] = say,
+    output_line: Callable[[str], None] = print_notice,
 ) -> tuple[Summary, bool]:
-    """Read, evaluate, and say whether the asked accuracy was reached.
+    """Read, evaluate, and report whether the asked accuracy was reached.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def evaluate_files(
         What to evaluate, and how.
     output : OutputOptions
         What to print, and where to write.
-    say : callable
+    output_line : callable
         What to do with a line for the user; by default it goes to stderr.
 
     Raises
@@ -60,9 +60,9 @@ def evaluate_files(
         probe_folder(output.output, RESULT, force=output.force, also=also)
     stopwatch = Stopwatch()
     if not output.quiet:
-        stopwatch.notify = say
+        stopwatch.notify = output_line
 
-    notify = notifier(quiet=output.quiet, say=say)
+    notify = notifier(quiet=output.quiet, output=output_line)
 
     def work() -> Summary:
         sides, fitted, request, warnings = read_sides(
@@ -87,17 +87,17 @@ def evaluate_files(
     result = run(work, stopwatch, show=not output.quiet)
     if output.verbose:
         for text in _progress(result, stopwatch):
-            say(text)
+            output_line(text)
     if result.certified and not result.finished:
         missed = np.count_nonzero(~result.traced.met(result.gap)) if result.traced else 0
         where = f"{counted(int(missed), 'step')} of the curve"
-        say(f"accuracy not reached at {where}, asked was {result.gap:g}")
+        output_line(f"accuracy not reached at {where}, asked was {result.gap:g}")
     elif not result.finished:
         asked = f", asked was {result.gap:g}" if settings.solver.proves else ""
         narrowest = ""
         if result.gap < NARROWEST:
             narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
-        say(
+        output_line(
             f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
             f"{result.relative_gap:.2g}{asked}{narrowest}"
         )
@@ -109,7 +109,7 @@ def read_sides(
 ) -> tuple[tuple[Reading, ...], Fitted, EvaluationRequest, tuple[Notice, ...]]:
     """Both files, the same on one grid, what is asked of them, and warnings.
 
-    What the user should know of them is told.
+    Notices about them go to `notify`.
 
     Raises
     ------

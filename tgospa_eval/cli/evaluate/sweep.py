@@ -14,7 +14,7 @@ from tgospa_eval.cli.shared.notices import notifier
 from tgospa_eval.cli.shared.options import OF_PICTURES
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import infos, make_settings
-from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.timing import Stopwatch
@@ -30,7 +30,7 @@ from tgospa_eval.text import quoted
 if TYPE_CHECKING:
     from tgospa_eval.plots.result_pictures import Pictures
 
-NAMES = {
+SWEPT = {
     "c": "cutoff",
     "cutoff": "cutoff",
     "p": "order",
@@ -39,7 +39,7 @@ NAMES = {
     "gamma": "switch_penalty",
     "switch-penalty": "switch_penalty",
 }
-MOST = 1000
+MOST_VALUES = 1000
 """Values of one sweep."""
 
 FORM = "NAME=FROM:TO:COUNT, NAME=FROM:TO:COUNT:log or NAME=VALUE,VALUE,..."
@@ -74,7 +74,7 @@ def sweep_files(
     """
     name, values = parse_sweep(texts)
     _check(name, options, output, typed)
-    # What is said of the files in advance is said for a value in the middle.
+    # Notices of the files are for a value in the middle.
     middle = sorted(values)[len(values) // 2]
     swept: dict[str, Any] = {name: middle}
     settings = make_settings(replace(options, by=None, **swept), output)
@@ -87,7 +87,7 @@ def sweep_files(
         probe_folder(output.output, SWEEP, force=output.force, also=also)
     stopwatch = Stopwatch()
     if not output.quiet:
-        stopwatch.notify = say
+        stopwatch.notify = print_notice
 
     def work() -> Sweep:
         notify = notifier(quiet=output.quiet)
@@ -99,11 +99,11 @@ def sweep_files(
 
     found = run(work, stopwatch, show=not output.quiet)
     if len(found.points) < len(parameters):
-        say(f"interrupted: {len(found.points)} of {len(parameters)} points are there")
+        print_notice(f"interrupted: {len(found.points)} of {len(parameters)} points are there")
     _show(found, output, wanted)
     missed = [point for point in found.points if not point.finished]
     for point in missed:
-        say(
+        print_notice(
             f"accuracy not reached at {_key(name)} {point.value:g}: solver {point.status}, the "
             f"relative gap is {point.relative_gap:.2g}"
         )
@@ -122,11 +122,11 @@ def parse_sweep(texts: tuple[str, ...]) -> tuple[str, list[float]]:
         raise ConfigError("--sweep is given twice: one parameter is swept at a time")
     text = texts[0]
     name, equals, values = (part.strip() for part in text.partition("="))
-    if not equals or name not in NAMES:
+    if not equals or name not in SWEPT:
         raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}, with NAME c, p or gamma")
     if ":" in values:
-        return NAMES[name], _range(text, values.split(":"))
-    return NAMES[name], [_number(text, part) for part in values.split(",")]
+        return SWEPT[name], _range(text, values.split(":"))
+    return SWEPT[name], [_number(text, part) for part in values.split(",")]
 
 
 def _range(text: str, parts: list[str]) -> list[float]:
@@ -138,8 +138,10 @@ def _range(text: str, parts: list[str]) -> list[float]:
         count = int(parts[2])
     except ValueError:
         count = 0
-    if not 2 <= count <= MOST:
-        raise ConfigError(f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST}")
+    if not 2 <= count <= MOST_VALUES:
+        raise ConfigError(
+            f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST_VALUES}"
+        )
     if not low < high:
         raise ConfigError(f"--sweep {quoted(text)}: FROM must be less than TO")
     if logarithmic and low <= 0:
@@ -170,7 +172,9 @@ def _check(name: str, options: EvaluationOptions, output: OutputOptions, typed: 
         They do.
     """
     if name in typed and not output.quiet:
-        say(f"--{_key(name)} {getattr(options, name):g} is passed over: --sweep says its values")
+        print_notice(
+            f"--{_key(name)} {getattr(options, name):g} is passed over: --sweep says its values"
+        )
     odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
     if odd:
         raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
@@ -182,7 +186,9 @@ def _check(name: str, options: EvaluationOptions, output: OutputOptions, typed: 
                 "--by class: --sweep takes all rows together; choose one class by --class NAME"
             )
         if not output.quiet:
-            say("by = class of the settings is left aside: --sweep takes all rows together")
+            print_notice(
+                "by = class of the settings is left aside: --sweep takes all rows together"
+            )
 
 
 def _key(name: str) -> str:
@@ -193,8 +199,8 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
     """Print, and write the folder if one was asked for."""
     document = found.to_dict()
 
-    def make(tell: Callable[[str, float], None]) -> Files:
-        tell("the sweep", 0.0)
+    def make(notify: Callable[[str, float], None]) -> Files:
+        notify("the sweep", 0.0)
         files: dict[str, str | bytes] = {
             "sweep.json": found.to_json(),
             "sweep.csv": csv_text(found.columns()),
@@ -202,7 +208,7 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
         if wanted is not None and plots.available():
             files |= plots.pictures(lambda: sweep_pictures(document), wanted.formats)
         elif wanted is not None and not output.quiet:
-            say(plots.MISSING)
+            print_notice(plots.MISSING)
         return files
 
     write_output(output, SWEEP, make)

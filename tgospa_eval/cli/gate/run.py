@@ -11,7 +11,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.cli.evaluate.run import evaluate_files
 from tgospa_eval.cli.gate.sources import KNOWN, GateOptions, Given
 from tgospa_eval.cli.shared.interrupts import heard
-from tgospa_eval.cli.shared.streams import emit, say, say_as_is
+from tgospa_eval.cli.shared.streams import emit, print_notice, print_raw
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
@@ -19,7 +19,7 @@ from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
 from tgospa_eval.gate.outcome import Outcome, Report, change, compare
 from tgospa_eval.gate.report import GATE_REPORTS
 from tgospa_eval.gate.rules import Rule, Verdict, worst
-from tgospa_eval.gate.suite import ALONE, Pair, Suite
+from tgospa_eval.gate.suite import ONLY_PAIR, Pair, Suite
 from tgospa_eval.gate.suite import load as load_suite
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.results.summary import Summary
@@ -39,7 +39,7 @@ def run_gate(given: Given, truth: str | None, estimate: str | None) -> int:
     """
     gate, output = given.gate, given.output
     if output.config and not output.quiet:
-        say(f"settings from {output.config}")
+        print_notice(f"settings from {output.config}")
     _check_junit(given, truth, estimate)
     try:
         report = _judge(given, truth, estimate)
@@ -52,13 +52,13 @@ def run_gate(given: Given, truth: str | None, estimate: str | None) -> int:
     several = gate.suite and (truth is None or estimate is None)
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
-            say((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
+            print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
     # The files first: a full disk behind stdout must not cost the report, nor hide a regression.
     status = worst((report.status, _publish(report, gate)))
     try:
         emit(GATE_REPORTS[output.format_](report), output.format_)
     except ConfigError as error:
-        say(str(error))
+        print_notice(str(error))
         status = worst((status, error.exit_status))
     return status
 
@@ -95,7 +95,7 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     if gate.update_baseline and not path:
         raise ConfigError("no baseline: name the file to make with --baseline FILE")
     old = load(path) if path else None
-    if suite.pairs[0].name == ALONE and not gate.suite and old and ALONE not in old:
+    if suite.pairs[0].name == ONLY_PAIR and not gate.suite and old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
     rules = {
         p.name: given.rules(p, baseline=bool(path)) for p in suite.pairs if not p.fault
@@ -140,7 +140,7 @@ def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
         source = given.context.get_parameter_source("suite")
         if path and source is ParameterSource.COMMANDLINE:
             raise ConfigError("give TRUTH ESTIMATE or --suite, not both")
-        return Suite(pairs=(Pair(name=ALONE, truth=truth, estimate=estimate),), baseline=None)
+        return Suite(pairs=(Pair(name=ONLY_PAIR, truth=truth, estimate=estimate),), baseline=None)
     if truth is not None or not path:
         name = "TRUTH" if truth is None else "ESTIMATE"
         raise ConfigError(
@@ -161,10 +161,10 @@ def _evaluate(
         pair.estimate,
         chosen.options,
         output,
-        lambda text: say(prefix + text),
+        lambda text: print_notice(prefix + text),
     )
     if heard():
-        say(f"{prefix}{result.claim}, {result.proven}; nothing is judged")
+        print_notice(f"{prefix}{result.claim}, {result.proven}; nothing is judged")
         raise KeyboardInterrupt
     return result, given.recorded(chosen, result, path, finished=finished)
 
@@ -200,10 +200,10 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
         begin = time.monotonic()
         before = old.get(pair.name)
         try:
-            result, kept = _evaluate(given, pair, before, path)
+            result, recorded = _evaluate(given, pair, before, path)
         except TgospaError as error:
             raise type(error)(f"{given.gate.prefix(pair)}{error}") from None
-        entry = new[pair.name] = make_entry(result, kept)
+        entry = new[pair.name] = make_entry(result, recorded)
         outcome = replace(
             Outcome.of(pair, Verdict.UPDATED, *_notes(before, entry, result)),
             changes=change(before, entry),
@@ -243,16 +243,16 @@ def _publish(report: Report, gate: GateOptions) -> int:
         try:
             write_file(gate.junit, junit(report), "--junit")
         except ConfigError as error:
-            say(str(error))
+            print_notice(str(error))
             status = error.exit_status
     if gate.github:
         from tgospa_eval.gate.github import annotations, append_summary
 
         for line in annotations(report):
-            say_as_is(line)
+            print_raw(line)
         try:
             append_summary(report, os.environ.get("GITHUB_STEP_SUMMARY"))
         except ConfigError as error:
-            say(str(error))
+            print_notice(str(error))
             status = error.exit_status
     return status

@@ -23,7 +23,7 @@ KNOWN = {item.key: item.is_flag for item in EVALUATION}
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
-RULES = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
+RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
 
 ACCURACY_KEYS = tuple(name.replace("_", "-") for name in ACCURACY)
@@ -159,7 +159,7 @@ class Given:
             One is wrong; or there is no baseline, and they are not all absolute limits.
         """
         found: list[Rule] = []
-        for key, name in RULES.items():
+        for key, name in RULE_PARAMETERS.items():
             own = [part for text in getattr(self.gate, name) for part in split_rules(text)]
             suite = [
                 part for text in pair.rules.get(key, ()) for part in split_rules(text) or [text]

@@ -11,7 +11,7 @@ from tgospa_eval.cli.shared.notices import about, notifier
 from tgospa_eval.cli.shared.particles import reduction
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
-from tgospa_eval.cli.shared.streams import emit, say
+from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Effort, Reduction
@@ -190,7 +190,7 @@ def _read(
 def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:
     stopwatch = Stopwatch()
     if not options["quiet"]:
-        stopwatch.notify = say
+        stopwatch.notify = print_notice
     effort = Effort(jobs=options["jobs"], stopwatch=stopwatch)
     return run(lambda: work(effort), stopwatch, show=not options["quiet"])
 

@@ -130,7 +130,7 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
 
 
 def unit_notices(unit: str | None) -> Iterator[Notice]:
-    """A warning where states in pixels are said to have another unit."""
+    """A warning where the unit of states in pixels is given as another one."""
     if (unit or "").casefold() in METRES:
         yield Notice(
             code="unit-label",

@@ -33,7 +33,7 @@ NEEDED = {
 }
 """The distance that a section is for."""
 
-WORDS = {
+VERB_WORDS = {
     "evaluate": "eval score metric measure compute calculate run plot draw report sweep curve",
     "gate": "check test baseline regression assert ci",
     "inspect": "info show view look head describe summary summarise validate lint stats",
@@ -44,7 +44,7 @@ WORDS = {
 }
 """What people type for a verb."""
 
-OPTIONS = {
+OPTION_WORDS = {
     "--format json": "json",
     "--format csv": "csv",
     "--format markdown": "markdown md",
@@ -72,9 +72,9 @@ LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
 
 
 class Verb(click.Command):
-    """A command with its options in sections, and messages that say what to type."""
+    """A command with its options in sections, and messages with what to type."""
 
-    allow_extra_args = True  # to say more of them than click does
+    allow_extra_args = True  # messages of ours are longer than those of click
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options below the headings of their sections."""
@@ -91,7 +91,7 @@ class Verb(click.Command):
                     formatter.write_dl(records, col_max=28)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse; `help` alone is --help.
+        """Parse; a lone `help` is --help.
 
         Raises
         ------
@@ -132,7 +132,9 @@ class Verb(click.Command):
     def _by_another_name(self, text: str) -> str | None:
         """The option, with its value, that is called otherwise in other programs."""
         bare = text.lstrip("-")
-        typed = next((typed for typed, others in OPTIONS.items() if bare in others.split()), "")
+        typed = next(
+            (typed for typed, others in OPTION_WORDS.items() if bare in others.split()), ""
+        )
         name, _, value = typed.partition(" ")
         for item in self.params:
             if isinstance(item, click.Option) and name in item.opts:
@@ -184,9 +186,9 @@ def meant_verb(word: str) -> str | None:
     if not LIKE_A_VERB.fullmatch(word) or os.path.lexists(word):
         return None
     word = word.lower()
-    for verb, others in WORDS.items():
+    for verb, others in VERB_WORDS.items():
         if word in others.split():
             return verb
     from difflib import get_close_matches  # here: most command lines are right
 
-    return next(iter(get_close_matches(word, WORDS, 1, 0.8)), None)
+    return next(iter(get_close_matches(word, VERB_WORDS, 1, 0.8)), None)

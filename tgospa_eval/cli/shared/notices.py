@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 from tgospa_eval.cli.shared.distance import notices, unit_notices
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
@@ -16,12 +16,12 @@ Notify = Callable[[Notice], None]
 """What to do with a notice, or a warning."""
 
 
-def notifier(*, quiet: bool, say: Callable[[str], None] = say) -> Notify:
+def notifier(*, quiet: bool, output: Callable[[str], None] = print_notice) -> Notify:
     """Prints notices, and warnings even where the user wants quiet."""
 
     def notify(notice: Notice) -> None:
         if notice.code or not quiet:
-            say(str(notice))
+            output(str(notice))
 
     return notify
 
@@ -45,7 +45,7 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
 def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> Iterator[Notice]:
     """What the user should know of the choice of the distance, and of the two files together.
 
-    `pixels` says whether places of one of them are in pixels.
+    `pixels`: whether places of one of them are in pixels.
     """
     aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
     yield from notices(distance, aligned.truth.columns, parameters.cutoff)
@@ -66,7 +66,7 @@ def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> 
 
 
 def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
-    """What states without covariance mean; the two say whether a side has none."""
+    """What states without covariance mean; the two: whether a side has none."""
     if truth and estimate:
         yield "neither side has covariances: gaussian-wasserstein is the euclidean distance"
     elif truth:

@@ -74,7 +74,7 @@ class Option(click.Option):
         return names, text.replace(f"({self.show_default})", self.show_default)
 
     def get_help_extra(self, ctx: click.Context) -> "OptionHelpExtra":
-        """Without ranges, which the texts say in words."""
+        """Without ranges, which the texts have in words."""
         extra = super().get_help_extra(ctx)
         extra.pop("range", None)
         return extra

@@ -21,7 +21,7 @@ DISTANCES = (
 )
 SOLVERS = ("certified", "exact", "sinkhorn")
 GRIDS = ("union", "truth", "estimate", "common")
-FORMATS = ("table", "json", "csv", "markdown", "latex")
+REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
 FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti", "npz")
 
 _metric = partial(option, section="Metric")
@@ -84,7 +84,7 @@ METRIC = (
     ),
 )
 
-FILES = (
+FILE_OPTIONS = (
     _files(
         "--columns NAMES",
         "State columns, in order: x,y. NAME=HEADER says what a column is called in the files: "
@@ -199,7 +199,7 @@ SOLVER = (
 
 UNIT = _output("--unit TEXT", "Unit of the states, printed beside values: m. No number changes.")
 
-EVALUATION = (*METRIC, *FILES, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
+EVALUATION = (*METRIC, *FILE_OPTIONS, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
 
 CONFIG_FILE = Option(
     "--config FILE",
@@ -215,7 +215,7 @@ QUIET = _general("-q, --quiet", "Print no notices; warnings stay.")
 
 VERBOSE = _general("-v, --verbose", "Print stages and their times on stderr.")
 
-PICTURES = (
+PICTURE_OPTIONS = (
     _output(
         "--pictures FORMATS",
         "Formats of the pictures of -o: png, svg, pdf, several with commas; or none.",
@@ -246,7 +246,7 @@ OUTPUT = (
         "--format FORMAT",
         "What to print: table, json, csv (the costs of each step), markdown or latex.",
         name="format_",
-        type=click.Choice(FORMATS),
+        type=click.Choice(REPORT_FORMATS),
         default="table",
     ),
     _output(
@@ -254,14 +254,14 @@ OUTPUT = (
         "Write result.json, CSV tables, report.html and pictures to this folder.",
         type=PATH,
     ),
-    *PICTURES,
+    *PICTURE_OPTIONS,
     _output("--force", "Write into a folder with other files in it."),
     CONFIG_FILE,
     QUIET,
     VERBOSE,
 )
 
-OF_PICTURES = tuple(item.key for item in PICTURES)
+OF_PICTURES = tuple(item.key for item in PICTURE_OPTIONS)
 
 GATE = (
     _gate(

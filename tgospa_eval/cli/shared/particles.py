@@ -9,8 +9,8 @@ from tgospa_eval.errors import ConfigError, InputError
 if TYPE_CHECKING:
     from tgospa_eval.distances import CloudWasserstein, Reduction
 
-REDUCTION = ("reduce_method", "directions", "iterations", "restarts", "polish", "seed")
-NAMES = ("cloud_order", "inner", "inner_cov", "reduce", *REDUCTION, "no_gating")
+REDUCTION_NAMES = ("reduce_method", "directions", "iterations", "restarts", "polish", "seed")
+CLOUD_OPTIONS = ("cloud_order", "inner", "inner_cov", "reduce", *REDUCTION_NAMES, "no_gating")
 
 ITERATED = ("sliced", "recursive", "atl", "kmeans")
 USED_BY = {
@@ -25,7 +25,7 @@ USED_BY = {
 
 def given_particles(options: EvaluationOptions) -> Iterator[str]:
     """Options of clouds that were given, as they are spelt."""
-    yield from (_spelt(name) for name in NAMES if getattr(options, name))
+    yield from (_spelt(name) for name in CLOUD_OPTIONS if getattr(options, name))
 
 
 def reduction(options: EvaluationOptions, size: int | None) -> "Reduction | None":
@@ -38,7 +38,9 @@ def reduction(options: EvaluationOptions, size: int | None) -> "Reduction | None
     """
     from tgospa_eval.distances import Reduction  # here, as below: most states are no clouds
 
-    given = {name: value for name in REDUCTION if (value := getattr(options, name)) is not None}
+    given = {
+        name: value for name in REDUCTION_NAMES if (value := getattr(options, name)) is not None
+    }
     if size is None:
         if given:
             raise ConfigError(f"--{_spelt(next(iter(given)))} is for --reduce N, which is missing")

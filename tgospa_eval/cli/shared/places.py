@@ -18,10 +18,10 @@ ASIDE = {"det", "img1", "seqmaps"}
 DEEP = 4
 """Folders are looked into so far: train/MOT17-02/gt/gt.txt."""
 
-MOST = 10_000
+FILES_SEEN = 10_000
 """Files that are looked at."""
 
-LISTED = 3
+FILES_SHOWN = 3
 SHAPES = 20
 SPELT = 8
 """Sequences up to which a loop names them."""
@@ -29,11 +29,11 @@ SPELT = 8
 
 @dataclass(frozen=True)
 class Place:
-    """A folder or a pattern, the files that it stands for below `folder`, and what to say."""
+    """A folder or a pattern, the files that it stands for below `folder`, and the message."""
 
     folder: str
     files: tuple[str, ...]
-    said: str
+    message: str
 
 
 def check_places(paths: Sequence[str]) -> None:
@@ -46,19 +46,19 @@ def check_places(paths: Sequence[str]) -> None:
     """
     places = [find_place(path) for path in paths]
     if any(places):
-        said = [
-            f"{path}: no such file" if place is None else place.said
+        messages = [
+            f"{path}: no such file" if place is None else place.message
             for path, place in zip(paths, places, strict=True)
             if place is not None or not os.path.lexists(path)
         ]
-        raise InputError(*said, *_advice(paths, places))
+        raise InputError(*messages, *_advice(paths, places))
 
 
 def find_place(path: str) -> Place | None:
     """What is at a path, unless it is a file or nothing."""
     if os.path.isdir(path):
         files = tuple(_files(path))
-        inside = f"in it: {listed(files, LISTED)}" if files else "no table is in it"
+        inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
         return Place(path, files, f"{path}: is a folder, not a file; {inside}")
     if not glob.has_magic(path) or os.path.lexists(path):
         return None
@@ -66,10 +66,12 @@ def find_place(path: str) -> Place | None:
     found = sorted(name for name in glob.glob(path) if os.path.isfile(name))
     if found:
         files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in found)
-        said = f"{path}: is a pattern, not a file; it fits {listed(found, LISTED)}"
-        return Place(folder, files, said)
+        message = f"{path}: is a pattern, not a file; it fits {listed(found, FILES_SHOWN)}"
+        return Place(folder, files, message)
     files = tuple(_files(folder or "."))
-    inside = f"{folder or 'this folder'} has {listed(files, LISTED)}" if files else "there is none"
+    inside = (
+        f"{folder or 'this folder'} has {listed(files, FILES_SHOWN)}" if files else "there is none"
+    )
     return Place(folder, files, f"{path}: no file fits this pattern; {inside}")
 
 
@@ -86,7 +88,7 @@ def _files(folder: str) -> Iterator[str]:
         for name in sorted(files):
             if name.casefold().endswith(SUFFIXES):
                 yield name if inner == "." else f"{inner}/{name}"
-        if count > MOST:
+        if count > FILES_SEEN:
             return
 
 
@@ -107,7 +109,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
     truth, estimate = (found[shape] for found, shape in zip(shapes, best, strict=True))
     names = [name for name in truth if name in estimate and truth[name] != estimate[name]]
     if not names:
-        # One each: no names are needed to tell what belongs together.
+        # One each: no names are needed to see what belongs together.
         files = [{path for group in found.values() for path in group.values()} for found in shapes]
         if all(len(found) == 1 for found in files) and files[0] != files[1]:
             yield _type(*(found.pop() for found in files))
@@ -147,7 +149,7 @@ def _loop(names: list[str], truth: str, estimate: str) -> Iterator[str]:
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
-    """Paths by what they have in common and what tells them apart: gt/{}/gt/gt.txt, MOT17-02."""
+    """Paths by what they have in common and what differs: gt/{}/gt/gt.txt, MOT17-02."""
     folder, files = place
     found: dict[str, dict[str, str]] = {}
     for file in files:

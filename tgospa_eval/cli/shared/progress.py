@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TypeVar
 
 from tgospa_eval.cli.shared.interrupts import answering
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.progress import Progress, Task
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.text import visible
@@ -27,13 +27,13 @@ STAGES = {
     "report": "reporting",
     "curve": "solving the steps up to each",
 }
-PATIENCE = 2.0
+SILENT = 2.0
 """Seconds before anything is shown."""
 
-WIDTH = 79
+LINE_WIDTH = 79
 """Of a line, which must not wrap."""
 
-FEWEST, MOST = 5, 9
+LEAST_DIGITS, MOST_DIGITS = 5, 9
 """Digits of a bound."""
 
 FIRST, SELDOM = 10.0, 600.0
@@ -42,7 +42,7 @@ each comes when twice as much time has passed."""
 
 
 LONG, NEAR = 10.0, 0.01
-"""Seconds, and relative difference of the bounds, from which on to stop is worth a thought."""
+"""Seconds, and relative difference of the bounds, from which on stopping may be of use."""
 
 ADVICE = (
     "the bounds are within 1 % of each other: Ctrl-C stops with them; --gap and --time-limit do so "
@@ -53,7 +53,7 @@ ADVICE = (
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     """Do the work; after two seconds show how far it is.
 
-    Where it is stoppable, the first Ctrl-C tells it to stop, and its result is returned.
+    Where it is stoppable, the first Ctrl-C asks it to stop, and its result is returned.
     """
     progress = stopwatch.progress = Progress(watched=True)
 
@@ -63,23 +63,23 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
         progress.stop.set()
         return True
 
-    told = False
+    announced = False
 
-    def tell() -> None:
+    def announce() -> None:
         display.clear()
         if show:
-            say("stopping: what is proven so far follows; Ctrl-C again ends at once")
+            print_notice("stopping: what is proven so far follows; Ctrl-C again ends at once")
 
     with answering(take), Display(stopwatch) as display:
         task = Task(work)
         while not task.wait(0.1):
-            if progress.stop.is_set() and not told:
-                told = True
-                tell()
-            elif show and not told:
+            if progress.stop.is_set() and not announced:
+                announced = True
+                announce()
+            elif show and not announced:
                 display.update()
-        if progress.stop.is_set() and not told:
-            tell()
+        if progress.stop.is_set() and not announced:
+            announce()
     return task.answer()
 
 
@@ -89,7 +89,7 @@ class Display:
     def __init__(self, stopwatch: Stopwatch) -> None:
         self.stopwatch, self.begin = stopwatch, time.monotonic()
         self.lively = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-        self.next = PATIENCE if self.lively else FIRST
+        self.next = SILENT if self.lively else FIRST
         self.shown = self.advised = False
 
     def __enter__(self) -> "Display":
@@ -104,21 +104,21 @@ class Display:
         if seconds >= LONG and not self.advised and _is_near(self.stopwatch.progress):
             self.advised = True
             self.clear()
-            say(ADVICE)
+            print_notice(ADVICE)
         if seconds < self.next:
             return
         text = visible(line(self.stopwatch, seconds))
         if not self.lively:
-            say(text)
+            print_notice(text)
             self.next += min(self.next, SELDOM)
             return
-        self._write(f"\r{text[:WIDTH]:<{WIDTH}}")
+        self._write(f"\r{text[:LINE_WIDTH]:<{LINE_WIDTH}}")
         self.shown = True
 
     def clear(self) -> None:
         """Leave nothing on a terminal."""
         if self.shown:
-            self._write(f"\r{'':<{WIDTH}}\r")
+            self._write(f"\r{'':<{LINE_WIDTH}}\r")
             self.shown = False
 
     def _write(self, text: str) -> None:
@@ -132,10 +132,10 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
     progress = stopwatch.progress
     stage, name = STAGES.get(stopwatch.stage, stopwatch.stage) or "working", progress.name
     bounds = [] if progress.bracket is None else [bracket(*progress.bracket)]
-    told = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
+    parts = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
     if progress.share > 0:
-        told.append(f"{100 * progress.share:.0f} % done")
-    return ", ".join((*told, f"{_span(seconds)} so far"))
+        parts.append(f"{100 * progress.share:.0f} % done")
+    return ", ".join((*parts, f"{_span(seconds)} so far"))
 
 
 def _is_near(progress: Progress) -> bool:
@@ -145,10 +145,12 @@ def _is_near(progress: Progress) -> bool:
 
 
 def bracket(lower: float, upper: float) -> str:
-    """The bounds in as many digits as tell them apart, rounded outward."""
-    digits = FEWEST
+    """The bounds in as many digits as distinguish them, rounded outward."""
+    digits = LEAST_DIGITS
     if 0 < lower < upper < math.inf:
-        digits = min(max(FEWEST, 2 + math.floor(math.log10(upper / (upper - lower)))), MOST)
+        digits = min(
+            max(LEAST_DIGITS, 2 + math.floor(math.log10(upper / (upper - lower)))), MOST_DIGITS
+        )
     return (
         f"{_rounded(lower, digits, math.floor)} <= TGOSPA <= {_rounded(upper, digits, math.ceil)}"
     )

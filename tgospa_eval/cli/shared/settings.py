@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
@@ -88,7 +88,7 @@ class Settings:
         sides, faults = [], []
         for side, (path, role) in enumerate(zip(paths, roles, strict=False)):
             try:
-                sides.append(self.read_side(path, side, role, alone=len(paths) == 1))
+                sides.append(self.read_side(path, side, role, single=len(paths) == 1))
             except (InputError, ConfigError) as error:
                 faults.append(error)
         if faults:
@@ -96,15 +96,15 @@ class Settings:
         self.check(tuple(sides), paths)
         return tuple(sides)
 
-    def read_side(self, path: str, side: int, role: str, *, alone: bool = False) -> Reading:
-        """One file, the first or second; `alone`: there is no other.
+    def read_side(self, path: str, side: int, role: str, *, single: bool = False) -> Reading:
+        """One file, the first or second; `single`: there is no other.
 
         Raises
         ------
         InputError
-            It is wrong.
+            The file cannot be read, or has a row that is wrong.
         """
-        options = replace(self.each[side], option="--columns") if alone else self.each[side]
+        options = replace(self.each[side], option="--columns") if single else self.each[side]
         return read(path, options, role, self.formats[side])
 
     def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
@@ -185,7 +185,7 @@ class Settings:
 
 
 def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
-    """What the result says of both files."""
+    """What the result records of both files."""
     truth, estimate = (
         FileInfo(rows=side.rows, format=side.format, left_out=side.left_out) for side in sides
     )
@@ -203,7 +203,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         The file of a covariance is missing or wrong.
     """
     if output.config and not output.quiet:
-        say(f"settings from {output.config}")
+        print_notice(f"settings from {output.config}")
     measure = DistanceOptions(options)
     reading = ReadOptions(
         decimal=options.decimal,

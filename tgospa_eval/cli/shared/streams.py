@@ -18,25 +18,25 @@ from tgospa_eval.text import visible, visible_lines
 CI = ("CI", "GITHUB_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
 """Set where stdout is a log that is searched for commands."""
 
-NARROWEST = 20
+NARROW_TERMINAL = 20
 """Columns of a terminal in which wrapping helps."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-"""What the system says where nothing can be written to a file that is open."""
+"""Errors of the system where nothing can be written to a file that is open."""
 
 
-def say(text: str) -> None:
+def print_notice(text: str) -> None:
     """Print a notice, a line on stderr; a terminal gets it wrapped."""
-    say_as_is(_wrapped(visible(text)))
+    print_raw(_wrapped(visible(text)))
 
 
-def say_lines(text: str) -> None:
+def print_notices(text: str) -> None:
     """Print lines to stderr, as they are ours."""
-    say_as_is("\n".join(map(_wrapped, visible_lines(text).split("\n"))))
+    print_raw("\n".join(map(_wrapped, visible_lines(text).split("\n"))))
 
 
 def stderr_width() -> int:
-    """Columns of the terminal that stderr is; 0 if it is none, or does not tell."""
+    """Columns of the terminal that stderr is; 0 if it is none, or does not answer."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns
     except (OSError, ValueError, AttributeError):
@@ -46,16 +46,16 @@ def stderr_width() -> int:
 def _wrapped(line: str) -> str:
     """A line in the width of a terminal; one that is indented is laid out already."""
     width = stderr_width()
-    if not NARROWEST <= width < len(line) or line[0].isspace():
+    if not NARROW_TERMINAL <= width < len(line) or line[0].isspace():
         return line
-    import textwrap  # here: most of what is said fits, or goes to a file
+    import textwrap  # here: most lines fit, or go to a file
 
     return textwrap.fill(
         line, width, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False
     )
 
 
-def say_as_is(text: str) -> None:
+def print_raw(text: str) -> None:
     """Print to stderr what nothing has to be escaped in; that stderr is gone changes nothing."""
     with suppress(OSError, ValueError):
         click.echo(text, err=True)
@@ -114,14 +114,14 @@ def check_written(error: OSError) -> None:
     Raises
     ------
     ConfigError
-        It is.
+        Nothing could be written to stdout: `FULL` has the reasons.
     """
     if error.filename is None and error.errno in FULL:
         raise _lost(error) from None
 
 
 def on_terminal() -> bool:
-    """Whether someone looks at stdout; `FORCE_COLOR` says so too, as in the logs of CI."""
+    """Whether someone looks at stdout; `FORCE_COLOR` also, as in the logs of CI."""
     if sys.stdout is None or os.environ.get("TERM") == "dumb":
         return False
     return sys.stdout.isatty() or bool(os.environ.get("FORCE_COLOR"))

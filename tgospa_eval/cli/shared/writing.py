@@ -1,10 +1,10 @@
-"""The folder of ``-o``: made in a thread, written at once, told of."""
+"""The folder of ``-o``: made in a thread, written at once, announced."""
 
 from collections.abc import Callable, Mapping
 
 from tgospa_eval.cli.shared.interrupts import heard, undisturbed
 from tgospa_eval.cli.shared.progress import run
-from tgospa_eval.cli.shared.streams import say
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.reports.folders import Kind, write_texts
@@ -20,7 +20,7 @@ def write_output(
     Parameters
     ----------
     output : OutputOptions
-        Where to write, and how much to say.
+        Where to write, and what to print.
     kind : Kind
         What the folder holds.
     make : callable
@@ -36,12 +36,12 @@ def write_output(
         return
     files = None if heard() else _made(output, make)
     if files is None:
-        say(f"interrupted: nothing is written to {folder}")
+        print_notice(f"interrupted: nothing is written to {folder}")
         return
     with undisturbed():
         written = write_texts(files, folder, kind, force=output.force)
     if not output.quiet:
-        say(str(written))
+        print_notice(str(written))
 
 
 def _made(
@@ -51,11 +51,11 @@ def _made(
     stopwatch = Stopwatch()
     stopwatch.stage = "report"
 
-    def tell(name: str, share: float) -> None:
+    def notify(name: str, share: float) -> None:
         stopwatch.stage = f"drawing {name}"
         stopwatch.progress.done(share)
 
     try:
-        return run(lambda: make(tell), stopwatch, show=not output.quiet)
+        return run(lambda: make(notify), stopwatch, show=not output.quiet)
     except KeyboardInterrupt:  # what is known is printed all the same
         return None

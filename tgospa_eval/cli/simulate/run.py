@@ -25,7 +25,7 @@ OPTION = "DIR"
 
 
 def make_scene(folder: str, options: SceneOptions) -> None:
-    """Make a scene, write it, say so on stdout.
+    """Make a scene, write it, print what was made.
 
     Raises
     ------

@@ -16,7 +16,7 @@ FIRST_ALIASES = {
     "t": ("t", "time", "timestamp", "frame", "step"),
     "weight": ("weight", "w"),
 }
-"""Aliases in the order in which they are taken, before all others: case alone does not matter."""
+"""Aliases in the order in which they are taken, before all others: case does not matter."""
 
 COORDINATE = (
     "{0} pos_{0} {0}_pos position_{0} {0}_position {0}_coord coord_{0} {0}_coordinate "
@@ -92,7 +92,7 @@ HINTS = {
 """Parts of headers that may be meant, from the most telling on."""
 
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
-"""What tells the two headers of a position apart."""
+"""In what the two headers of a position differ."""
 
 SCORE = re.compile(r"conf|score|prob|likelihood|exist|certainty|quality|class|category")
 """In headers of what is shared by many objects, and so no id."""
@@ -204,7 +204,7 @@ class Headers:
 
     def nearest(self, header: str) -> str | None:
         """The header that is most like one that is not there."""
-        from difflib import get_close_matches  # here: of mistakes alone
+        from difflib import get_close_matches  # here: for mistakes only
 
         alike = {_joined(name): name for name in reversed(self.names)}
         found = get_close_matches(_joined(header), alike, n=1)
@@ -293,7 +293,7 @@ def _is_fraction(sample: Sequence[str]) -> bool:
 
 def _likely(name: str, free: dict[int, str]) -> int | None:
     """A header with a part that hints at the column, or one that is spelt nearly so."""
-    from difflib import get_close_matches  # here: of mistakes alone
+    from difflib import get_close_matches  # here: for mistakes only
 
     for hint in HINTS.get(name, ()):
         for k, key in free.items():

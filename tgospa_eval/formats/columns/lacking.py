@@ -1,4 +1,4 @@
-"""What to say of headers that a table lacks."""
+"""Messages about headers that a table lacks."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ DETECTIONS = "rows without ids are detections, and TGOSPA compares tracks"
 
 
 def without_maps(headers: Headers, options: ReadOptions) -> dict[str, str]:
-    """Take back what is mapped to headers that another file may have; what to say if none has.
+    """Take back what is mapped to headers that another file may have; the message if none has.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def absent(
     states: dict[str, Mix | None],
     sample: Sequence[str],
 ) -> str:
-    """What to say of columns that are missing, with what to type."""
+    """The message about columns that are missing, with what to type."""
     missing = [name for name, found in zip(("id", "t"), needed, strict=True) if found is None]
     missing += [name for name, mix in states.items() if mix is None] if states else ["position"]
     lost = f"{headers.where}: no column for {listed(missing)} (found: {headers.shown})"
@@ -72,7 +72,7 @@ def absent(
 
 
 def no_class(headers: Headers, options: ReadOptions, *, fixed: bool) -> str:
-    """What to say where there are no classes."""
+    """The message where there are no classes."""
     option = "--class" if options.classes is not None else "--by class"
     remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
     return (

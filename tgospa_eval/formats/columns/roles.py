@@ -55,7 +55,7 @@ class Roles:
     passed : tuple of str
         Notices about headers that may be ids or times as well, and about the decimal mark.
     lacking : dict of str to str
-        Of the columns that another file may have: those that this one lacks, and what to say if
+        Of the columns that another file may have: those that this one lacks, and the message if
         every file does.
     """
 
@@ -103,7 +103,7 @@ class Roles:
     def notices(self, *, clouds: bool) -> Iterator[str]:
         """Columns that are passed over, and what becomes of covariances.
 
-        `clouds` says whether rows are particles: weights are for them alone, covariances are not.
+        `clouds`: whether rows are particles; weights are for them only, covariances are not.
         """
         for name, column in ({} if self.fixed else self._places()).items():
             if name in self.lacking:
@@ -227,7 +227,7 @@ def find_roles(
 
 
 class _Mixes:
-    """Quantities of a table: columns, or what edges and sizes of boxes say of them.
+    """Quantities of a table: columns, or what follows from edges and sizes of boxes.
 
     Headers that are the very name go before aliases, and both before those looked at last.
     """
@@ -286,7 +286,7 @@ def _region(mixes: _Mixes, states: Sequence[str], options: ReadOptions) -> dict[
 def _class_column(
     headers: Headers, options: ReadOptions, lacking: dict[str, str], *, fixed: bool
 ) -> int | None:
-    """Column of the classes, if they are asked for; what to say if every file lacks it."""
+    """Column of the classes, if they are asked for; the message if every file lacks it."""
     if options.classes is None and not options.by_class:
         return None
     klass = headers.find("class")
@@ -355,7 +355,7 @@ def _default_states(
 
 
 def _check_names(names: list[str], where: str) -> None:
-    """Whether these are the headers of columns that can be told apart."""
+    """Whether these are the headers of columns that are distinct."""
     if 2 * sum(map(is_number, names)) > len(names):
         raise InputError(
             f"{where}: numbers where the header should be; begin with id,t,x,y, or name the format "

@@ -117,7 +117,7 @@ class Cells:
     row : (R,) int array
         Row of the file of each.
     where : callable
-        Says where a row of the file is, and what it is about.
+        Where a row of the file is, and what it is about.
     """
 
     values: dict[int, Floats]
@@ -134,7 +134,7 @@ class Cells:
 def covariances_of(
     cells: Cells, spread: Spread, *, missing: str, fix: bool
 ) -> tuple[Floats, list[Notice]]:
-    """Lower triangles (R, d (d + 1) / 2) of the rows, and what to say of them.
+    """Lower triangles (R, d (d + 1) / 2) of the rows, and what the user should know of them.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Large and regular files of text through the C parser of pandas.
 
 A quick way only: whatever is not plainly right (a quote inside a field, blank lines, a row too
-short, a text that is no number) is left to the reader of the format, which says what is wrong and
-where.
+short, a text that is no number) is left to the reader of the format, which reports what is wrong
+and where.
 """
 
 import warnings
@@ -63,7 +63,7 @@ class Layout:
 
 
 class IrregularError(Exception):
-    """The file is not plainly right; its reader says what is wrong, if anything."""
+    """The file is not plainly right; its reader reports what is wrong, if anything."""
 
 
 def read_bulk(
@@ -92,16 +92,16 @@ def read_bulk(
     name_id : callable
         Text of an id to its name.
     """
-    kept = tuple(dict.fromkeys((*texts, *(() if roles.klass is None else (roles.klass,)))))
-    used = [roles.id, roles.time, *roles.numbers, *kept]
+    text_columns = tuple(dict.fromkeys((*texts, *(() if roles.klass is None else (roles.klass,)))))
+    used = [roles.id, roles.time, *roles.numbers, *text_columns]
     if len(set(used)) < len(used) or not Path(layout.path).is_file():
         return None
     try:
         start = _first_byte(data, layout)
         if not _is_plain(data, start, layout):
             return None
-        columns = _columns(data, start, layout, roles, decimal, kept)
-        coded = {column: _coded(columns.pop(column)) for column in kept}
+        columns = _columns(data, start, layout, roles, decimal, text_columns)
+        coded = {column: _coded(columns.pop(column)) for column in text_columns}
         if _in_doubt(columns, coded, layout, roles) and not is_regular(
             data, start, layout.delimiter, layout.width
         ):
@@ -132,13 +132,13 @@ def _first_byte(data: bytes, layout: Layout) -> int:
     start = 0
     for _ in range(layout.first - 1):
         start = data.find(b"\n", start) + 1
-    if (layout.first > 1 and start == 0) or start == len(data):  # a header alone
+    if (layout.first > 1 and start == 0) or start == len(data):  # only a header
         raise IrregularError
     return start
 
 
 def _columns(
-    data: bytes, start: int, layout: Layout, roles: Roles, decimal: str, kept: Sequence[int]
+    data: bytes, start: int, layout: Layout, roles: Roles, decimal: str, text_columns: Sequence[int]
 ) -> Columns:
     """All rows, with numbered columns: ids as integers where these are their very texts."""
     stop = data.find(b"\n", start)
@@ -146,7 +146,7 @@ def _columns(
     # pandas drops one empty field too many in the first row.
     if first_row.count(layout.delimiter.encode()) != layout.width - 1:
         raise IrregularError
-    kinds: dict[int, type | str] = dict.fromkeys(kept, object)
+    kinds: dict[int, type | str] = dict.fromkeys(text_columns, object)
     kinds |= dict.fromkeys(roles.numbers, "float64")
     moment = first_row.decode("utf-8", "replace").split(layout.delimiter)[roles.time]
     if not is_number(moment.strip().strip('"'), decimal):
@@ -169,7 +169,7 @@ def _columns(
 
 
 def _in_doubt(columns: Columns, coded: dict[int, Coded], layout: Layout, roles: Roles) -> bool:
-    """Whether a row may have had too many or too few fields: the delimiters tell.
+    """Whether a row may have had too many or too few fields: as the delimiters show.
 
     With all columns in use a row that is too long makes the parser fail, and one that is too short
     has no last field: NaN in a number, "" in a text; ids and times that are blank are refused.
@@ -245,7 +245,7 @@ def _is_plainly_quoted(data: bytes, start: int, delimiter: str) -> bool:
 
 
 def _is_plainly_separated(data: bytes, delimiter: str) -> bool:
-    """Whether lines without a header are split by their delimiter alone, and end in no other."""
+    """Whether lines without a header are split by their delimiter only, and end in no other."""
     if not data.isascii() or any(blank in data for blank in ODD_BLANKS):
         return False
     if delimiter == " " and (

@@ -33,7 +33,7 @@ COMPRESSED = {
 
 @dataclass(frozen=True, kw_only=True)
 class Places:
-    """Says where something is."""
+    """Where something is, for messages."""
 
     path: str
     lines: Sequence[int]
@@ -71,7 +71,7 @@ def load(path: str, most: int = SETTINGS) -> bytes:
 
 
 def _is_endless(path: str) -> bool:
-    """Whether it is a device such as /dev/zero; a terminal ends when its user says so."""
+    """Whether it is a device such as /dev/zero; a terminal ends when its user ends it."""
     mode = os.stat(path).st_mode
     if stat.S_ISBLK(mode):
         return True
@@ -147,7 +147,7 @@ def convert(
 ) -> tuple[Rows, dict[int, Coded], Places]:
     """The rows of blocks of texts; all mistakes in one error.
 
-    A block is turned into numbers before the next one is asked for: texts of numbers are not kept,
+    A block is turned into numbers before the next one is asked for: texts of numbers are not held,
     of others each distinct one.
 
     Parameters
@@ -259,7 +259,7 @@ def coded_times(column: Coded, decimal: str) -> Times:
     try:
         times = parse_times(column.distinct, to_floats)
     except TimeError:
-        return parse_times(list(column), to_floats)  # which says the row, and how many there are
+        return parse_times(list(column), to_floats)  # its error has the row, and their number
     text = None if times.text is None else column
     return Times(value=times.value[column.code], clock=times.clock, text=text)
 
@@ -314,7 +314,7 @@ class Numbers:
 
     @property
     def mistakes(self) -> Iterator[tuple[int, str]]:
-        """The first row of each kind of mistake, and what to say of it."""
+        """The first row of each kind of mistake, and its message."""
         for what in ("not a number", "infinite"):
             if what in self.wrong:
                 row, text, count = self.wrong[what]

@@ -71,7 +71,7 @@ def _flags(texts: Coded, places: Places) -> Floats:
     """Column 7 as numbers."""
     values, wrong = numbers([text.strip() for text in texts.distinct], ".")
     if wrong:
-        _, wrong = numbers([text.strip() for text in texts], ".")  # says the row, and how many
+        _, wrong = numbers([text.strip() for text in texts], ".")  # with the row, and how many
         row, message = wrong[0]
         raise InputError(f"{places.field(row, FLAG_FIELD)}: {message}")
     return values[texts.code]

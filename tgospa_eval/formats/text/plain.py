@@ -53,7 +53,7 @@ def read_plain(
     path, data
         The file.
     options : ReadOptions
-        Decimal marks are points whatever they say.
+        Decimal marks are points whatever the options are.
     form : PlainForm
         What the format is like.
     given : bool
@@ -83,7 +83,7 @@ def read_plain(
     place = f"{path}, line {first}"
     names = form.header(split(line) if line else ["0"] * form.empty, place)
     roles = replace(find_roles(names, options, place, fixed=True), unused=())
-    kept = [names.index(name) for name in texts if name in names]
+    wanted = [names.index(name) for name in texts if name in names]
     if quick is not None:
         layout = bulk.Layout(
             path=path,
@@ -92,7 +92,7 @@ def read_plain(
             width=len(names),
             header=False,
         )
-        found = bulk.read_bulk(data, layout, roles, ".", texts=kept, name_id=_plain_id)
+        found = bulk.read_bulk(data, layout, roles, ".", texts=wanted, name_id=_plain_id)
         if found is not None:
             rows, coded = found
             lines = range(1, len(rows.numbers) + 1)
@@ -100,7 +100,7 @@ def read_plain(
         text = decode(data, path)
     del data
     blocks = _blocks(text, split, len(names), path, first)
-    return convert(blocks, roles, ".", path, names, texts=kept, name_id=_plain_id)
+    return convert(blocks, roles, ".", path, names, texts=wanted, name_id=_plain_id)
 
 
 def _first_of_many(data: bytes) -> str | None:
@@ -109,8 +109,8 @@ def _first_of_many(data: bytes) -> str | None:
         return None
     line = data[: data.find(b"\n") + 1]
     # A return anywhere but before its end is the end of a line.
-    alone = b"\r" in line.removesuffix(b"\n").removesuffix(b"\r")
-    return line.decode() if line.strip() and not alone else None
+    has_return = b"\r" in line.removesuffix(b"\n").removesuffix(b"\r")
+    return line.decode() if line.strip() and not has_return else None
 
 
 def _first_line(text: str) -> tuple[int, str]:

@@ -117,7 +117,7 @@ def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[
         return roles, asked
     lines = itertools.islice(io.StringIO(text), ROWS_OF_BLOCK)
     certain = False
-    with suppress(csv.Error):  # told of when all rows are read
+    with suppress(csv.Error):  # an error when all rows are read
         for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
             for field in (row[k].strip() for k in columns if k < len(row)):
                 if DECIMAL.fullmatch(field):
@@ -126,8 +126,8 @@ def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[
                     certain |= not GROUPED_NUMBER.fullmatch(field)
     if not certain:
         return roles, asked
-    said = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
-    return replace(roles, passed=(*roles.passed, said)), other
+    notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"
+    return replace(roles, passed=(*roles.passed, notice)), other
 
 
 def tokenise(
