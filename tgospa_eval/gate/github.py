@@ -83,10 +83,10 @@ def summary(report: Report, room: int) -> bytes:
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
     room -= len(CUT.encode())
-    lines = []
+    shown = []
     for line in lines:
         room -= len(line)
         if room < 0:
             break
-        lines.append(line)
-    return b"".join((*lines, CUT.encode())) if lines else b""
+        shown.append(line)
+    return b"".join((*shown, CUT.encode())) if shown else b""
