@@ -40,6 +40,11 @@ def clipped(text: str, most: int = CLIPPED_LENGTH) -> str:
     return shown if len(shown) <= most else f"{shown[: most - 3]}..."
 
 
+def ending(text: str, most: int) -> str:
+    """The end of the text, in which names and paths differ, with dots for what is left out."""
+    return text if len(text) <= most else f"...{text[len(text) - most + 3 :]}"
+
+
 def quoted(text: object) -> str:
     """A text in quotes, as messages show what they were given: visible, at most 60 characters."""
     return f'"{clipped(str(text))}"'

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.outcome import Outcome, Report
-from tgospa_eval.gate.report import markdown_lines, title
+from tgospa_eval.gate.report import github_lines, title
 from tgospa_eval.reports.escape import workflow_data, workflow_property
 from tgospa_eval.text import clipped, visible
 
@@ -79,7 +79,7 @@ def append_summary(report: Report, path: str | None) -> None:
 
 def summary(report: Report, room: int) -> bytes:
     """The Markdown report in at most so many bytes."""
-    lines = [f"{line}\n".encode() for line in (*markdown_lines(report), "")]
+    lines = [f"{line}\n".encode() for line in (*github_lines(report), "")]
     if sum(map(len, lines)) <= room:
         return b"".join(lines)
     room -= len(CUT.encode())

@@ -1,23 +1,24 @@
 """What a gate found: a table of 80 columns, JSON, Markdown for a pull request."""
 
 import math
-import textwrap
 from collections.abc import Iterator
-from typing import Any
+from textwrap import TextWrapper
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.gate.outcome import Outcome, Report
 from tgospa_eval.gate.rules import Finding, Verdict
 from tgospa_eval.gate.suite import ONLY_PAIR
 from tgospa_eval.reports import escape
-from tgospa_eval.reports.console import WIDTH
 from tgospa_eval.reports.escape import markdown_code
-from tgospa_eval.results.records import json_text as document_text
-from tgospa_eval.text import visible
+from tgospa_eval.reports.tables import WIDTH, Row, Table, markdown_lines, text_lines
+from tgospa_eval.results.records import Json, json_text
+from tgospa_eval.text import ending, visible
 
 SCHEMA = "tgospa-eval/gate/1"
-PAIR, RULE, NUMBER = 16, 20, 11
-"""Widths of columns."""
+WIDTHS = (16, 20, 11, 11, 11, 0)
+"""Of the columns: pair, rule, three numbers, verdict."""
+
+ADVICE = "To make the whole baseline anew, if that is right"
 
 
 def title(outcome: Outcome) -> str:
@@ -35,25 +36,24 @@ def headline(report: Report) -> str:
 def table(report: Report) -> str:
     """The rules of all pairs, then notes about them."""
     updated = report.verdict is Verdict.UPDATED
-    rows = [_head(*(("value", "old", "new", "") if updated else ("rule", *LIMITS)))]
-    for outcome in report.outcomes:
-        rows += list(_changes(outcome) if updated else _findings(outcome))
+    cells = _changes if updated else _findings
+    rows = [row for outcome in report.outcomes for row in cells(outcome)]
+    head = ("pair", "value", "old", "new") if updated else ("pair", "rule", *LIMITS)
+    lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=WIDTHS), "")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
-        rows += ["", f"* {SPLIT}"]
+        lines += ["", f"* {SPLIT}"]
+    wrapped = TextWrapper(WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    wrapped.break_long_words = False
     notes = [
         line
         for outcome in report.outcomes
         for note in outcome.notes
         if outcome.verdict is not Verdict.ERROR  # that is on stderr
-        for line in textwrap.wrap(
-            visible(f"{title(outcome)}: {note}"), WIDTH, subsequent_indent="  ",
-            break_on_hyphens=False, break_long_words=False,
-        )
-    ]  # fmt: skip
-    advice = ["To make the whole baseline anew, if that is right:", f"  {visible(report.advice)}"]
-    blocks = [
-        [headline(report)], rows if len(rows) > 1 else [], notes, advice if report.advice else [],
-    ]  # fmt: skip
+        for line in wrapped.wrap(visible(f"{title(outcome)}: {note}"))
+    ]
+    blocks = [[headline(report)], lines if len(lines) > 1 else [], notes]
+    if report.advice:
+        blocks.append([f"{ADVICE}:", f"  {visible(report.advice)}"])
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
@@ -63,37 +63,20 @@ SPLIT = "the reported split, not proven: where optima tie, another has the same 
 LIMITS = ("baseline", "limit", "now")
 
 
-def _head(name: str, *columns: str) -> str:
-    return (f"{'pair':<{PAIR}}{name:<{RULE}}" + _numbers(*columns)).rstrip()
+def _named(outcome: Outcome, k: int, rule: str) -> tuple[str, str]:
+    """The pair, in its first row, and a rule, as far as their columns hold them."""
+    pair = "" if k else ending(visible(title(outcome)), WIDTHS[0] - 1)
+    return pair, ending(visible(rule), WIDTHS[1] - 1)
 
 
-def _numbers(*columns: str) -> str:
-    return "".join(f"{column:>{NUMBER}}" for column in columns)
-
-
-def _row(pair: str, rule: str, *columns: str) -> str:
-    return (f"{_fit(pair, PAIR)}{_fit(rule, RULE)}" + _numbers(*columns)).rstrip()
-
-
-def _fit(text: str, width: int) -> str:
-    """The end of a text, in which names differ, in its column."""
-    text = visible(text)
-    return f"{text if len(text) < width else '...' + text[4 - width :]:<{width}}"
-
-
-def _findings(outcome: Outcome) -> Iterator[str]:
+def _findings(outcome: Outcome) -> Iterator[Row]:
     if not outcome.findings:
-        yield f"{_fit(title(outcome), PAIR)}{outcome.verdict}"
+        yield _named(outcome, 0, outcome.verdict)
     for k, finding in enumerate(outcome.findings):
         rule = finding.rule.text + ("" if finding.now.proven else " *")
         base = "-" if finding.base is None or finding.rule.maximum else number_of(finding.base)
-        yield (
-            _row(
-                "" if k else title(outcome), rule, base, number_of(finding.limit),
-                number_of(deciding(finding)),
-            )
-            + f" {shown_verdict(finding)}"
-        )  # fmt: skip
+        limit, now = number_of(finding.limit), number_of(deciding(finding))
+        yield *_named(outcome, k, rule), base, limit, now, f" {shown_verdict(finding)}"
 
 
 def shown_verdict(finding: Finding) -> str:
@@ -106,10 +89,10 @@ def deciding(finding: Finding) -> float:
     return finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
 
 
-def _changes(outcome: Outcome) -> Iterator[str]:
+def _changes(outcome: Outcome) -> Iterator[Row]:
     for k, one in enumerate(outcome.changes):
         old, new = ("-" if value is None else number_of(value) for value in (one.old, one.new))
-        yield _row("" if k else title(outcome), one.path, old, new)
+        yield *_named(outcome, k, one.path), old, new
 
 
 def number_of(value: float) -> str:
@@ -117,10 +100,10 @@ def number_of(value: float) -> str:
     if math.isnan(value):
         return "-"
     text = number(value, 7)
-    return text if len(text) < NUMBER else f"{value:.4g}"
+    return text if len(text) < WIDTHS[2] else f"{value:.4g}"
 
 
-def json_text(report: Report) -> str:
+def json_report(report: Report) -> str:
     """The report with sorted keys, never NaN or Infinity."""
     document = {
         "schema": SCHEMA,
@@ -131,10 +114,10 @@ def json_text(report: Report) -> str:
         "update": report.advice,
         "pairs": [_pair(outcome) for outcome in report.outcomes],
     }
-    return document_text(document)
+    return json_text(document)
 
 
-def _pair(outcome: Outcome) -> dict[str, Any]:
+def _pair(outcome: Outcome) -> Json:
     return {
         "name": outcome.name,
         "truth": outcome.truth,
@@ -149,7 +132,7 @@ def _pair(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _finding(finding: Finding) -> Json:
     return {
         "rule": finding.rule.text,
         "warns": finding.rule.warns,
@@ -171,52 +154,48 @@ def _finite(value: float) -> float | None:
 
 def markdown(report: Report) -> str:
     """A table for a pull request."""
-    return "\n".join(markdown_lines(report)) + "\n"
+    return "\n".join(github_lines(report)) + "\n"
 
 
-def markdown_lines(report: Report) -> Iterator[str]:
+def github_lines(report: Report) -> Iterator[str]:
     """The lines of the Markdown report, the verdict first."""
-    yield f"**TGOSPA {headline(report)}**"
-    yield ""
+    yield from (f"**TGOSPA {headline(report)}**", "")
     updated = report.verdict is Verdict.UPDATED
+    rows = [row for outcome in report.outcomes for row in _cells(outcome, updated=updated)]
     if updated:
-        yield from ("| pair | value | old | new |", "|---|---|---:|---:|")
+        found = Table(head=("pair", "value", "old", "new"), rows=rows, align="llrr")
     else:
-        yield "| pair | rule | baseline | limit | now | verdict |"
-        yield "|---|---|---:|---:|---:|---|"
-    for outcome in report.outcomes:
-        yield from _cells(outcome, updated=updated)
-    yield ""
+        found = Table(head=("pair", "rule", *LIMITS, "verdict"), rows=rows, align="llrrrl")
+    yield from (*markdown_lines(found, escape=str), "")
     for outcome in report.outcomes:
         for note in (*outcome.notes, *map(str, outcome.warnings)):
             yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
     if report.advice:
-        yield f"\nTo make the whole baseline anew, if that is right: {markdown_code(report.advice)}"
+        yield f"\n{ADVICE}: {markdown_code(report.advice)}"
 
 
-def _cells(outcome: Outcome, *, updated: bool) -> Iterator[str]:
+def _cells(outcome: Outcome, *, updated: bool) -> Iterator[Row]:
+    """Rows of the table, in Markdown already."""
     name = markdown_code(title(outcome))
     if updated:
         for one in outcome.changes:
             old, new = ("" if v is None else number(v, 7) for v in (one.old, one.new))
-            yield f"| {name} | {markdown_code(one.path)} | {old} | {new} |"
+            yield name, markdown_code(one.path), old, new
         return
     if not outcome.findings:
-        yield f"| {name} | | | | | **{outcome.verdict}** |"
+        yield name, *[None] * 4, f"**{outcome.verdict}**"
     for finding in outcome.findings:
         base = "" if finding.base is None or finding.rule.maximum else number(finding.base, 7)
         mark = "" if finding.now.proven else ", split, not proven"
         verdict = shown_verdict(finding)
         shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
-        yield (
-            f"| {name} | {markdown_code(finding.rule.text)} | {base} | {_cell(finding.limit)} | "
-            f"{_cell(deciding(finding))} | {shown}{mark} |"
-        )
+        limit, now = _cell(finding.limit), _cell(deciding(finding))
+        yield name, markdown_code(finding.rule.text), base, limit, now, f"{shown}{mark}"
 
 
 def _cell(value: float) -> str:
     return "" if math.isnan(value) else number(value, 7)
 
 
-GATE_REPORTS = {"table": table, "json": json_text, "markdown": markdown}
+GATE_REPORTS = {"table": table, "json": json_report, "markdown": markdown}
 """What ``--format`` of the gate prints, by name."""

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from tgospa_eval.common.words import counted
-from tgospa_eval.text import visible
+from tgospa_eval.reports.tables import Table, text_lines
 
 Columns = dict[str, list[Any]]
 Json = dict[str, Any]
@@ -60,27 +60,15 @@ def reduction_text(document: Json) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _columns(header: Sequence[str], rows: list[tuple[Any, ...]]) -> list[str]:
+def _columns(head: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
     """Aligned columns; of many rows the first ones."""
-    if not rows:
-        return []
-    cells = [tuple(header), *(tuple(map(_cell, row)) for row in rows[:ROWS])]
-    width = [max(len(row[k]) for row in cells) for k in range(len(header))]
-    lines = [
-        "  ".join(
-            [
-                row[0].ljust(width[0]),
-                *(cell.rjust(w) for cell, w in zip(row[1:], width[1:], strict=True)),
-            ]
-        ).rstrip()
-        for row in cells
-    ]
-    if len(rows) > ROWS:
-        lines.append(f"and {len(rows) - ROWS} more; all of them: --format csv")
-    return lines
+    table = Table(head=head, rows=[list(map(_cell, row)) for row in rows[:ROWS]])
+    lines = text_lines(table, "") if rows else []
+    rest = len(rows) - ROWS
+    return [*lines, f"and {rest} more; all of them: --format csv"] if rest > 0 else lines
 
 
 def _cell(value: object) -> str:
     if value is None:
         return "-"
-    return f"{value:.6g}" if isinstance(value, float) else visible(str(value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,6 +1,5 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-import textwrap
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -8,11 +7,11 @@ import numpy as np
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.words import counted
+from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.text import clipped, visible
+from tgospa_eval.text import visible
 
-WIDTH = 80
 SHOWN = 5
 COUNTED = {
     "missed": ("object-step without estimate", "object-steps without estimate"),
@@ -50,7 +49,7 @@ def headline(result: Summary) -> str:
 
 
 def _headline(result: Summary) -> Iterator[str]:
-    yield from _wrap(headline(result), "")
+    yield from wrap(headline(result), "")
     sizes = result.sizes
     yield (
         f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
@@ -86,7 +85,7 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
 
 def _meaning(result: Summary) -> Iterator[str]:
     for name, words in meaning(result):
-        yield from _wrap(f"  {name:<5} = {words}")
+        yield from wrap(f"  {name:<5} = {words}", " " * 10)
 
 
 def _power(value: float, order: float) -> str:
@@ -96,35 +95,32 @@ def _power(value: float, order: float) -> str:
         return "more than 1e308"
 
 
-def _wrap(text: str, indent: str = " " * 10) -> list[str]:
-    return textwrap.wrap(visible(text), WIDTH, subsequent_indent=indent)
-
-
 def _parts(result: Summary) -> Iterator[str]:
-    total = result.total
-    yield f"  {'part':<14}{'cost':>12}{'share':>9}{'count':>10}"
+    total, rows = result.total, list[Row]()
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
-        share = result.share(cost)
         note = COUNTED[name][count != "1"] if name in COUNTED else ""
-        yield f"  {name:<14}{number(cost):>12}{share:>9}{count:>10}  {note}".rstrip()
+        rows.append((name, number(cost), result.share(cost), count, f"  {note}"))
         if name == "localisation" and result.split is not None:
-            for part, half in zip(("means", "spread"), result.split, strict=True):
-                yield f"    {part:<12}{number(half):>12}{result.share(half):>9}"
-    of = "= TGOSPA^p" if result.certified else "= upper bound^p: another may cost less"
-    yield f"  {'total':<14}{number(total):>12}{result.share(total):>9}{'':>10}  {of}"
+            halves = zip(("  means", "  spread"), result.split, strict=True)
+            rows += [(part, number(half), result.share(half)) for part, half in halves]
+    of = "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
+    rows.append(("total", number(total), result.share(total), "", of))
+    head, widths = ("part", "cost", "share", "count"), (14, 12, 9, 10, 0)
+    yield from text_lines(Table(head=head, rows=rows, align="lrrrl", widths=widths))
 
 
 def _classes(result: Summary) -> Iterator[str]:
     classes = result.per_class_table()
     if not classes:
         return
-    names = ("TGOSPA", "total", "local.", "missed", "false", "switch")
-    yield f"  {'class':<15}" + "".join(f"{name:>10}" for name in names)
-    for name, *values in zip(*classes.values(), strict=True):
-        numbers = "".join(f"{number(value, 5):>10}" for value in values)
-        yield f"  {clip(name or '(blank)')[:14]:<15}{numbers}"
+    head = ("class", "TGOSPA", "total", "local.", "missed", "false", "switch")
+    rows = [
+        (clip(name or "(blank)")[:14], *(number(value, 5) for value in values))
+        for name, *values in zip(*classes.values(), strict=True)
+    ]
+    yield from text_lines(Table(head=head, rows=rows, widths=(15, *[10] * 6)))
 
 
 def _scale(result: Summary) -> Iterator[str]:
@@ -145,23 +141,19 @@ def _curve(result: Summary) -> Iterator[str]:
         return
     met, size = traced.met(result.gap), len(table["t"])
     known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
-    yield from _wrap(
-        f"TGOSPA per step of the steps up to each of {size}, {known}; its parts are costs per step"
-    )
+    title = f"TGOSPA per step of the steps up to each of {size}, {known}"
+    yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
     times = fitting([table["t"][k] for k in shown], 19)
     first = max(13, *map(len, times))
     each = 13 if first == 13 else 11  # so that long stamps have their place
-    widths = (first, 13, 13, each, each, each)
-    yield "  " + _row(("up to t", "TGOSPA", *PARTS), widths)
+    rows = []
     for k, time in zip(shown, times, strict=True):
         value = ("" if met[k] else "<= ") + number(table["tgospa"][k], 5)
-        yield "  " + _row((time, value, *(number(table[name][k], 5) for name in PARTS)), widths)
-
-
-def _row(cells: Iterable[str], widths: Iterable[int]) -> str:
-    return "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+        rows.append((time, value, *(number(table[name][k], 5) for name in PARTS)))
+    head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
+    yield from text_lines(Table(head=head, rows=rows, align="rrrrrr", widths=widths))
 
 
 def fitting(texts: Iterable[Any], width: int) -> list[str]:
@@ -197,16 +189,17 @@ def _switches(result: Summary) -> Iterator[str]:
     if not count:
         return
     times = fitting(switches["t"][:SHOWN], 22)
-    wide = max(10, *map(len, times))
-    yield f"  switches{'':<9}{'t':>{wide}}  truth: from -> to"
+    rows: list[Row] = []
     for k, time in enumerate(times):
-        before, after = (_name(switches[key][k]) for key in ("from", "to"))
+        ends = (switches[key][k] for key in ("from", "to"))
+        before, after = ("none" if end is None else str(end) for end in ends)
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        move = f"{switches['truth'][k]}: {before} -> {after}{half}"
-        yield clip(f"  {'':<17}{time:>{wide}}  {move}")
+        rows.append(("", time, f"  {switches['truth'][k]}: {before} -> {after}{half}"))
     if count > SHOWN:
-        yield f"  {'':<17}{'':>{wide}}  and {count - SHOWN} more (--format json, or -o DIR)"
+        rows.append(("", "", f"  and {count - SHOWN} more (--format json, or -o DIR)"))
+    head, widths = ("switches", "t", "  truth: from -> to"), (17, max(10, *map(len, times)), 0)
+    yield from map(clip, text_lines(Table(head=head, rows=rows, align="lrl", widths=widths)))
 
 
 def _footer(result: Summary) -> Iterator[str]:
@@ -220,12 +213,3 @@ def _footer(result: Summary) -> Iterator[str]:
     parts = "  ".join(f"{name} {seconds:.3f}" for name, seconds in spent.items())
     yield clip(f"  solver           {result.solver['name']}: {result.solver['status']}")
     yield clip(f"  seconds          {parts}")
-
-
-def clip(line: str, width: int = WIDTH) -> str:
-    """The line, visible and cut to a width."""
-    return clipped(line, width)
-
-
-def _name(value: Any) -> str:
-    return "none" if value is None else str(value)

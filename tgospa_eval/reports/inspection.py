@@ -3,13 +3,14 @@
 import math
 import textwrap
 from collections.abc import Iterator
+from itertools import zip_longest
 from typing import Any
 
 from tgospa_eval.common.figures import number, shortest
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both
-from tgospa_eval.reports.console import WIDTH, clip
-from tgospa_eval.text import visible
+from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
+from tgospa_eval.text import ending, visible
 
 Json = dict[str, Any]
 Row = tuple[str, list[str]]
@@ -50,23 +51,23 @@ def _columns(rows: list[Row]) -> list[str]:
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
     if sum(widths) > room:
         widths = [room] if count == 1 else [CELL] * count
-    lines = []
+    lines: list[tuple[str, ...]] = []
     for name, cells in rows:
         parts = [
             textwrap.wrap(cell, width, break_on_hyphens=False) or [""]
             for cell, width in zip(cells, widths, strict=True)
         ]
-        for k in range(max(map(len, parts))):
-            shown = [part[k] if k < len(part) else "" for part in parts]
-            line = "  ".join(f"{text:<{width}}" for text, width in zip(shown, widths, strict=True))
-            lines.append(f"{clip('' if k else name, NAME):<{NAME}} {line}".rstrip())
-    return lines
+        lines += zip_longest([clip(name, NAME)], *parts, fillvalue="")
+    wide = (NAME + 1, *(width + 2 for width in widths))
+    return text_lines(
+        Table(head=lines[0], rows=lines[1:], align="lll"[: len(wide)], widths=wide), ""
+    )
 
 
 def _files(files: list[Json]) -> Iterator[Row]:
     """A row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
-    yield "file", [_tail(file["path"]) for file in files]
+    yield "file", [ending(file["path"], CELL) for file in files]
     yield "format", [file["format"] for file in files]
     if any(file["headers"] for file in files):
         yield "headers", [_headers(file["headers"]) for file in files]
@@ -135,8 +136,9 @@ def _both(both: Json, parameters: Json) -> Iterator[str]:
     yield ""
     yield f"distance from a truth to the nearest estimate of its step, {truths}"
     quantiles = nearest["quantiles"]
-    yield "  share of truths" + "".join(f"{f'{q} %':>11}" for q in quantiles)
-    yield "  distance up to " + "".join(f"{_number(value):>11}" for value in quantiles.values())
+    head = ("share of truths", *(f"{q} %" for q in quantiles))
+    row = ("distance up to", *map(_number, quantiles.values()))
+    yield from text_lines(Table(head=head, rows=[row], widths=(15, *[11] * len(quantiles))))
     share = 100 * nearest["within_cutoff"]
     cutoff = f"{nearest['cutoff']:g} {unit}".strip()
     yield f"  nearer than the cutoff c = {cutoff}: {share:.1f} %"
@@ -192,11 +194,6 @@ def _moment(value: Any) -> str:
         return "-" if value is None else str(value)
     exact, short = repr(value), f"{value:.14g}"
     return short if len(short) < len(exact) - 3 else exact
-
-
-def _tail(path: str) -> str:
-    """The end of a path, in which files differ."""
-    return path if len(path) <= CELL else "..." + path[3 - CELL :]
 
 
 def _wrap(text: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.reports.records import Metric
 
 EXACT = 1e-9
@@ -51,8 +52,3 @@ def parameters_of(parameters: Metric) -> str:
         f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
         f"gamma = {parameters['switch_penalty']:g}{unit}, {parameters['distance']}"
     )
-
-
-def counted(number: int, word: str) -> str:
-    """How many there are."""
-    return f"{number:,} {word}" + ("" if number == 1 else "s")

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.words import counted
 from tgospa_eval.reports.phrases import (
     RANK,
     SPLIT,
     STUDY,
-    counted,
     parameters_of,
     unit_of,
 )

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from typing import Literal
 
+from tgospa_eval.common.words import counted
 from tgospa_eval.reports.phrases import (
     EXACT,
     SPLIT,
-    counted,
     error_of,
     number,
     parameters_of,

@@ -1,37 +1,58 @@
 """Tables with words around them, as plain text, Markdown or LaTeX. Knows no metric."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from tgospa_eval.reports.console import WIDTH, clip
 from tgospa_eval.reports.escape import latex, latex_comment, markdown
-from tgospa_eval.text import visible
+from tgospa_eval.text import clipped, ending, visible
+
+WIDTH = 80
+"""Columns of a terminal."""
 
 INDENT = "  "
 LEAST, MOST = 12, 44
 """Columns that the first cell keeps in a terminal, however wide the others are, and that it takes
 to differ from others."""
 
+DASHES = {"l": "---", "r": "---:"}
+"""How Markdown says where the cells of a column stand."""
+
+Row = Sequence[str | None]
+"""Cells that are formatted already; None is none at all."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """One table; the first column is text, the others numbers that are formatted already.
+    """One table.
 
     Parameters
     ----------
     head : sequence of str
         Names of the columns.
-    rows : sequence of sequences of str
-        As many cells each.
+    rows : sequence of rows
+        As many cells each, or fewer.
+    align : str
+        ``l`` or ``r`` for each column; by default the first is text, the others are numbers.
+    widths : sequence of int
+        Of the columns in plain text, with the blanks between them; by default as they need.
     bold : frozenset of (int, int)
         Cells, by row and column, that stand out in Markdown and LaTeX.
+    ruled : tuple of int
+        Rows below a line, in LaTeX.
     """
 
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
+    head: Row
+    rows: Sequence[Row]
+    align: str = ""
+    widths: Sequence[int] = ()
     bold: frozenset[tuple[int, int]] = frozenset()
+    ruled: tuple[int, ...] = ()
+
+    @property
+    def sides(self) -> str:
+        """``l`` or ``r`` for each column."""
+        return self.align or "l".ljust(len(self.head), "r")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,12 +85,12 @@ class Document:
 
 def as_text(document: Document) -> str:
     """For a terminal, 80 columns."""
-    blocks = [_wrap(document.kind, "")] if document.kind else []
+    blocks = [wrap(document.kind, "")] if document.kind else []
     blocks.append(
-        [*_wrap(document.title, ""), *(part for line in document.lines for part in _wrap(line))]
+        [*wrap(document.title, ""), *(part for line in document.lines for part in wrap(line))]
     )
-    blocks += [_text_table(table) for table in document.tables]
-    blocks.append([part for line in document.notes for part in _wrap(line)])
+    blocks += [_fitted(table) for table in document.tables]
+    blocks.append([part for line in document.notes for part in wrap(line)])
     return "\n\n".join("\n".join(map(clip, block)) for block in blocks if block) + "\n"
 
 
@@ -77,14 +98,7 @@ def as_markdown(document: Document) -> str:
     """For a pull request or a lab book."""
     blocks = [markdown(document.kind)] if document.kind else []
     blocks += [f"**{markdown(document.title)}**", *map(markdown, document.lines)]
-    for table in document.tables:
-        lines = [_pipes(map(markdown, table.head))]
-        lines.append(_pipes(["---", *["---:"] * (len(table.head) - 1)]))
-        for k, row in enumerate(table.rows):
-            cells = map(markdown, row)
-            bold = [(k, at) in table.bold and bool(cell) for at, cell in enumerate(row)]
-            lines.append(_pipes(f"**{c}**" if b else c for c, b in zip(cells, bold, strict=True)))
-        blocks.append("\n".join(lines))
+    blocks += ["\n".join(markdown_lines(table, " ")) for table in document.tables]
     blocks += [f"> {markdown(line)}" for line in document.warnings]
     if document.notes:
         blocks.append("\n".join(f"- {markdown(line)}" for line in document.notes))
@@ -93,64 +107,87 @@ def as_markdown(document: Document) -> str:
 
 def as_latex(document: Document) -> str:
     """Tables of the package booktabs; the words are comments."""
-    words = [
-        *filter(None, [document.kind]),
-        document.title,
-        *document.warnings,
-        *document.lines,
-        *document.notes,
+    words = [document.title, *document.warnings, *document.lines, *document.notes]
+    lines = list(map(latex_comment, [document.kind, *words] if document.kind else words))
+    lines += [line for table in document.tables for line in latex_lines(table)]
+    return "\n".join(lines) + "\n"
+
+
+def text_lines(table: Table, indent: str = INDENT) -> list[str]:
+    """Rows for a terminal, in columns as wide as was said, or as their widest cells."""
+    rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
+    widths = table.widths or [width + 2 * (k > 0) for k, width in enumerate(_widths(rows))]
+    signs = ["<" if side == "l" else ">" for side in table.sides]
+    forms = [f"{sign}{width}" for sign, width in zip(signs, widths, strict=True)]
+    cells = (map(format, row, forms) for row in rows)
+    return [f"{indent}{''.join(line)}".rstrip() for line in cells]
+
+
+def markdown_lines(
+    table: Table, blank: str = "", escape: Callable[[str], str] = markdown
+) -> list[str]:
+    """Rows between bars; `blank` is beside the dashes, `escape` is for cells that are words."""
+    rows = [
+        "|" + "".join(" |" if cell is None else f" {cell} |" for cell in row)
+        for row in _cells(table, escape, "**{}**")
     ]
-    blocks = ["\n".join(map(latex_comment, words))]
-    for table in document.tables:
-        lines = [rf"\begin{{tabular}}{{l{'r' * (len(table.head) - 1)}}}", r"\toprule"]
-        lines += [_ampersands(map(latex, table.head)), r"\midrule"]
-        for k, row in enumerate(table.rows):
-            cells = map(latex, row)
-            bold = [(k, at) in table.bold for at in range(len(row))]
-            lines.append(
-                _ampersands(
-                    rf"\textbf{{{c}}}" if b else c for c, b in zip(cells, bold, strict=True)
-                )
-            )
-        blocks.append("\n".join([*lines, r"\bottomrule", r"\end{tabular}"]))
-    return "\n".join(blocks) + "\n"
+    dashes = "|".join(f"{blank}{DASHES[side]}{blank}" for side in table.sides)
+    return [rows[0], f"|{dashes}|", *rows[1:]]
 
 
-def _wrap(text: str, indent: str = INDENT) -> list[str]:
+def latex_lines(table: Table) -> Iterator[str]:
+    """The table by the package booktabs."""
+    yield rf"\begin{{tabular}}{{{table.sides}}}"
+    yield r"\toprule"
+    for k, cells in enumerate(_cells(table, latex, r"\textbf{{{}}}"), start=-1):
+        if k in table.ruled:
+            yield r"\midrule"
+        row = " &".join("" if cell is None else f" {cell}" for cell in cells)[1:]
+        # After the end of a row LaTeX takes a bracket or a star for a setting of that.
+        yield f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
+        if k < 0:
+            yield r"\midrule"
+    yield r"\bottomrule"
+    yield r"\end{tabular}"
+
+
+def _cells(table: Table, escape: Callable[[str], str], bold: str) -> Iterator[Row]:
+    """Head and rows in the words of a language, all of one length."""
+    for k, row in enumerate((table.head, *table.rows), start=-1):
+        forms = (bold if (k, at) in table.bold else "{}" for at in range(len(row)))
+        cells = [cell and form.format(escape(cell)) for cell, form in zip(row, forms, strict=True)]
+        yield cells + [None] * (len(table.head) - len(row))
+
+
+def clip(line: str, width: int = WIDTH) -> str:
+    """The line, visible and cut to a width."""
+    return clipped(line, width)
+
+
+def wrap(text: str, indent: str = INDENT) -> list[str]:
+    """The text, visible, on lines; all but the first are indented."""
     return textwrap.wrap(visible(text), WIDTH, subsequent_indent=indent) or [""]
 
 
-def _pipes(cells: Any) -> str:
-    return f"| {' | '.join(cells)} |"
+def _widths(rows: Sequence[Sequence[str]]) -> list[int]:
+    return [max(map(len, column)) for column in zip(*rows, strict=True)]
 
 
-def _ampersands(cells: Any) -> str:
-    row = " & ".join(cells)
-    # After the end of a row LaTeX takes a bracket or a star for a setting of that.
-    return f"{'{}' if row.startswith(('[', '*')) else ''}{row} \\\\"
-
-
-def _text_table(table: Table) -> list[str]:
+def _fitted(table: Table) -> list[str]:
     """Columns as wide as they need.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
     place even then goes on below, with the first column again.
     """
-    rows = [[visible(cell) for cell in row] for row in (table.head, *table.rows)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(table.head))]
+    rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
+    widths = _widths(rows)
     first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))
     lines: list[str] = []
     for columns in _that_fit(widths, WIDTH - len(INDENT) - first):
-        lines += [""] if lines else []
-        lines += [
-            (
-                INDENT
-                + _short(row[0], first).ljust(first)
-                + "".join(f"  {row[k]:>{widths[k]}}" for k in columns)
-            ).rstrip()
-            for row in rows
-        ]
-    return lines
+        head, *found = [[_short(row[0], first), *(row[k] for k in columns)] for row in rows]
+        wide = (first, *(widths[k] + 2 for k in columns))
+        lines += ["", *text_lines(Table(head=head, rows=found, widths=wide))]
+    return lines[1:]
 
 
 def _first_width(texts: list[str], others: int) -> int:
@@ -179,7 +216,5 @@ def _that_fit(widths: list[int], room: int) -> list[list[int]]:
 
 def _short(text: str, width: int) -> str:
     """The end of a name that is too long: paths differ there. A heading "vs NAME" keeps its vs."""
-    if len(text) <= width:
-        return text
     begin = "vs " if text.startswith("vs ") else ""
-    return f"{begin}..." + text[len(text) - width + len(begin) + 3 :]
+    return begin + ending(text[len(begin) :], width - len(begin))

@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.text import Text
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.reports.console import SHOWN, WIDTH, blocks, clip, fitting, worst
+from tgospa_eval.reports.console import SHOWN, blocks, fitting, worst
+from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import visible
@@ -89,22 +90,20 @@ def _graph(result: Summary, ramp: str) -> Iterator[Text]:
 
 def _worst_steps(result: Summary) -> Iterator[str]:
     table, counts = result.per_step_table(), result.proof.breakdown
-    dear = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
-    dear = [k for k in dear if table["total"][k] > 0]
-    if not dear:
+    costliest = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
+    costliest = [k for k in costliest if table["total"][k] > 0]
+    if not costliest:
         return
-    times = fitting([table["t"][k] for k in dear], 28)
+    times = fitting([table["t"][k] for k in costliest], 28)
     wide = max(12, *map(len, times))
     name = max(12, min(17, 40 - wide))
-    columns = f"{'cost':>11}{'missed':>9}{'false':>8}{'switches':>10}"
-    yield f"  {'worst steps':<{name}}{'t':>{wide}}{columns}"
-    for k, time in zip(dear, times, strict=True):
+    rows = []
+    for k, time in zip(costliest, times, strict=True):
         found = (counts.missed_count[k], counts.false_count[k], counts.switch_count[k])
-        missed, false, switch = (number(count, 4) for count in found)
-        yield clip(
-            f"  {'':<{name}}{time:>{wide}}{number(table['total'][k], 5):>11}"
-            f"{missed:>9}{false:>8}{switch:>10}"
-        )
+        cost = number(table["total"][k], 5)
+        rows.append(("", time, cost, *(number(count, 4) for count in found)))
+    head = ("worst steps", "t", "cost", "missed", "false", "switches")
+    yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(name, wide, 11, 9, 8, 10))))
     yield ""
 
 

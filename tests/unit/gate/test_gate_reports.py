@@ -13,7 +13,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.github import SUMMARY, annotations, append_summary, summary
 from tgospa_eval.gate.junit import junit
 from tgospa_eval.gate.outcome import Change, Outcome, Report
-from tgospa_eval.gate.report import json_text, markdown, table
+from tgospa_eval.gate.report import json_report, markdown, table
 from tgospa_eval.gate.rules import STATUS, Value, Verdict, judge, parse_rule
 from tgospa_eval.text import visible
 
@@ -107,7 +107,7 @@ def test_table_of_an_update() -> None:
 
 
 def test_json_is_strict() -> None:
-    text = json_text(everything())
+    text = json_report(everything())
     assert json.dumps(json.loads(text), sort_keys=True, indent=1, allow_nan=False) + "\n" == text
     assert [pair["name"] for pair in json.loads(text)["pairs"]][: len(HOSTILE)] == HOSTILE
 
