@@ -16,11 +16,11 @@ SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 
 @dataclass(frozen=True, kw_only=True)
 class Norm(Distance):
-    """The Minkowski norm of the difference: a metric on points, whatever the order p of TGOSPA.
+    """``|delta|_q``, ``delta_k = s_k min(r_k, P_k - r_k)``, ``r_k = |a_k - b_k| mod P_k``.
 
-    Of a component with the scale s, the difference counts s times; with the period P it is taken
-    the shorter way round the circle, ``min(r, P - r)`` with ``r = |a - b| mod P``. The period is in
-    the unit of the column: wrapped first, scaled then.
+    The Minkowski norm of the difference, with scales s and periods P, infinite by default: a
+    metric on points (docs/theory/distances.md). Wrapped first, in the unit of the column, then
+    scaled.
 
     Parameters
     ----------

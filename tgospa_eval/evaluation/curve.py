@@ -1,9 +1,8 @@
-"""The normalised curve: proven costs of the steps up to each step.
+"""The normalised curve: proven costs of the steps 1..k for each k (docs/theory/solvers.md).
 
-A solution of the whole brackets every beginning. Where a bracket stays open, the beginnings of the
-components that leave it open are solved by themselves, many at once: copies of the component, each
-up to a step and each at steps of its own, as one problem that starts from the solution of the
-whole. What comes out is proven as any result is.
+A solution of the whole brackets every beginning. The beginnings of components whose bracket stays
+open are solved as copies at steps of their own, many in one problem that starts from the solution
+of the whole, and proven as any result is.
 """
 
 import itertools
@@ -18,7 +17,6 @@ from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import (
     ROUNDOFF,
-    block_of_tracks,
     fair_prices,
     lower_bounds,
     prove,
@@ -145,7 +143,7 @@ def _whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) 
     lower = lower_bounds(states, prices, reduced)
     unpaired = np.zeros(blocks)
     for name in ("truth", "estimate"):
-        block = block_of_tracks(states, name)[getattr(problem, f"{name}_track")]
+        block = states.block_of_tracks(name)[getattr(problem, f"{name}_track")]
         price = getattr(problem, f"{name}_price").copy()
         price[getattr(problem, f"{name}_row")] = 0.0
         unpaired += sum_by(block[block >= 0], price[block >= 0], blocks)

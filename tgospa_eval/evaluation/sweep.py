@@ -1,8 +1,8 @@
 """TGOSPA over a range of one parameter, to see whether a conclusion is an artefact of its value.
 
 Near pairs are searched once, for the largest cutoff. The ends of the range are solved first, then
-what is in the middle between two solved values, and so on: each starts from what its neighbours on
-either side say of it (`solvers.warm_start`), and is proven by itself.
+the middle between two solved values, and so on: each starts from its neighbours on either side
+(`solvers.warm_start`), and is proven by itself.
 """
 
 import warnings

@@ -248,11 +248,11 @@ cdef inline void add_to(double* total, double* rest, double part) noexcept nogil
 def relative_gains(const i32[::1] row_first, const i32[::1] order, const i32[::1] begin,
                    const i32[::1] entry, const double[::1] cost, double price,
                    const double[::1] prices=None):
-    """Gains less those of the cheapest pair of their row and group, and what was taken off.
+    """``G - r = (D_best - D) + (A + B) - (A + B)_best``, and ``r = (A + B - D)_best`` of each group.
 
-    A *group* are the states of a row that begin together. Gains near 1 differ in their last
-    digits, which sums over many groups lose; their differences are differences of costs, and
-    exact. A run loses what was taken off while it lasts, and so does "none", in `row_forward`.
+    A *group* are the states of a row that begin together, "best" the cheapest pair of it: sums of
+    gains near 1 lose the digits that differences of costs keep. A run loses the r while it lasts,
+    and so does "none", in `row_forward`.
 
     Parameters
     ----------
@@ -422,13 +422,10 @@ cdef inline Paths paths_in(double[:, ::1] room, i32[::1] came) noexcept nogil:
 cdef double row_forward(Row row, Paths paths, i32* final) noexcept nogil:
     """Best value of a path up to each state of one row, and the state that it came from (or -1).
 
-    A group of states that begin together is entered from the state before each or from "none", to
-    which the states before them may have gone at the same transition; `none` + `rest` is the value
-    of "none" then. There a path loses the `offset` of each group. Returns the value of the best
-    path; its last state goes to `final`.
-
-    `forward` is relative to "none" when the state begins, and the value of "none" is a sum of two doubles:
-    nothing grows with the length of a recording, and no digits are lost to it.
+    ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
+    + value_s``, and ``h = h - r``, see `problem.paths.best_values`. `forward` is F - h, and
+    h = `none` + `rest` a sum of two doubles, so that no digits are lost to the length of a
+    recording. Returns the value of the best path; its last state goes to `final`.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -541,11 +538,11 @@ cdef void row_regret(Row row, Paths paths, const double* weight, double* at) noe
 
 
 cdef void row_backward(Row row, Paths paths, Py_ssize_t groups, double best) noexcept nogil:
-    """Slack: what the best path of the row has over the best one through each state.
+    """``slack_s = best - (F_s + B_s)``: what the best path has over the best one through the state.
 
-    `forward` and `none` are those of `row_forward`, the first no longer relative. `none` becomes the
-    same for the paths that are in no state when the state begins. Within a group the best continuation of every state is known before the
-    states before them get theirs, which `slack` holds on the way.
+    ``h = max(h, value_s + B_s - lambda)``, ``B_before = max(value_s + B_s, h - lambda)``, backward.
+    `forward` and `none` are those of `row_forward`, the first no longer relative; `none` becomes
+    the same for the paths that are in no state when the state begins.
     """
     cdef Py_ssize_t low = row.low, high = row.high
     cdef const i32 *order = row.order, *begin = row.begin
@@ -815,16 +812,16 @@ def working_set(Layout layout, const double[::1] weight, const double[::1] price
                 const u8[::1] flags, u8[::1] chosen):
     """Choose the states that a chain is built of; 1 = chosen, with CERTAIN and FINAL at its ends.
 
-    Chosen are the states near, by the flags of `survey`, and those in use. Where a row has one
-    option only, and nobody contests it, there is nothing to find out: such stretches are left out
-    but for their ends, and so are rows without any contest.
+    Chosen are the states near, by the flags of `survey`, and those in use. Stretches where a row
+    has one option only, for which no other row competes, are left out but for their ends, and so
+    are rows with which none competes (docs/theory/solvers.md, "Working set").
     """
     cdef const i32[::1] rows = layout.row, row_first = layout.row_first, order = layout.order
     cdef const i32[::1] begin = layout.begin
     cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
     cdef Py_ssize_t r, a, c, low, high, t, K = price.shape[0]
     cdef i32 i, s, k, first, group, active, crowded
-    cdef bint contested
+    cdef bint rivalled
     cdef i32[::1] change = np.zeros(K + 1, np.int32)
     cdef i32[::1] rivals = np.zeros(K + 1, np.int32)
     cdef i32[::1] since = np.empty(layout.longest + 1, np.int32)
@@ -844,12 +841,12 @@ def working_set(Layout layout, const double[::1] weight, const double[::1] price
             low, high = row_first[i], row_first[i + 1]
             if low == high:
                 continue
-            contested = False
+            rivalled = False
             for s in range(low, high):
                 if chosen[s] and rivals[slot_end[s]] > rivals[slot_begin[s]]:
-                    contested = True
+                    rivalled = True
                     break
-            if not contested:
+            if not rivalled:
                 chosen[low:high] = 0
                 continue
             # A state is sure (2) if no other is chosen while it lasts, nor "none", nor a rival.
@@ -918,7 +915,7 @@ cdef struct Walk:
 
 
 cdef class Chain:
-    """The working set as a chain of links, and messages along it (docs/theory, "Sinkhorn").
+    """The working set as a chain of links, and messages along it (docs/theory/solvers.md).
 
     A *node* is a row at a step where something happens to it: a state of the working set begins or
     has just ended, or a stretch of slots begins for which a state of it competes. It has a *link*
@@ -1195,7 +1192,7 @@ cdef class Chain:
                 at.cursor[x] = at.after[at.cursor[x] + 1]
 
     def heat(self, double epsilon):
-        """Make the kernel of the gains and prices at a temperature, once."""
+        """``K = exp((g - v - mu) / epsilon)``, ``K_0 = exp(-mu / epsilon)``, mu the largest or 0."""
         cdef Py_ssize_t n, l, c, k
         cdef double top, value
         with nogil:
@@ -1233,7 +1230,7 @@ cdef class Chain:
         return violation
 
     def cool(self, double epsilon):
-        """Take the changes of the prices out of the messages into `price`."""
+        """``v <- max(v - epsilon log u, 0)``: changes of prices out of the messages into `price`."""
         cdef Py_ssize_t c
         with nogil:
             for c in range(FREE, self.constraints + FREE):
@@ -1279,9 +1276,9 @@ cdef class Chain:
     cdef double _pass(self, bint reverse, bint update) noexcept nogil:
         """One direction: renew its messages node by node, and the prices step by step.
 
-        With S' the sum over the states that may pass through "none", a0 for "none" and
-        q = exp(-lambda / epsilon): none' = a0 + q S', state' = (1 - q^2) state + q a0 + q^2 S'.
-        All are scaled by r where they have grown or shrunk too much.
+        ``A_0' = a_0 + q S'``, ``A_s' = (1 - q^2) a_s + q A_0'``, S' the sum over the states that
+        may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,
+        1 / w_0)`` (docs/theory/solvers.md, "Messages"). Scaled by r where they leave 1e-10..1e10.
         """
         cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row

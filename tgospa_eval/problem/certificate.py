@@ -2,7 +2,7 @@
 
 Plain NumPy over the whole reduced problem; knows no solver, and no solver grades its own work.
 Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
-Both bounds are rounded outward (docs/theory, "Rounding"): they hold for real numbers.
+Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 """
 
 import math
@@ -41,11 +41,10 @@ LARGEST_PRICE = 1e100
 def certify(
     states: States, solution: Solution, *, consume: bool = False
 ) -> tuple[Bounds, Ints, Breakdown]:
-    """Prove bounds from a proposed assignment and proposed prices.
+    """Prove ``sum A + sum B - Z(v) <= optimum <= cost of W`` from proposed weights W and prices v.
 
-    The upper bound is the cost of the repaired assignment, summed in cost form. The lower bound is
-    the Lagrangian bound of the prices v >= 0, in a form that does not cancel (docs/theory,
-    "Certificate").
+    ``Z(v) = sum v + sum over rows of the best path at the gains G - v``, for any v >= 0; both sides
+    are summed in forms that do not cancel (docs/theory/certificate.md).
 
     Parameters
     ----------
@@ -108,17 +107,17 @@ def prove(
 
 
 def lower_cost(problem: Problem, bound: float) -> float:
-    """A lower bound of the cost in exact numbers, from one that holds for the costs as they are.
+    """``L / (1 + delta)``: a lower bound in exact numbers, from one for the costs as they are.
 
-    All costs and switch prices are right within `cost_error`, relative, and the optimum is a
-    minimum of sums of them with weights >= 0.
+    All costs and switch prices are right within delta = `cost_error`, relative, and the optimum is
+    a minimum of sums of them with weights >= 0 (docs/theory/certificate.md, "Rounding").
     """
     least = (bound * (1 - 4 * ROUNDOFF) - problem.cost_slack) / (1 + problem.cost_error)
     return max(least * (1 - 4 * ROUNDOFF), 0.0)
 
 
 def upper_cost(problem: Problem, breakdown: Breakdown) -> float:
-    """An upper bound of the exact cost of an assignment: see `lower_cost`, and `break_down`.
+    """``U (1 + 72 u) / (1 - delta)``, an upper bound of the exact cost: see `lower_cost`.
 
     A sum of n terms >= 0 is off by at most n - 1 units of rounding, relative, and a term by 3.
     """
@@ -159,7 +158,7 @@ class _Objects:
         problem = states.problem
         self.sides = []
         for name in ("truth", "estimate"):
-            block = block_of_tracks(states, name)[getattr(problem, f"{name}_track")]
+            block = states.block_of_tracks(name)[getattr(problem, f"{name}_track")]
             self.sides.append((block, getattr(problem, f"{name}_price")))
         pair = problem.pair_price
         self.half = None if pair is None else 0.5 * pair
@@ -179,29 +178,23 @@ class _Objects:
         return found
 
 
-def block_of_tracks(states: States, name: str) -> Ints:
-    """Block of each truth or estimate, -1 for those without a near pair."""
-    block = np.full(getattr(states.problem, f"{name}s"), -1)
-    block[getattr(states, f"pair_{name}")] = states.pair_block
-    return block
-
-
 def unpaired_prices(states: States) -> tuple[float, float]:
     """Cost of the truths and of the estimates that are in no block, rounded down."""
     found = []
     for name in ("truth", "estimate"):
-        block = block_of_tracks(states, name)[getattr(states.problem, f"{name}_track")]
+        block = states.block_of_tracks(name)[getattr(states.problem, f"{name}_track")]
         price = getattr(states.problem, f"{name}_price")[block < 0]
         found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
     return found[0], found[1]
 
 
 def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: int) -> Floats:
-    """Lower bound of each block: the prices of its objects, less what rows can gain, less prices.
+    """Lower bound of each block, from prices v >= 0, as in docs/theory/certificate.md.
 
-    With the best pair of each row and step put aside, what rows can gain is small where the cost
-    is, and nothing cancels: unassigned prices and prices of the pairs put aside are taken off those
-    of all objects and of all columns as whole numbers.
+        L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
+
+    with the best pair of each row and step, and the best paths of the `relative_gains`. Nothing
+    cancels: the brackets are exact sums, or differences of integers.
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
@@ -238,7 +231,7 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
     else:
         constant = [objects.prices(low + block) for block in range(blocks)]
         entry = np.concatenate(taken)
-        block = block_of_tracks(states, "truth")[problem.truth_track[problem.truth_row[entry]]]
+        block = states.block_of_tracks("truth")[problem.truth_track[problem.truth_row[entry]]]
         for side in ("truth", "estimate"):
             price = -getattr(problem, f"{side}_price")[getattr(problem, f"{side}_row")[entry]]
             for number, value in zip(block.tolist(), price.tolist(), strict=True):
@@ -263,11 +256,9 @@ def _whole_sums(value: Ints, first: Ints) -> Ints:
 
 
 def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
-    """From bounds of the blocks at a smaller cutoff those of the blocks of the whole, (B,).
+    """``V(C) >= V(s C) + (1 - s) forced``, of bounds of the blocks at s C those of the whole, (B,).
 
-    Every cost is the sum of what it is at the smaller cutoff and of the rest, so the optimum is at
-    least the sum of the two optima; of the rest at least what no assignment can avoid. 0 for blocks
-    that `part` does not stand for.
+    See `problem.reduced`. 0 for blocks that `part` does not stand for.
     """
     blocks, scale = len(states.block_begin), part.scale
     home = home_blocks(states, part.states)
@@ -277,8 +268,8 @@ def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     problem = states.problem
     for name in ("truth", "estimate"):
         track = getattr(problem, f"{name}_track")
-        outer = block_of_tracks(states, name)[track]
-        unpaired = (block_of_tracks(part.states, name)[track] < 0) & (outer >= 0)
+        outer = states.block_of_tracks(name)[track]
+        unpaired = (part.states.block_of_tracks(name)[track] < 0) & (outer >= 0)
         price = scale * getattr(problem, f"{name}_price")[unpaired][:1]
         count = np.bincount(outer[unpaired], minlength=blocks)
         for block in np.flatnonzero(count).tolist():
@@ -297,7 +288,7 @@ def home_blocks(states: States, inner: States) -> Ints:
     """The block of the whole that each block at a smaller cutoff is a part of."""
     truth = np.empty(len(inner.block_begin), np.int64)
     truth[inner.pair_block] = inner.pair_truth
-    return block_of_tracks(states, "truth")[truth]
+    return states.block_of_tracks("truth")[truth]
 
 
 def _in_chunks(terms: Floats) -> list[float]:
@@ -310,7 +301,10 @@ def _in_chunks(terms: Floats) -> list[float]:
 
 
 def break_down(states: States, weights: Ints) -> Breakdown:
-    """Split the cost of a feasible assignment by step and kind; sums are exact in the weights."""
+    """``W D``, ``A (1 - row sums)``, ``B (1 - column sums)`` and ``lambda |W' - W|`` by step.
+
+    The cost of a feasible assignment (docs/theory/metric.md, "Decomposition"), exact in W.
+    """
     problem, steps = states.problem, states.problem.steps
 
     localisation = np.zeros(steps)

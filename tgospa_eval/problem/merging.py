@@ -11,11 +11,11 @@ from tgospa_eval.problem.states import States, connected_components
 
 
 def merge_runs(problem: Problem) -> States:
-    """Reduce a problem to its states.
+    """Reduce a problem to its states, with the same optimum (docs/theory/reductions.md).
 
-    Valid for the LP (docs/theory): pairs that never gain are gone; components are apart; steps
-    before the first and after the last gain of a component are gone; runs without gain are one
-    state each, border runs included. With time-varying switch prices a run stays one state a step.
+    Pairs that never gain are gone; components are apart; steps before the first and after the last
+    gain of a component are gone; runs without gain are one state each, border runs included. With
+    time-varying switch prices a run stays one state a step.
 
     Raises
     ------

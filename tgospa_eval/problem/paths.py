@@ -1,7 +1,7 @@
-"""Best paths of rows for given prices: upper bounds of their values.
+"""Values of the best paths of rows at given prices, from above.
 
-Every operation that rounds is followed by a step outward, so that what is called a bound is one of
-the exact value in real numbers (docs/theory, "Rounding").
+Every operation that rounds is followed by a step outward: what is called a bound is one in real
+numbers (docs/theory/certificate.md, "Rounding").
 """
 
 import itertools
@@ -30,8 +30,8 @@ def down(value: Floats) -> Floats:
 def lower_sums(value: Floats, first: Ints) -> Floats:
     """Lower bounds of the sums of parts of values >= 0; part i begins at first[i].
 
-    A sum of n terms >= 0 is off by at most (n - 1) units of rounding, whatever the order; sums of
-    chunks, and then of these, keep n small.
+    ``|computed - sum| <= (n - 1) 2^-53 sum`` of n terms >= 0, whatever the order; sums of chunks,
+    and then of these, keep n small.
     """
     if len(value) <= SUMMANDS:
         total, terms = sum_parts(value, first), np.diff(first)
@@ -52,10 +52,9 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
 class Gains:
     """Gains less prices of states, relative to the best pair of their row and step.
 
-    Gains near 1 differ in their last digits, which sums over many steps lose, and so do large
-    prices that nobody competes for; differences of costs and of prices keep the digits of those.
-    Every path of a row is lowered by the same sum. Where no pair gains more than its
-    price there is no offset.
+    ``(G - v) - r``, ``r = max((A + B - D - v)_best, 0)``, as ``(D_best - D) + (v_best - v)`` and
+    differences of A and B: these keep the digits that sums of gains near 1 lose. Every path of a
+    row is lowered by the same sum (docs/theory/certificate.md, "The bounds that are computed").
 
     Parameters
     ----------
@@ -183,9 +182,9 @@ def best_values(
 ) -> Floats:
     """Upper bound of the value of the best path of each row, (nodes,): Viterbi over the states.
 
-    unassigned_value = best value at "none"; a state is entered from the one before it or from being
-    unassigned, and left for that, each for the price of half a switch. At "none" a path loses the
-    offsets, which belong to the `steps` of `row_steps`.
+    ``h = max(h, F_t - lambda)`` over the states t that end, then ``F_s = max(F_before, h - lambda)
+    + value_s`` of those that begin, and ``h = h - r``: h is the value at "none", r the offsets of
+    the `steps` of `row_steps` (docs/theory/certificate.md, "The bounds that are computed").
     """
     steps = steps or row_steps(states)
     turn = turns(states, steps)

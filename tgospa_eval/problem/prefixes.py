@@ -1,7 +1,7 @@
-"""What a solution of the whole says of every beginning of it, in one pass.
+"""Bounds of the costs of the steps 1..k, for every k, from a solution of the whole, in one pass.
 
-Its assignment up to a step is feasible there, and its prices up to it bound from below; both meet
-at many steps.
+Its assignment up to k is feasible there, and its prices up to k are prices there
+(docs/theory/solvers.md, "The curve").
 """
 
 import itertools

@@ -1,9 +1,9 @@
-"""The optimisation problem: sparse, dimensionless, the same for the whole metric family.
+"""The linear programme of the metric family: sparse, dimensionless; knows no files, no distances.
 
-Knows nothing of files, states or distances: those arrive as numbers. Everything is divided by
-c^p, because the tolerances of LP solvers are absolute: unscaled small units give silently wrong
-values. A member of the family is one choice of the arrays below (unassigned prices, gains, switch
-prices); no solver knows which.
+    max  sum_k <G(k), W(k)> - sum_k lambda(k) |W(k + 1) - W(k)|,   G = A + B - D,
+
+over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain form"). Everything
+is divided by c^p: LP tolerances are absolute, unscaled small units give silently wrong values.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """Which pairs gain what at which step, in units of c^p.
+    """The numbers A, B, D and lambda, in units of c^p; which metric they make, no solver knows.
 
     Objects are numbered by their row in two flat tables, one row per existing object and step,
     sorted by (step, track). An entry is a pair of rows of one step that gains by being assigned;

@@ -1,12 +1,9 @@
 """Blocks of a problem at a smaller cutoff, and what that proves of the whole.
 
-Let C = c^p be the price of a missed and a false object together, and s < 1 a fraction of it. Every
-cost min(d^p, C) is the sum of min(d^p, s C) and of the rest, and so are C / 2 = s C / 2 +
-(1 - s) C / 2; the switch price goes to the first part. So the optimum is at least the optimum of
-the problem with the cutoff price s C, and (1 - s) C / 2 for every object that no assignment of its
-step can avoid leaving out. Where the cutoff is far above the errors, both together are the optimum
-for a small s, at which no digit of an error is lost beside the cutoff (docs/theory, "Cutoffs far
-above the errors").
+    V(C) >= V(s C) + (1 - s) C / 2 sum_k (m_k + n_k - 2 nu_k),   C = c^p,   0 < s < 1,
+
+for every cost is a sum, min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching
+of near pairs at step k (docs/theory/certificate.md, "Cutoffs far above the errors").
 """
 
 from dataclasses import replace
@@ -52,29 +49,22 @@ def _entries(states: States, blocks: NDArray[np.bool_]) -> Ints:
 
 
 def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
-    """What the objects of each of these blocks cost at least that no assignment can reach, (B,).
+    """``C / 2 sum_k (m_k + n_k - 2 nu_k)`` of each of these blocks, (B,).
 
-    At each step no more pairs can be assigned than a vertex cover of the near pairs has objects.
-    The cover belongs to a largest matching, and is checked.
+    nu_k is at most the size of any vertex cover of the near pairs (König). That which is taken
+    belongs to a largest matching, and is checked.
     """
     problem = states.problem
     entry = _entries(states, blocks)
     truth = problem.truth_row[entry].astype(np.int64)
     estimate = problem.estimate_row[entry].astype(np.int64)
-    home = np.full(problem.truths, -1)
-    home[states.pair_truth] = states.pair_block
-    other = np.full(problem.estimates, -1)
-    other[states.pair_estimate] = states.pair_block
     count = len(states.block_begin)
     cover = _cover(truth, estimate, len(problem.truth_step), len(problem.estimate_step))
     if not np.all(cover[0][truth] | cover[1][estimate]):
         return np.zeros(count)
     objects = np.zeros(count, np.int64)
-    for track, of_track, covered in (
-        (problem.truth_track, home, cover[0]),
-        (problem.estimate_track, other, cover[1]),
-    ):
-        block = of_track[track]
+    for name, covered in zip(("truth", "estimate"), cover, strict=True):
+        block = states.block_of_tracks(name)[getattr(problem, f"{name}_track")]
         mine = block >= 0
         objects += np.bincount(block[mine], minlength=count)
         objects -= 2 * np.bincount(block[mine & covered], minlength=count)

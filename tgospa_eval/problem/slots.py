@@ -41,12 +41,11 @@ def divided(group: Ints, pair_first: Ints, size: int) -> list[int]:
 
 
 def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[Floats, Ints]:
-    """The unit in which each part's values are counted, and running sums of all, (K + 1,).
+    """``unit = 2^(e - 62)`` of each part, 2^e > sum |value|; sums of value / unit, (K + 1,).
 
-    Part i begins at first[i]. Values become integers for it, of as many bits as the sum of their
-    part allows: differences of running sums are exact then, even where the sum over all parts
-    overflows, and a small sum never loses its digits to large values far away. With `floor` they
-    never become larger.
+    Part i begins at first[i]. Differences of the sums of integers are exact, even where the sum
+    over all parts overflows, and a small sum never loses its digits to large values far away. With
+    `floor` values never become larger (docs/theory/certificate.md, "Rounding").
     """
     rounded = np.floor if floor else np.rint
     size = sum_parts(np.abs(value), first)

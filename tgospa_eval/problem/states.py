@@ -1,11 +1,9 @@
 """The reduced problem: what can be assigned, from when to when, and what competes for it.
 
 A *state* is a pair of trajectories over a stretch of steps on which its assignment can be taken
-constant: one step with a gain, or a maximal run of steps without (docs/theory, "Run merging").
-Their number grows with the gains, not with pairs x steps. Blocks (connected components of the pair
-graph, each in its own window of time) share nothing and are contiguous in every array.
-
-The capacity of a node (a trajectory) is that of its slots (`problem.slots`).
+constant: one step with a gain, or a maximal run of steps without (docs/theory/reductions.md, "Run
+merging"). Their number grows with the gains, not with pairs x steps. Blocks (connected components
+of the pair graph, each in its own window of time) share nothing and are contiguous in every array.
 """
 
 from dataclasses import dataclass, replace
@@ -83,6 +81,12 @@ class States:
         end[:-1] = self.begin[1:] - 1
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
+
+    def block_of_tracks(self, name: str) -> Ints:
+        """Block of each truth or estimate, -1 for those without a near pair."""
+        block = np.full(getattr(self.problem, f"{name}s"), -1)
+        block[getattr(self, f"pair_{name}")] = self.pair_block
+        return block
 
     @cached_property
     def rows(self) -> Slots:

@@ -90,10 +90,9 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
     distance_error: float = 0.0,
     last_place: float = 0.0,
 ) -> Problem:
-    """The TGOSPA problem of the pairs of rows that are nearer than the cutoff.
+    """``D = (d/c)^p, A = B = 1/2, lambda = gamma^p / (2 c^p)`` of the pairs nearer than the cutoff.
 
-    Cost (d/c)^p, gain 1 - (d/c)^p, half the cutoff price per unassigned object: the LP of
-    García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in the gain form of docs/theory.
+    The LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
     `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
 
     Parameters
@@ -161,7 +160,7 @@ def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> No
 
 
 def _cost_error(order: float, distance_error: float) -> float:
-    """Largest relative error of a cost or switch price: of a distance, a quotient, and a power."""
+    """``(1 + error of the distance + u)^p - 1 + 2 pi``, docs/theory/certificate.md, "Rounding"."""
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
     return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
 

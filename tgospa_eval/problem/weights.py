@@ -11,8 +11,8 @@ from tgospa_eval.problem.slots import PART, Slots, changed, divided, parts
 from tgospa_eval.problem.states import States
 
 ONE = 2**16 * 3**6 * 5**3 * 7**2 * 11 * 13 * 17
-"""The integer that stands for the weight 1: fractional optima have small denominators, and those up
-to 18 are exact. Near 2^50, so that sums of some thousand weights fit, and doubles hold each."""
+"""The integer that stands for the weight 1: multiples of 1/2 to 1/18 are exact. Near 2^50, so that
+sums of some thousand weights fit, and doubles hold each (docs/theory/certificate.md, "Repair")."""
 
 STATES_A_STEP = 32
 """States of a part for each step that it lasts: fewer cost no more than the call of a function."""

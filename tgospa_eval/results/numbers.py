@@ -197,7 +197,7 @@ class Numbers(ABC):
         return table
 
     def curve_table(self) -> Columns:
-        """The normalised curve (docs/theory, "The curve"): no columns if it was not asked for.
+        """The normalised curve (docs/theory/solvers.md): no columns if it was not asked for.
 
         At each step the metric of the `steps` up to it at which something exists, with its bounds,
         (cost / steps) ** (1 / order), and the parts of the cost divided by the steps.

@@ -17,8 +17,8 @@ def best_paths(states: States, prices: Floats) -> Floats:
 def paths(states: States, value: Floats) -> Floats:
     """A path of largest value of each row, as weights 0 and 1, (S,).
 
-    The Viterbi recursion of `problem.paths.best_values` with back pointers: the state from which
-    each state is reached, and the state from which "none" of each row got its value.
+    The recursion of `problem.paths.best_values` with back pointers: the state from which each state
+    is reached, and that from which "none" of each row got its value.
     """
     turn, switch_price = turns(states), states.problem.switch_price_at
     row = states.pair_row
@@ -56,7 +56,7 @@ def paths(states: States, value: Floats) -> Floats:
 
 
 def dual_values(states: States, prices: Floats) -> Floats:
-    """Upper bound of what can be gained in each block, from prices >= 0, (B,)."""
+    """``Z(v) = sum v + sum_i best_i(v)`` of each block, (B,): above what can be gained."""
     blocks = len(states.block_begin)
     best = best_values(states, states.gain - states.columns.totals(prices))
     slot_block = states.node_block[states.columns.node]

@@ -12,10 +12,10 @@ SETTLED_FROM = 1000.0
 
 
 def price_cap(states: States) -> Floats:
-    """Switch price of each block beyond which more cannot matter, (B,).
+    """``2 L g`` of each block, (B,), L its steps, g its largest gain: higher prices are the same.
 
-    An assignment that is held for n steps gains at most n times the largest gain: at any higher
-    price it pays to leave it out. LP tolerances are absolute, so huge prices harm.
+    From (L - 1) g on no switch pays (docs/theory/reductions.md, "Switch price cap"). LP tolerances
+    are absolute, so huge prices harm.
     """
     first = states.pair_first[
         np.searchsorted(states.pair_block, np.arange(len(states.block_begin)))
@@ -47,20 +47,17 @@ def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
 def unassigned_costs(states: States) -> Floats:
     """Cost of each block if all its objects stay unassigned, (B,)."""
     total = np.zeros(len(states.block_begin))
-    for track, price in zip(
-        (states.pair_truth, states.pair_estimate), states.problem.unassigned_costs, strict=True
-    ):
-        block = np.full(len(price), -1)
-        block[track] = states.pair_block
+    for name, price in zip(("truth", "estimate"), states.problem.unassigned_costs, strict=True):
+        block = states.block_of_tracks(name)
         mine = np.flatnonzero(block >= 0)
         total += sum_by(block[mine], price[mine], len(total))
     return total
 
 
 def block_costs(states: States, weights: Floats) -> Floats:
-    """Cost of each block under a proposed assignment, once that is made feasible, (B,).
+    """``sum W D + A (1 - row sums) + B (1 - column sums) + lambda |W' - W|`` of each block, (B,).
 
-    In cost form: gains lose the digits of small costs. Objects without a pair are left out.
+    Of a proposed assignment, once that is made feasible; objects without a pair are left out.
     """
     problem = states.problem
     whole = repair(states, weights)
@@ -72,13 +69,11 @@ def block_costs(states: States, weights: Floats) -> Floats:
     changed, amount = changes(states, whole)
     paid = problem.switch_price_at[states.begin[changed]] * amount
     total += sum_by(of_state[changed], paid, blocks)
-    for side, count in (("truth", problem.truths), ("estimate", problem.estimates)):
-        home = np.full(count, -1)
-        home[getattr(states, f"pair_{side}")] = states.pair_block
+    for side in ("truth", "estimate"):
         track = getattr(problem, f"{side}_track")
         free = np.full(len(track), ONE)
         np.subtract.at(free, getattr(problem, f"{side}_row")[entry], whole[used])
-        at = home[track]
+        at = states.block_of_tracks(side)[track]
         price = free / ONE * getattr(problem, f"{side}_price")
         total += sum_by(at[at >= 0], price[at >= 0], blocks)
     return total

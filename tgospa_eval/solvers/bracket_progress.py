@@ -11,6 +11,9 @@ from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import unassigned_costs
 
+Known = tuple[NDArray[np.bool_], Floats, Floats, Floats]
+"""Some blocks, and of all blocks the width of the bracket, cost, and cost of leaving all."""
+
 FINEST = 1e-12
 """Relative gap that is as good as none."""
 
@@ -86,7 +89,7 @@ class BatchProgress:
     ) -> None:
         self.whole, self.number = whole, number
         self.states, self.weights, self.quickly = states, weights, quickly
-        self.known: tuple[NDArray[np.bool_], Floats, Floats, Floats] | None = None
+        self.known: Known | None = None
 
     def update(
         self,
@@ -103,22 +106,16 @@ class BatchProgress:
         """
         self.known = blocks, np.maximum(width, 0.0), cost, unassigned
         if self.whole.progress.due:
-            self._pass_on(*self.known, share)
+            self._pass_on(self.known, share)
 
     def finish(self) -> None:
         """The batch is done."""
         none = np.zeros(len(self.quickly))
         unassigned = unassigned_costs(self.states) if self.quickly.any() else none
-        self._pass_on(*(self.known or (none > 0, none, none, unassigned)), 1.0)
+        self._pass_on(self.known or (none > 0, none, none, unassigned), 1.0)
 
-    def _pass_on(
-        self,
-        blocks: NDArray[np.bool_],
-        width: Floats,
-        cost: Floats,
-        unassigned: Floats,
-        share: float,
-    ) -> None:
+    def _pass_on(self, known: Known, share: float) -> None:
+        blocks, width, cost, unassigned = known
         gained = -_gains(self.states, self.weights)
         upper = np.where(blocks, cost - unassigned, gained)
         rest = np.where(self.quickly, -unassigned, gained)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Certified:
-    """Exact, with proof (docs/theory, "The certified solver").
+    """Exact, with proof (docs/theory/solvers.md, "The certified solver").
 
     Parameters
     ----------

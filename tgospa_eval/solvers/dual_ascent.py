@@ -1,8 +1,9 @@
 """Dual ascent on the compiled kernels: entropic sweeps on working sets, both bounds after each.
 
-After Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the TGOSPA metric for multiple
-target tracking via unbalanced optimal transport", with one path per row (docs/theory, "Sinkhorn").
-Bounds here steer the solvers; those that are reported are made anew by `problem.solution`.
+    Z(v) - P(W) = sum_i (best_i - own_i) + sum v (1 - load)
+
+is the width of the bracket (docs/theory/certificate.md; sweeps: docs/theory/solvers.md). Bounds
+here steer the solvers; those that are reported are made anew by `problem.certificate`.
 """
 
 import time
@@ -263,7 +264,7 @@ class Ascent:
             threshold *= 0.5
 
     def _round(self) -> None:
-        """WarmStart the majorities as paths, each then re-optimised given the others."""
+        """Try the majorities as paths, each then re-optimised given the others."""
         s = self.states
         rounded = np.zeros(len(s.begin), np.uint8)
         taken = self._majority(rounded)
@@ -303,10 +304,9 @@ class Ascent:
         return found
 
     def losses(self, prices: Floats) -> Floats:
-        """What the best weights lose at the prices, in the open blocks and at each step, (T,).
+        """The identity of the gap for the best weights, in the open blocks by step, (T,).
 
-        By the identity of the gap, the regret of the rows, at the step from which on it cannot be
-        avoided, and prices of columns that are not full. Sums to the widths.
+        The regret of a row counts at the step from which on it cannot be avoided.
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
@@ -320,8 +320,7 @@ class Ascent:
         """Those of the states near that have to be decided, and the component of each.
 
         They fall apart into components through shared slots and transitions; wanted are those with
-        a seed: by the identity of the gap a row with regret, or a price on a column that is not
-        full.
+        a seed, where a term of the identity of the gap is not 0.
         """
         free = np.flatnonzero(near)
         component = self._components(free)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.common.solver_status import Status
-from tgospa_eval.problem.certificate import block_of_tracks, home_blocks, lower_bounds, of_whole
+from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.reduced import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
@@ -94,8 +94,8 @@ def solve_at_fitting_cutoffs(
 def fitting_scales(states: States) -> Floats:
     """A cutoff price for each block, as a fraction of c^p, a power of 2; 1 where c^p is no other.
 
-    No assignment costs less than the cheapest pair of any object at any step, if it has one. At
-    a few times the largest of these costs an object may be left out, but not for nothing.
+    ``16 max_objects min_pairs D``, rounded up (docs/theory/solvers.md, "Cutoffs that fit"): there
+    an object may be left out, but not for nothing.
     """
     problem = states.problem
     blocks = len(states.block_begin)
@@ -107,7 +107,7 @@ def fitting_scales(states: States) -> Floats:
         least = np.full(len(track), np.inf)
         np.minimum.at(least, row, problem.cost)
         near = np.flatnonzero(least < np.inf)
-        np.maximum.at(most, block_of_tracks(states, name)[track[near]], least[near])
+        np.maximum.at(most, states.block_of_tracks(name)[track[near]], least[near])
     # Where all have a pair that costs nothing, the first cost that is any is tried.
     least = np.full(blocks, np.max(problem.switch_price, initial=0.0))
     least[least == 0] = np.inf

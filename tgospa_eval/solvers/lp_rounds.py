@@ -1,8 +1,8 @@
 """Linear programmes on the states that prices left undecided, in rounds that reach farther.
 
 Each is localised: what has slack above the reach or is decided is held, components without a share
-in the gap are left out (docs/theory, "Programmes"). What comes out is judged on all states; whether
-it is the optimum is not known here.
+in the gap are left out (docs/theory/solvers.md, "Programmes"). What comes out is judged on all
+states; whether it is the optimum is not known here.
 """
 
 import time

@@ -177,7 +177,10 @@ class Sweeps:
         return max(violation, self._pass(epsilon, switch_price, reverse=True, update=True))
 
     def _pass(self, epsilon: float, switch_price: Floats, *, reverse: bool, update: bool) -> float:
-        """One direction: renew its messages step by step, and the prices if asked."""
+        """One direction: renew its messages step by step, and the prices if asked.
+
+        ``log A' = log((1 - q^2) a + q A_0')``, ``log A_0' = log(a_0 + q S')``, see the kernels.
+        """
         ahead, behind = (self.backward, self.forward) if reverse else (self.forward, self.backward)
         none_ahead, none_behind = (
             (self.none_backward, self.none_forward)

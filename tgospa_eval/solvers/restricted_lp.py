@@ -135,10 +135,9 @@ def solve_restricted_lp(  # noqa: PLR0913  (the numbers of one programme)
 def refine(found: Proposal, seconds: float | None) -> Proposal:
     """The same proposal with prices that are right to the last place, not to 1e-9.
 
-    Iterative refinement after Gleixner, Steffy and Wolter ("Iterative refinement for linear
-    programming", INFORMS Journal on Computing 2016). The reduced costs are formed in long doubles
-    from the costs of the data, scaled up, and minimised over the same polytope from the same basis;
-    what that says of the duals is their correction. Slacks are columns, for they have a cost then.
+    ``y <- y + y' / s`` with the duals y' of ``min s (c - A'y) x`` over the same polytope, from the
+    same basis; c - A'y in long doubles. Gleixner, Steffy and Wolter, "Iterative refinement for
+    linear programming" (INFORMS Journal on Computing 2016). Slacks have a cost, and are columns.
     """
     vertex = found.vertex
     if vertex is None:

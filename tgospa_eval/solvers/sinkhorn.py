@@ -1,9 +1,11 @@
 """The approximation: entropy on the paths, block coordinate ascent in the dual.
 
-After Nevelius Wernholm, Wärnsäter and Ringh, "Fast computation of the TGOSPA metric for multiple
-target tracking via unbalanced optimal transport", with one path per truth (docs/theory,
-"Sinkhorn"): a sweep is linear in the states. What is reported is the bracket of the prices and of
-the rounded assignment, not the entropic value, which is no bound.
+    max  sum theta value(path) + epsilon sum H(theta) + epsilon sum H(slack),   H(t) = t - t log t
+
+over mixtures theta of the paths of each row. After Nevelius Wernholm, Wärnsäter and Ringh, "Fast
+computation of the TGOSPA metric for multiple target tracking via unbalanced optimal transport"
+(docs/theory/solvers.md, "Sinkhorn sweeps"). Reported is the bracket of the prices and of the
+rounded assignment, not the entropic value, which is no bound.
 """
 
 import time

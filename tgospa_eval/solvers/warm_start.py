@@ -1,10 +1,9 @@
-"""What solutions of neighbouring problems say of a problem: components that need no solver.
+"""Proposals for a problem from solutions of neighbours: components that need no solver.
 
-Neighbours have the same objects and another cutoff or switch penalty. Cost as a function of
-c^p, or of gamma^p, is a straight line for each assignment, so the least cost is concave, and prices
-between those of two neighbours prove at least the chord between their bounds (docs/theory, "Sweeps
-of parameters"). Where both have the same best assignment the chord is met, and nothing is left to
-solve.
+    L((1 - t) v_0 + t v_1, C) >= (1 - t) L(v_0, C_0) + t L(v_1, C_1),   C = (1 - t) C_0 + t C_1,
+
+for the bound L is concave in prices and C = c^p, or gamma^p (docs/theory/solvers.md, "Sweeps of a
+parameter"). Where both neighbours have the same best assignment the chord is met.
 """
 
 from dataclasses import dataclass

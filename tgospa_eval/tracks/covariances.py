@@ -62,10 +62,10 @@ def unpack(packed: Floats, *, lower: bool = False) -> Floats:
 def factor(packed: Floats) -> Floats:
     """Lower factors L of covariances C = L L', packed alike; of singular ones, too.
 
-    Cholesky, with two guards: what a row leaves of its variance is 0 where it is no more than
-    rounding of the entries, and no entry exceeds the root of what is left of its variance. Where
-    variances are nearly explained by others, their rounding weighs much: the difference is then
-    taken exactly (two components), or with pivots and more digits (more).
+    ``L_jj^2 = C_jj - sum L_jk^2``, ``L_ij = (C_ij - sum L_ik L_jk) / L_jj``, with two guards: the
+    first is 0 where it is no more than rounding, and ``|L_ij|`` at most the root of what is left of
+    C_ii. Where little is left of a variance the difference is taken exactly (two components), or
+    with pivots and more digits (docs/theory/gaussian.md, "Equations").
     """
     d = size_of(len(packed))
     if d == 1:
@@ -81,6 +81,7 @@ def factor(packed: Floats) -> Floats:
 
 
 def _factor_two(a: Floats, b: Floats, c: Floats) -> Floats:
+    """``sqrt(a), b / sqrt(a), sqrt((a c - b b) / a)``."""
     found = np.zeros((3, len(a)))
     a, c = np.maximum(a, 0.0), np.maximum(c, 0.0)
     np.sqrt(a, out=found[0])
@@ -172,7 +173,7 @@ def _factor_pivoted(packed: Floats) -> Floats:
 
 
 def project(packed: Floats) -> tuple[Floats, Floats]:
-    """Nearest positive semi-definite matrices, and how far they were from that.
+    """``V max(E, 0) V'`` of ``C = V E V'``, the nearest without negative eigenvalues.
 
     Returns
     -------

@@ -292,10 +292,10 @@ def _sliced(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> I
 
 
 def _recursive(reduction: Reduction, cloud: Cloud, rng: "np.random.Generator") -> Improve:
-    """[Prossel] equations 19 to 24, with the gain in equation 20.
+    """``x <- x + K (b - v'x)``, ``K = C v / (1 + v'C v)``, ``C <- C - K v'C`` for each direction v.
 
-    A sweep is the least-squares step with a weak pull to where it began. Ranks are those of its
-    beginning: taken from positions on the way they lead to worse ones, and depend on the order.
+    [Prossel] equations 19 to 24, with the gain in equation 20: least squares with a weak pull to
+    where it began. Ranks are those of the beginning; those on the way lead to worse positions.
     """
     v, b = _projections(reduction, cloud, rng)
 

@@ -1,8 +1,9 @@
 """Bounds of the per-step GOSPA cost of a few steps, for what a change of the data would save.
 
-The cost of a step is (n + m) / 2 - G in units of c^p, with n truths, m estimates, and G the largest
-sum of 1 - (d / c)^p over disjoint pairs. The sums of the largest terms of each truth and of each
-estimate bound G from above, the pairs that a greedy choice takes from below. Assignments are
+    cost = (m + n) / 2 - G,   G = max over disjoint pairs of sum 1 - (d / c)^p,   in units of c^p,
+
+of m truths and n estimates (docs/theory/metric.md, "Identities"). The sums of the largest terms of
+each truth and of each estimate bound G from above, a greedy choice from below. Assignments are
 computed only where these bounds leave an answer open.
 """
 
