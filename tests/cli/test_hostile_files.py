@@ -134,7 +134,7 @@ def test_a_pipe_is_waited_for_and_that_is_said(
         said.append(text)
         threading.Thread(target=writer).start()
 
-    monkeypatch.setattr(files, "LOCK_PATIENCE", 0.01)
+    monkeypatch.setattr(files, "PIPE_PATIENCE", 0.01)
     monkeypatch.setattr(files, "announce", announce)
     assert read(pipe).rows == 2
     assert said == [f"waiting for data from {pipe}"]

@@ -1,4 +1,4 @@
-"""Files of users: whatever the system says of one becomes one sentence."""
+"""Files of users: errors of the system as one sentence."""
 
 import os
 import stat
@@ -14,12 +14,12 @@ SETTINGS = 1 << 26
 CHUNK = 1 << 24
 """Bytes that are read at a time where the length is not known."""
 
-LOCK_PATIENCE = 2.0
-"""Seconds before it is said that a pipe or a terminal is waited for."""
+PIPE_PATIENCE = 2.0
+"""Seconds before a notice that a pipe or a terminal is waited for."""
 
 
 def _silent(text: str) -> None:
-    """A library says nothing."""
+    """A library prints nothing."""
 
 
 announce: Callable[[str], None] = _silent
@@ -38,7 +38,7 @@ def named(where: str, kind: type[TgospaError], what: str = "cannot be read") -> 
 
 
 def reason(error: Exception) -> str:
-    """What the system says, without its numbers."""
+    """The message of the system, without its numbers."""
     if isinstance(error, FileNotFoundError) and not os.path.isabs(error.filename or ""):
         try:
             os.getcwd()
@@ -49,8 +49,8 @@ def reason(error: Exception) -> str:
 
 @contextmanager
 def patience(path: str, what: str) -> Iterator[None]:
-    """Say what is waited for, where a pipe or a terminal keeps us waiting."""
-    timer = threading.Timer(LOCK_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
+    """Announce what is waited for, where a pipe or a terminal keeps us waiting."""
+    timer = threading.Timer(PIPE_PATIENCE, lambda: announce(f"waiting for {what} {path}"))
     timer.daemon = True
     timer.start()
     try:

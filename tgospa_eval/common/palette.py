@@ -1,4 +1,4 @@
-"""The colours of all pictures: PNG, page and notebook. Told apart without full colour vision.
+"""The colours of all pictures: PNG, page and notebook. Distinct without full colour vision.
 
 The parts of the cost differ in lightness as well as in hue, and have patterns besides.
 """

@@ -128,7 +128,7 @@ class Distance(ABC):
 
     @property
     def lower_bound(self) -> "Distance":
-        """A distance of states alone that costs little and is no larger: for looking around."""
+        """A cheap distance of states without covariances that is no larger: for looking around."""
         return self
 
     def fitted(self, truth: Trajectories, estimate: Trajectories) -> "Distance":

@@ -125,7 +125,7 @@ class Mahalanobis(Distance):
 
 
 def cholesky(covariance: ArrayLike, size: int | None = None) -> Floats:
-    """Lower factor L of a covariance ``L L'``, of so many components if that is said.
+    """Lower factor L of a covariance ``L L'``, of so many components if a size is given.
 
     Raises
     ------

@@ -22,7 +22,7 @@ from tgospa_eval.problem.certificate import (
     prove,
 )
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.prefixes import propose, whole_prices
+from tgospa_eval.problem.prefixes import bound_prefixes, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.solution import Curve, Reduced
 from tgospa_eval.problem.states import States
@@ -60,7 +60,7 @@ def trace(
     """
     progress = progress or Progress()
     begin, prices = time.monotonic(), fair_prices(prices)
-    found = propose(states, weights, prices)
+    found = bound_prefixes(states, weights, prices)
     cells, parts = found.cells, found.parts
     least, error = found.lower.copy(), found.error.copy()
     unpaired_costs = _unpaired(states)

@@ -162,7 +162,7 @@ def evaluate_fitted(
     request : EvaluationRequest
         Everything else.
     files : pair of FileInfo, optional
-        What the result says of the two files.
+        The two files, for the result.
     stopwatch : Stopwatch
         Running clock with the time of reading.
     """
@@ -270,7 +270,7 @@ def _split(
 def _solver_record(
     solver: Solver, solution: Solution, parameters: Parameters, *, met: bool
 ) -> SolverRecord:
-    """What the result says of the solver; the bracket of its history as costs."""
+    """The record of the solver for the result; the bracket of its history as costs."""
     finished, status = solution.finished, solution.sentence
     if met != finished and (met or solver.proves):
         # The proof knows better than the solver.

@@ -151,7 +151,7 @@ def measure(
 ) -> tuple[Measured, Pairs]:
     """Both sides as they are compared, and all pairs nearer than the cutoff.
 
-    `files` are what the result says of the two sides beside their digests; by default their rows.
+    `files` are the records of the two sides beside their digests; by default their rows.
     """
     distance, aligned, time_matching = sides.distance, sides.alignment, request.time_matching
     # What is digested is what counts.

@@ -1,7 +1,7 @@
 """What a user gives of a side, as `Trajectories`; names of distances and solvers as records."""
 
 import os
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Protocol, TypeAlias, cast
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def as_trajectories(
     )
 
 
-def _as_frame(side: Any, name: str) -> "pd.DataFrame | None":
+def _as_frame(side: object, name: str) -> "pd.DataFrame | None":
     """A table of pandas as it is, another one by Arrow; None of what is no table."""
     if hasattr(side, "columns") and hasattr(side, "iloc"):
         return cast("pd.DataFrame", side)

@@ -38,7 +38,7 @@ CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
 
 EASY_WORK, EASY_ITERATIONS = 10, 300
-"""What takes no longer than to look at what neighbours say: half sweeps, were all states in each of
+"""What takes no longer than a look at the neighbours: half sweeps, were all states in each of
 them, and iterations."""
 
 Values = float | Sequence[float] | Floats

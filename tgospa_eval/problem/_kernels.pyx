@@ -1,6 +1,6 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 # cython: initializedcheck=False, embedsignature=True
-"""Loops that NumPy cannot do without large temporaries; each says what its NumPy twin is.
+"""Loops that NumPy cannot do without large temporaries; each names its NumPy twin.
 
 All arrays are contiguous; indices are 32-bit. Everything runs without the interpreter lock, and
 never on the same rows in two threads, so that many threads give the bytes of one.
@@ -397,7 +397,7 @@ cdef struct Row:
 
 cdef struct Paths:
     double* value                # all of one row: gains less prices,
-    double* forward              # what `row_forward` and `row_backward` say of each state
+    double* forward              # results of `row_forward` and `row_backward` for each state
     double* none
     double* rest
     double* slack
@@ -597,7 +597,7 @@ globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPT
 
 def survey(Layout layout, const double[::1] price, double[::1] best, const double[::1] weight=None,
            double reach=0.0, double[::1] own=None, u8[::1] flags=None, double[::1] regret=None):
-    """Value of the best path of each row at the prices; with `flags` what that says of each state.
+    """Value of the best path of each row at the prices; with `flags` marks of each state.
 
     The prices of a state are those of its slots, from running sums in each column. With `flags`
     also the value `own` of the assignment in `weight` at the prices, less its changes. What that

@@ -76,8 +76,8 @@ class Cells:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Proposal:
-    """What an assignment and prices say of the beginnings of each block, in units of c^p.
+class PrefixBounds:
+    """Costs and bounds of the beginnings of each block, in units of c^p.
 
     Only objects that have a near pair are counted.
 
@@ -99,8 +99,8 @@ class Proposal:
     error: Floats
 
 
-def propose(states: States, weights: Ints, prices: Floats) -> Proposal:
-    """Judge a feasible assignment (S,), in units of 1/ONE, and prices >= 0 (K,) everywhere."""
+def bound_prefixes(states: States, weights: Ints, prices: Floats) -> PrefixBounds:
+    """Of a feasible assignment (S,), in units of 1/ONE, and prices >= 0 (K,)."""
     length = states.block_end - states.block_begin + 1
     cells = Cells(
         first=np.concatenate(([0], np.cumsum(length))).astype(np.int64),
@@ -109,7 +109,7 @@ def propose(states: States, weights: Ints, prices: Floats) -> Proposal:
     parts = _costs(states, cells, weights, changes(states, weights))
     terms = 16 + 2 * _busiest(states) + length[cells.block]
     error = parts.sum(axis=0) * terms * 2.0**-53
-    return Proposal(
+    return PrefixBounds(
         cells=cells,
         parts=parts,
         lower=np.maximum(_lower(states, cells, prices), 0.0),

@@ -109,7 +109,7 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
     results : dict
         By class, at least one, all on the same steps and with the same settings.
     files : pair of FileInfo
-        What the result says of the two files.
+        The two files, for the result.
     read : float
         Seconds that reading took.
     """
@@ -177,7 +177,7 @@ def _sum_of_curves(curves: list[Curve | None]) -> Curve | None:
 
 def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:
     """The record of a file, with the rows that the grid left out and a digest of its classes."""
-    # Those of the other file alone are left out: the digest of the truth tells of the truth.
+    # Those of the other file are left out: the truth has a digest of its own.
     digests = [(name, part["sha256"]) for name, part in inputs.items() if part["rows"]]
     off_grid = sum(part["left_out"].get("grid", 0) for part in inputs.values())
     return info.record(hashlib.sha256(repr(digests).encode()).hexdigest(), off_grid)

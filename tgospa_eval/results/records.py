@@ -64,7 +64,7 @@ class Costs:
 
 
 class SolverRecord(TypedDict):
-    """What a result says of its solver."""
+    """The solver of a result, and how it ended."""
 
     name: str
     status: str
@@ -75,7 +75,7 @@ class SolverRecord(TypedDict):
 
 
 class FileRecord(TypedDict):
-    """What a result says of the file of a side."""
+    """The file of a side in the document of a result."""
 
     rows: int
     left_out: dict[str, int]
@@ -85,7 +85,7 @@ class FileRecord(TypedDict):
 
 @dataclass(frozen=True, kw_only=True)
 class FileInfo:
-    """What a result says of the file of a side.
+    """The file of a side.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Where the simplex method starts: a basis that fits the prices.
 
-A starting basis says of each column and of each constraint whether it is basic. It may be too
+A starting basis marks columns and constraints as basic. It may be too
 large, too small or singular: whoever factors it leaves columns out and puts slacks in. It only
 decides how many iterations follow.
 """

@@ -59,7 +59,7 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """What a solver says of a batch.
+    """What came out of a batch.
 
     Parameters
     ----------

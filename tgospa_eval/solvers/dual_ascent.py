@@ -59,7 +59,7 @@ class Ascent:
     unassigned_cost : (B,) float array
         Cost of leaving all unassigned.
     flags : (S,) uint8 array
-        What the last survey says of each state: NEAR, NEEDED, LOSES, BEST, TEMPTED.
+        Marks of each state by the last survey: NEAR, NEEDED, LOSES, BEST, TEMPTED.
     work, sweeping : int, float
         States, those of being in none included, times half sweeps; the seconds that they took.
     seconds : dict

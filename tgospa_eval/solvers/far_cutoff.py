@@ -2,7 +2,7 @@
 
 Solvers work to absolute tolerances in units of c^p, which say nothing of costs far below these. At
 a cutoff that fits, the problem is an ordinary one, with far fewer near pairs; what its prices prove
-of the whole is said in `problem.reduced`. Nothing here is trusted: the certificate evaluates
+of the whole is in `problem.reduced`. Nothing here is trusted: the certificate evaluates
 the prices at the cutoff that they are for, and the assignment at that of the user.
 """
 
@@ -49,7 +49,7 @@ class Base(Protocol):
     def __call__(self, states: States, wanted: Mask, quickly: Mask, /) -> Solution:
         """Solve the wanted blocks, and those of the others that are `quickly` solved.
 
-        `Solution.missing` says which were not solved.
+        `Solution.missing` marks those that were not solved.
         """
 
 

@@ -40,7 +40,7 @@ SNAP_EXCESS = 1e-13
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Proposal:
-    """What a programme says of its states and of the slots that they compete for.
+    """Weights of the free states of a programme, and prices of the slots that they compete for.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Proposal:
     iterations : int
         Of the simplex, or of the interior point method and what follows it.
     finished : bool
-        Whether HiGHS says that it is optimal.
+        Whether HiGHS found an optimum.
     interior : bool
         Whether the simplex method would have taken too long.
     vertex : Vertex, optional

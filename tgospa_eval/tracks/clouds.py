@@ -152,7 +152,7 @@ class Clouds:
 
 
 def joined(clouds: list[Cloud], like: Clouds) -> Clouds:
-    """Clouds one behind the other; `like` says how many components none have."""
+    """Clouds one behind the other; `like` has the number of components for none."""
     if not clouds:
         return like
     return Clouds(

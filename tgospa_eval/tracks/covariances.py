@@ -214,14 +214,14 @@ def project(packed: Floats) -> tuple[Floats, Floats]:
 def accept(
     packed: Floats, where: Callable[[int], str], *, fix: bool = False
 ) -> tuple[Floats, list[Notice]]:
-    """Covariances as they enter the distance, and what to say of those that were changed.
+    """Covariances as they enter the distance, and notices of those that were changed.
 
     Parameters
     ----------
     packed : (d (d + 1) / 2, R) float array
         Finite.
     where : callable
-        Says where a matrix is, for messages.
+        Where a matrix is, for messages.
     fix : bool
         Replace what is refused otherwise by the nearest positive semi-definite matrix.
 

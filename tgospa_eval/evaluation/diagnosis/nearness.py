@@ -58,7 +58,7 @@ def nearness_warnings(
     parameters : Parameters
         Cutoff and order.
     distance : Distance
-        Base distance of states alone.
+        Base distance of states without covariances.
     """
     rows = len(sides[0].step)
     near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))

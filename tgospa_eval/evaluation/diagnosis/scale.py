@@ -55,5 +55,5 @@ def default_notice(
 
 
 def explained(found: Sequence[Notice]) -> bool:
-    """Whether a warning says why states are far from each other."""
+    """Whether a warning explains why states are far from each other."""
     return any(notice.code != "nothing-near" for notice in found)

@@ -91,7 +91,7 @@ class _Sample:
     parameters : Parameters
         Cutoff and order.
     distance : Distance
-        Base distance of states alone.
+        Base distance of states without covariances.
     """
 
     def __init__(
@@ -147,7 +147,7 @@ def state_warnings(
     parameters : Parameters
         Cutoff and order.
     distance : Distance
-        Base distance of states alone.
+        Base distance of states without covariances.
     spell : callable
         How settings are written in remedies.
     """
