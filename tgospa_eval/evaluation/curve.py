@@ -128,12 +128,10 @@ def _unpaired(states: States) -> Floats:
     """Cost, up to each step, of the truths and estimates that are near to none, (2, T)."""
     problem = states.problem
     total = np.zeros((2, problem.steps))
-    for side, (name, rows) in enumerate(
-        (("truth", problem.truth_row), ("estimate", problem.estimate_row))
-    ):
-        price = getattr(problem, f"{name}_price").copy()
-        price[rows] = 0.0
-        total[side] = sum_by(getattr(problem, f"{name}_step"), price, problem.steps)
+    for own, side in zip(total, problem.sides, strict=True):
+        price = side.price.copy()
+        price[side.row] = 0.0
+        own[:] = sum_by(side.step, price, problem.steps)
     return np.cumsum(total, axis=1)
 
 
@@ -142,10 +140,10 @@ def _whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) 
     problem, blocks = states.problem, len(states.block_begin)
     lower = lower_bounds(states, prices, reduced)
     unpaired = np.zeros(blocks)
-    for name in ("truth", "estimate"):
-        block = states.block_of_tracks(name)[getattr(problem, f"{name}_track")]
-        price = getattr(problem, f"{name}_price").copy()
-        price[getattr(problem, f"{name}_row")] = 0.0
+    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
+        block = blocks_of[side.track]
+        price = side.price.copy()
+        price[side.row] = 0.0
         unpaired += sum_by(block[block >= 0], price[block >= 0], blocks)
     exact = whole_prices(problem)
     error = (lower + unpaired) * (2 if exact else 2 + len(problem.truth_price)) * ROUNDOFF
@@ -195,17 +193,16 @@ class _Copies:
         entry, block = entry[order], block[order]
         self.entries = _Listed.of(entry, block, problem.entry_step[entry], steps)
         self.objects, self.places, self.tracks, self.numbers = [], [], [], []
-        for name in ("truth", "estimate"):
-            row = getattr(problem, f"{name}_row")[entry].astype(np.int64)
-            some, at = np.unique(row, return_index=True)
-            listed = _Listed.of(some, block[at], getattr(problem, f"{name}_step")[some], steps)
-            place = np.zeros(len(getattr(problem, f"{name}_step")), np.int64)
+        for side, pair_track in zip(problem.sides, states.pair_tracks, strict=True):
+            some, at = np.unique(side.row[entry].astype(np.int64), return_index=True)
+            listed = _Listed.of(some, block[at], side.step[some], steps)
+            place = np.zeros(len(side.step), np.int64)
             place[listed.which] = np.arange(len(some))
             self.objects.append(listed)
             self.places.append(place)
-            track, at = np.unique(getattr(states, f"pair_{name}"), return_index=True)
+            track, at = np.unique(pair_track, return_index=True)
             order = np.argsort(states.pair_block[at], kind="stable")
-            number = np.zeros(getattr(problem, f"{name}s"), np.int64)
+            number = np.zeros(side.count, np.int64)
             number[track[order]] = np.arange(len(track))
             self.tracks.append(
                 _Listed(which=track[order], key=states.pair_block[at][order], steps=1)
@@ -255,23 +252,21 @@ class _Copies:
         entry = self.entries.which[taken]
         sides: dict[str, Any] = {}
         tracks = []
-        for side, name in enumerate(("truth", "estimate")):
-            listed, place, number = self.objects[side], self.places[side], self.numbers[side]
-            low, count = self.tracks[side].spans(block, 0 * block)
+        for k, name in enumerate(("truth", "estimate")):
+            side, listed, place = problem.sides[k], self.objects[k], self.places[k]
+            low, count = self.tracks[k].spans(block, 0 * block)
             member, _ = _ranges(low, count)
-            tracks.append(self.tracks[side].which[member])
+            tracks.append(self.tracks[k].which[member])
             sides[f"{name}s"] = len(member)
             fresh = np.cumsum(count) - count - low
             low, count = listed.spans(block, end)
             at, of = _ranges(low, count)
             row = listed.which[at]
-            sides[f"{name}_track"] = number[getattr(problem, f"{name}_track")[row]] + fresh[of]
-            sides[f"{name}_step"] = getattr(problem, f"{name}_step")[row] + (first - begin)[of]
-            sides[f"{name}_price"] = getattr(problem, f"{name}_price")[row]
+            sides[f"{name}_track"] = self.numbers[k][side.track[row]] + fresh[of]
+            sides[f"{name}_step"] = side.step[row] + (first - begin)[of]
+            sides[f"{name}_price"] = side.price[row]
             shift = np.cumsum(count) - count - low
-            sides[f"{name}_row"] = (
-                place[getattr(problem, f"{name}_row")[entry]] + shift[copy]
-            ).astype(np.int32)
+            sides[f"{name}_row"] = (place[side.row[entry]] + shift[copy]).astype(np.int32)
         price = problem.switch_price
         whole = Problem(
             steps=len(step),

@@ -18,7 +18,7 @@ from tgospa_eval.problem.paths import (
     row_steps,
     up,
 )
-from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by, sum_parts
+from tgospa_eval.problem.problem import Floats, Ints, Objects, Problem, sum_by, sum_parts
 from tgospa_eval.problem.reduced import forced_cost
 from tgospa_eval.problem.slots import PART, parts
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
@@ -157,9 +157,8 @@ class _Objects:
     def __init__(self, states: States) -> None:
         problem = states.problem
         self.sides = []
-        for name in ("truth", "estimate"):
-            block = states.block_of_tracks(name)[getattr(problem, f"{name}_track")]
-            self.sides.append((block, getattr(problem, f"{name}_price")))
+        for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
+            self.sides.append((blocks_of[side.track], side.price))
         pair = problem.pair_price
         self.half = None if pair is None else 0.5 * pair
         if pair is not None:
@@ -181,9 +180,8 @@ class _Objects:
 def unpaired_prices(states: States) -> tuple[float, float]:
     """Cost of the truths and of the estimates that are in no block, rounded down."""
     found = []
-    for name in ("truth", "estimate"):
-        block = states.block_of_tracks(name)[getattr(states.problem, f"{name}_track")]
-        price = getattr(states.problem, f"{name}_price")[block < 0]
+    for side, blocks in zip(states.problem.sides, states.track_blocks, strict=True):
+        price = side.price[blocks[side.track] < 0]
         found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
     return found[0], found[1]
 
@@ -231,9 +229,9 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
     else:
         constant = [objects.prices(low + block) for block in range(blocks)]
         entry = np.concatenate(taken)
-        block = states.block_of_tracks("truth")[problem.truth_track[problem.truth_row[entry]]]
-        for side in ("truth", "estimate"):
-            price = -getattr(problem, f"{side}_price")[getattr(problem, f"{side}_row")[entry]]
+        block = states.track_blocks[0][problem.truth_track[problem.truth_row[entry]]]
+        for side in problem.sides:
+            price = -side.price[side.row[entry]]
             for number, value in zip(block.tolist(), price.tolist(), strict=True):
                 constant[number].append(value)
     sums_of = [
@@ -265,12 +263,12 @@ def of_whole(states: States, part: Reduced, inner: Floats) -> Floats:
     terms: list[list[float]] = [[] for _ in range(blocks)]
     for block, bound in zip(home.tolist(), (scale * inner).tolist(), strict=True):
         terms[block].append(bound)
-    problem = states.problem
-    for name in ("truth", "estimate"):
-        track = getattr(problem, f"{name}_track")
-        outer = states.block_of_tracks(name)[track]
-        unpaired = (part.states.block_of_tracks(name)[track] < 0) & (outer >= 0)
-        price = scale * getattr(problem, f"{name}_price")[unpaired][:1]
+    for side, *homes in zip(
+        states.problem.sides, states.track_blocks, part.states.track_blocks, strict=True
+    ):
+        outer, own_block = (blocks_of[side.track] for blocks_of in homes)
+        unpaired = (own_block < 0) & (outer >= 0)
+        price = scale * side.price[unpaired][:1]
         count = np.bincount(outer[unpaired], minlength=blocks)
         for block in np.flatnonzero(count).tolist():
             terms[block].append(math.nextafter(float(price[0]) * int(count[block]), 0.0))
@@ -288,7 +286,7 @@ def home_blocks(states: States, inner: States) -> Ints:
     """The block of the whole that each block at a smaller cutoff is a part of."""
     truth = np.empty(len(inner.block_begin), np.int64)
     truth[inner.pair_block] = inner.pair_truth
-    return states.block_of_tracks("truth")[truth]
+    return states.track_blocks[0][truth]
 
 
 def _in_chunks(terms: Floats) -> list[float]:
@@ -310,29 +308,30 @@ def break_down(states: States, weights: Ints) -> Breakdown:
     localisation = np.zeros(steps)
     chunks: list[float] = []  # of all terms, for the sum
 
-    def unassigned(name: str) -> tuple[Floats, Floats]:
+    truths, estimates = problem.sides
+
+    def unassigned(side: Objects) -> tuple[Floats, Floats]:
         """Cost and number of one side's unassigned objects at each step; one side at a time."""
-        row, step, price = (getattr(problem, f"{name}_{of}") for of in ("row", "step", "price"))
-        free = np.full(len(step), ONE)
+        free = np.full(len(side.step), ONE)
         for part in parts(len(weights)):
             used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
             entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
-            np.subtract.at(free, row[entry].astype(np.intp), whole)
-            if name == "truth":
+            np.subtract.at(free, side.row[entry].astype(np.intp), whole)
+            if side is truths:
                 paid = whole / ONE * problem.cost[entry]
                 np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
                 chunks.extend(_in_chunks(paid))
         cost, count = np.zeros(steps), np.zeros(steps)
         for part in parts(len(free)):
             left = np.flatnonzero(free[part])
-            at, share = step[part][left].astype(np.intp), free[part][left] / ONE
+            at, share = side.step[part][left].astype(np.intp), free[part][left] / ONE
             np.add.at(count, at, share)
-            lost = share * price[part][left]
+            lost = share * side.price[part][left]
             np.add.at(cost, at, lost)
             chunks.extend(_in_chunks(lost))
         return cost, count
 
-    missed, false = unassigned("truth"), unassigned("estimate")
+    missed, false = unassigned(truths), unassigned(estimates)
     moved, amount = changes(states, weights)
     chunks.extend(_in_chunks(problem.switch_price_at[states.begin[moved]] * amount))
     variation = sum_by(states.begin[moved], amount, steps)

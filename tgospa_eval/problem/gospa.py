@@ -74,10 +74,10 @@ def per_step_gospa(problem: Problem) -> PerStep:
     """
     entries = np.sort(np.concatenate([np.zeros(0, np.int64), *_cheapest(problem)]))
     free = []
-    for side in ("truth", "estimate"):
-        price = np.array(getattr(problem, f"{side}_price"))
-        price[getattr(problem, f"{side}_row")[entries]] = 0.0
-        free.append(sum_by(getattr(problem, f"{side}_step"), price, problem.steps))
+    for side in problem.sides:
+        price = side.price.copy()
+        price[side.row[entries]] = 0.0
+        free.append(sum_by(side.step, price, problem.steps))
     return PerStep(
         entries=entries,
         localisation=sum_by(problem.entry_step[entries], problem.cost[entries], problem.steps),

@@ -86,10 +86,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
     base: float | Floats
     sides: tuple[Floats, ...] = ()
     if problem.pair_price is None:
-        sides = (
-            problem.truth_price[problem.truth_row[entry]],
-            problem.estimate_price[problem.estimate_row[entry]],
-        )
+        sides = tuple(side.price[side.row[entry]] for side in problem.sides)
         base = sides[0] + sides[1]
     else:
         base = problem.pair_price

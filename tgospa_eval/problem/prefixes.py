@@ -129,11 +129,8 @@ def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Fl
     gains = np.flatnonzero(states.entry >= 0)
     entry, step = states.entry[gains].astype(np.intp), states.begin[gains]
     parts = [cells.sums(block[gains], step, weights[gains] / ONE * problem.cost[entry])]
-    for rows, price in (
-        (problem.truth_row, problem.truth_price),
-        (problem.estimate_row, problem.estimate_price),
-    ):
-        row = rows[entry].astype(np.intp)
+    for side in problem.sides:
+        row, price = side.row[entry].astype(np.intp), side.price
         used = np.bincount(row, weights[gains].astype(np.float64), minlength=len(price))
         some, at = np.unique(row, return_index=True)
         left = (ONE - used[some]) / ONE * price[some]
@@ -163,13 +160,7 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
     order = np.lexsort((cost, at))
     cheapest = entry[order[np.flatnonzero(np.diff(at[order], prepend=-1))]]
     relative = up(problem.cost[cheapest][at] - cost)
-    bases = [
-        price[rows]
-        for price, rows in (
-            (problem.truth_price, problem.truth_row),
-            (problem.estimate_price, problem.estimate_row),
-        )
-    ]
+    bases = [side.price[side.row] for side in problem.sides]
     for base in bases:
         relative = up(relative + up(base[entry] - base[cheapest][at]))
     of_cheapest = [base[cheapest] for base in bases]
@@ -182,10 +173,9 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
     least = cells.sums(offset_block, offset_step, problem.cost[cheapest])
     size, exact = least.copy(), whole_prices(problem)
     total += least
-    for name, base in zip(("truth", "estimate"), of_cheapest, strict=True):
-        rows = getattr(problem, f"{name}_row")[entry].astype(np.intp)
-        some, first = np.unique(rows, return_index=True)
-        price = getattr(problem, f"{name}_price")[some]
+    for side, base in zip(problem.sides, of_cheapest, strict=True):
+        some, first = np.unique(side.row[entry].astype(np.intp), return_index=True)
+        price = side.price[some]
         block = states.pair_block[pair[gaining[first]]]
         of_objects = cells.sums(block, states.begin[gaining[first]], price)
         of_pairs = cells.sums(offset_block, offset_step, base)
@@ -207,8 +197,8 @@ def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
 def whole_prices(problem: Problem) -> bool:
     """Whether sums and differences of unassigned prices are exact: multiples of a half."""
     return all(
-        len(price) < 1 << 31 and bool(np.all(2.0 * price == np.rint(2.0 * price)))
-        for price in (problem.truth_price, problem.estimate_price)
+        len(side.price) < 1 << 31 and bool(np.all(2.0 * side.price == np.rint(2.0 * side.price)))
+        for side in problem.sides
     )
 
 

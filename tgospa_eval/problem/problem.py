@@ -33,6 +33,17 @@ def sum_parts(value: Floats, first: Ints) -> Floats:
     return total
 
 
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """The truths or the estimates of a problem: their fields of `Problem`."""
+
+    count: int
+    step: Ints
+    track: Ints
+    price: Floats
+    row: Ints
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
     """The numbers A, B, D and lambda, in units of c^p; which metric they make, no solver knows.
@@ -96,6 +107,13 @@ class Problem:
             raise ConfigError("switch prices must be one number or one for each transition")
 
     @property
+    def sides(self) -> tuple[Objects, Objects]:
+        """Truths and estimates."""
+        truth = self.truths, self.truth_step, self.truth_track, self.truth_price
+        estimate = self.estimates, self.estimate_step, self.estimate_track, self.estimate_price
+        return Objects(*truth, self.truth_row), Objects(*estimate, self.estimate_row)
+
+    @property
     def entry_step(self) -> Ints:
         """Step of each entry, (N,)."""
         return self.truth_step[self.truth_row].astype(np.int32, copy=False)
@@ -103,10 +121,8 @@ class Problem:
     @cached_property
     def unassigned_costs(self) -> tuple[Floats, Floats]:
         """Cost of leaving each truth (m,), and each estimate (n,), unassigned throughout."""
-        return (
-            sum_by(self.truth_track, self.truth_price, self.truths),
-            sum_by(self.estimate_track, self.estimate_price, self.estimates),
-        )
+        truths, estimates = (sum_by(side.track, side.price, side.count) for side in self.sides)
+        return truths, estimates
 
     @cached_property
     def pair_price(self) -> float | None:

@@ -63,8 +63,8 @@ def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
     if not np.all(cover[0][truth] | cover[1][estimate]):
         return np.zeros(count)
     objects = np.zeros(count, np.int64)
-    for name, covered in zip(("truth", "estimate"), cover, strict=True):
-        block = states.block_of_tracks(name)[getattr(problem, f"{name}_track")]
+    for side, blocks_of, covered in zip(problem.sides, states.track_blocks, cover, strict=True):
+        block = blocks_of[side.track]
         mine = block >= 0
         objects += np.bincount(block[mine], minlength=count)
         objects -= 2 * np.bincount(block[mine & covered], minlength=count)

@@ -82,11 +82,18 @@ class States:
         end[self.pair_first[1:] - 1] = self.block_end[self.pair_block]
         return end
 
-    def block_of_tracks(self, name: str) -> Ints:
-        """Block of each truth or estimate, -1 for those without a near pair."""
-        block = np.full(getattr(self.problem, f"{name}s"), -1)
-        block[getattr(self, f"pair_{name}")] = self.pair_block
-        return block
+    @property
+    def pair_tracks(self) -> tuple[Ints, Ints]:
+        """Truth and estimate of each pair."""
+        return self.pair_truth, self.pair_estimate
+
+    @property
+    def track_blocks(self) -> tuple[Ints, Ints]:
+        """Block of each truth, and of each estimate, -1 for those without a near pair."""
+        blocks = np.full(self.problem.truths, -1), np.full(self.problem.estimates, -1)
+        for block, track in zip(blocks, self.pair_tracks, strict=True):
+            block[track] = self.pair_block
+        return blocks
 
     @cached_property
     def rows(self) -> Slots:

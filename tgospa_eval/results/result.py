@@ -142,40 +142,37 @@ class Result(Summary):
 
     def per_truth_table(self) -> Columns:
         """Steps, costs and counts of each truth."""
-        return self._per_track("truth")
+        return self._per_track(0, self.labels.truths)
 
     def per_estimate_table(self) -> Columns:
         """Steps, costs and counts of each estimate."""
-        return self._per_track("estimate")
+        return self._per_track(1, self.labels.estimates)
 
-    def _per_track(self, side: str) -> Columns:
+    def _per_track(self, k: int, ids: list[str]) -> Columns:
         states, problem = self.proof.states, self.proof.states.problem
-        ids = self.labels.truths if side == "truth" else self.labels.estimates
-        track: Ints = getattr(problem, f"{side}_track")
-        price: Floats = getattr(problem, f"{side}_price")
-        pair_track: Ints = getattr(states, f"pair_{side}")
+        side, pair_track = problem.sides[k], states.pair_tracks[k]
         used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
         entry, weight = states.entry[used], self.proof.weights[used]
-        free = np.full(len(track), ONE)
-        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], weight)
+        free = np.full(len(side.track), ONE)
+        np.subtract.at(free, side.row[entry], weight)
         changed, amount = changes(states, self.proof.weights)
 
         def total(index: Ints, value: Floats) -> Floats:
             return sum_by(index, value, len(ids))
 
-        unassigned = total(track, free / ONE)
+        unassigned = total(side.track, free / ONE)
         paid = amount * problem.switch_price_at[states.begin[changed]]
         at = pair_track[states.pair[changed]]
-        kind = "missed" if side == "truth" else "false"
+        kind = ("missed", "false")[k]
         columns = {
             "localisation": self.scale
             * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
-            kind: self.scale * total(track, free / ONE * price),
+            kind: self.scale * total(side.track, free / ONE * side.price),
             "switch": self.scale * total(at, paid),
             f"{kind}_count": unassigned,
             "switch_count": 0.5 * total(at, amount),
         }
-        steps = np.bincount(track, minlength=len(ids)).tolist()
+        steps = np.bincount(side.track, minlength=len(ids)).tolist()
         return {"id": list(ids), "steps": steps} | {
             name: column.tolist() for name, column in columns.items()
         }

@@ -47,8 +47,7 @@ def settle(states: States, blocks: NDArray[np.bool_], weights: Floats) -> None:
 def unassigned_costs(states: States) -> Floats:
     """Cost of each block if all its objects stay unassigned, (B,)."""
     total = np.zeros(len(states.block_begin))
-    for name, price in zip(("truth", "estimate"), states.problem.unassigned_costs, strict=True):
-        block = states.block_of_tracks(name)
+    for block, price in zip(states.track_blocks, states.problem.unassigned_costs, strict=True):
         mine = np.flatnonzero(block >= 0)
         total += sum_by(block[mine], price[mine], len(total))
     return total
@@ -69,12 +68,11 @@ def block_costs(states: States, weights: Floats) -> Floats:
     changed, amount = changes(states, whole)
     paid = problem.switch_price_at[states.begin[changed]] * amount
     total += sum_by(of_state[changed], paid, blocks)
-    for side in ("truth", "estimate"):
-        track = getattr(problem, f"{side}_track")
-        free = np.full(len(track), ONE)
-        np.subtract.at(free, getattr(problem, f"{side}_row")[entry], whole[used])
-        at = states.block_of_tracks(side)[track]
-        price = free / ONE * getattr(problem, f"{side}_price")
+    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
+        free = np.full(len(side.track), ONE)
+        np.subtract.at(free, side.row[entry], whole[used])
+        at = blocks_of[side.track]
+        price = free / ONE * side.price
         total += sum_by(at[at >= 0], price[at >= 0], blocks)
     return total
 

@@ -102,12 +102,11 @@ def fitting_scales(states: States) -> Floats:
     if problem.pair_price is None or not len(problem.cost):
         return np.ones(blocks)
     most = np.zeros(blocks)
-    for name in ("truth", "estimate"):
-        row, track = getattr(problem, f"{name}_row"), getattr(problem, f"{name}_track")
-        least = np.full(len(track), np.inf)
-        np.minimum.at(least, row, problem.cost)
+    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
+        least = np.full(len(side.track), np.inf)
+        np.minimum.at(least, side.row, problem.cost)
         near = np.flatnonzero(least < np.inf)
-        np.maximum.at(most, states.block_of_tracks(name)[track[near]], least[near])
+        np.maximum.at(most, blocks_of[side.track[near]], least[near])
     # Where all have a pair that costs nothing, the first cost that is any is tried.
     least = np.full(blocks, np.max(problem.switch_price, initial=0.0))
     least[least == 0] = np.inf
