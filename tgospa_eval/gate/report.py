@@ -18,7 +18,7 @@ SCHEMA = "tgospa-eval/gate/1"
 WIDTHS = (16, 20, 11, 11, 11, 0)
 """Of the columns: pair, rule, three numbers, verdict."""
 
-ADVICE = "To make the whole baseline anew, if that is right"
+ANEW = "To make the whole baseline anew, if that is right"
 
 
 def title(outcome: Outcome) -> str:
@@ -41,7 +41,7 @@ def table(report: Report) -> str:
     head = ("pair", "value", "old", "new") if updated else ("pair", "rule", *LIMITS)
     lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=WIDTHS), "")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
-        lines += ["", f"* {SPLIT}"]
+        lines += ["", f"* {UNPROVEN}"]
     wrapped = TextWrapper(WIDTH, subsequent_indent="  ", break_on_hyphens=False)
     wrapped.break_long_words = False
     notes = [
@@ -53,11 +53,11 @@ def table(report: Report) -> str:
     ]
     blocks = [[headline(report)], lines if len(lines) > 1 else [], notes]
     if report.advice:
-        blocks.append([f"{ADVICE}:", f"  {visible(report.advice)}"])
+        blocks.append([f"{ANEW}:", f"  {visible(report.advice)}"])
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
 
 
-SPLIT = "the reported split, not proven: where optima tie, another has the same total"
+UNPROVEN = "the reported split, not proven: where optima tie, another has the same total"
 """Of values that are marked."""
 
 LIMITS = ("baseline", "limit", "now")
@@ -171,7 +171,7 @@ def github_lines(report: Report) -> Iterator[str]:
         for note in (*outcome.notes, *map(str, outcome.warnings)):
             yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
     if report.advice:
-        yield f"\n{ADVICE}: {markdown_code(report.advice)}"
+        yield f"\n{ANEW}: {markdown_code(report.advice)}"
 
 
 def _cells(outcome: Outcome, *, updated: bool) -> Iterator[Row]:

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-VECTOR = 4000
+VECTOR_SHAPES = 4000
 """Shapes of a kind that are drawn as such in vector files; more become dots."""
 
-NAMES = 400
+MOST_NAMES = 400
 """Most names inside the lanes."""
 
 HALF = 0.4
@@ -169,7 +169,7 @@ def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> Any:
 
     polygons: Any = boxes  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
-    made.set_rasterized(len(boxes) > VECTOR)
+    made.set_rasterized(len(boxes) > VECTOR_SHAPES)
     made.set_in_layout(False)  # it lies inside the axes, and to find that out takes long
     axis.add_collection(made, autolim=False)
     return made
@@ -300,7 +300,11 @@ def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str
     many = len(place) > 400
     size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
     looks: dict[str, Any] = {"marker": "v", "color": INK, "edgecolors": "white", "zorder": 4}
-    looks |= {"linewidths": 0 if many else 0.3, "clip_on": False, "rasterized": len(place) > VECTOR}
+    looks |= {
+        "linewidths": 0 if many else 0.3,
+        "clip_on": False,
+        "rasterized": len(place) > VECTOR_SHAPES,
+    }
     sizes = np.where(switches["mass"] >= 0.99, size, size / 2)
     x = seen.edges[0][switches["step"]]
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
@@ -322,7 +326,7 @@ def _names(axis: "Axes", lanes: Lanes, seen: View, letters: float, room: float) 
     looks: dict[str, Any] = {"va": "center_baseline", "color": "white" if truth else INK}
     looks |= {"fontsize": letters, "parse_math": False, "zorder": 3}
     looks["backgroundcolor"] = "none" if truth else "white"
-    for k in held[np.argsort(-wide[held], kind="stable")][:NAMES]:
+    for k in held[np.argsort(-wide[held], kind="stable")][:MOST_NAMES]:
         name = literal(other.ids[run["other"][k]], 16)
         if len(name) * 0.66 * letters + 3 > wide[k]:
             continue

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-VECTOR = 40_000
+VECTOR_POINTS = 40_000
 """Points that are drawn as lines and marks in vector files; more become dots."""
 
 CROWDED = 400
@@ -44,7 +44,7 @@ CELLS = 48
 COVERED = 0.08
 """Share of the picture that marks of one kind cover at most, so that they remain marks."""
 
-FAINT = 100
+MANY_TRACKS = 100
 """Trajectories from which on lines are thinner and fainter, so that marks stand out."""
 
 STRETCH = 8
@@ -102,7 +102,7 @@ def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -
     if scale is not None:
         axis.set_aspect(scale, adjustable="datalim")
     handles: dict[str, Any] = {}
-    many = sum(len(side.row["track"]) for side in sides) > VECTOR
+    many = sum(len(side.row["track"]) for side in sides) > VECTOR_POINTS
     for side in sides:
         handles |= _lines(axis, side, places[side.name], style, seen, many=many)
     handles |= outlines(axis, seen, across, up, style)
@@ -158,7 +158,7 @@ def _lines(
     looks: dict[str, Any] = {
         "linestyle": (0, (4, 2)) if truth and not many else "-",
         "linewidth": thin * (0.7 if truth else 1.0) * (0.5 if many else 1),
-        "alpha": min(1.0, (FAINT / len(side.ids)) ** 0.5) * (0.7 if many else 1),
+        "alpha": min(1.0, (MANY_TRACKS / len(side.ids)) ** 0.5) * (0.7 if many else 1),
         "zorder": 2 if truth else 2.1,
     }
     dot: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2.5 * thin}
@@ -198,7 +198,7 @@ def _events(
         return _grouped(axis, marks, style)
     size = (5.0 if style.titles else 3.2) * max(0.35, 1 - 0.4 * math.log10(max(count / CROWDED, 1)))
     common = {"linestyle": "none", "markersize": size, "markeredgewidth": size / 6, "zorder": 3}
-    common["rasterized"] = count > VECTOR // 8
+    common["rasterized"] = count > VECTOR_POINTS // 8
     return {
         name: axis.plot(x, y, label=name, **{**common, **looks})[0]
         for name, x, y, looks in marks
@@ -225,7 +225,7 @@ def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
             if "markerfacecolor" in looks
             else {"color": looks["color"]}
         )
-        looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR // 8}
+        looks |= {"linewidths": 0.7, "rasterized": len(x) > VECTOR_POINTS // 8}
         area = np.maximum(largest * count / most, largest / 40)
         made = axis.scatter(x, y, area, label=name, **looks)
         handles[f"{name}, {count.min():,} to {count.max():,}"] = made

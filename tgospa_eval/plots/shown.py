@@ -28,10 +28,10 @@ class ShownFigure(Figure):
         with matplotlib.rc_context():
             matplotlib.rcdefaults()
             matplotlib.rcParams.update(self._settings)
-            self.savefig(target, format="png", dpi=2 * DOTS, metadata={"Software": None})
-        wide, tall = (round(DOTS * inches) for inches in self.get_size_inches())
+            self.savefig(target, format="png", dpi=2 * SHARP, metadata={"Software": None})
+        wide, tall = (round(SHARP * inches) for inches in self.get_size_inches())
         return target.getvalue(), {"width": wide, "height": tall}
 
 
-DOTS = 96
+SHARP = 96
 """Per inch on a screen."""

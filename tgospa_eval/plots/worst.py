@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KINDS = {"truth": "missed", "estimate": "false"}
+UNASSIGNED = {"truth": "missed", "estimate": "false"}
 """What a track costs where it is unassigned."""
 
 
@@ -92,7 +92,7 @@ def _costs(side: Side) -> dict[str, Any]:
     table = side.table
     return {
         "localisation": table["localisation"],
-        KINDS[side.name]: table["unassigned"],
+        UNASSIGNED[side.name]: table["unassigned"],
         "switch": table["switch"],
     }
 

@@ -1,13 +1,13 @@
 """What associate and reduce found, as tables, JSON and CSV."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.tables import Table, text_lines
+from tgospa_eval.sensors.association import Association
 
-Columns = dict[str, list[Any]]
-Json = dict[str, Any]
+Spread = dict[str, float]
+"""Smallest, median and largest of some numbers, by these names: min, median, max."""
 
 ROWS = 40
 """Rows that a table on stdout shows at most."""
@@ -16,26 +16,22 @@ ROUNDING = 1e-9
 """Shift of a mean, as a share of the distance to the cloud, that is nothing but rounding."""
 
 
-def association_text(document: Json) -> str:
+def association_text(found: Association) -> str:
     """Counts, and the associations in columns."""
-    counts = document["counts"]
+    count, (rest_a, rest_b) = int(found.chosen.sum()), found.unassigned
     lines = [
-        f"{counts['associated']} associated, {counts['alone_a']} of A and {counts['alone_b']} of B "
-        f"alone, in {counted(counts['steps'], 'step')}",
-        f"sum {document['total']:.6g}: distances, and {document['parameters']['cutoff'] / 2:g} for "
-        "each state that stays alone",
+        f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
+        f"{counted(len(found.first.times), 'step')}",
+        f"sum {found.total:.6g}: distances, and {found.cutoff / 2:g} for each state that stays "
+        "alone",
         "",
     ]
-    rows = [
-        (row["t"], row["id_a"], row["id_b"], row["distance"], row["mean_distance"])
-        for row in document["associations"]
-    ]
+    rows = list(zip(*found.associations_table().values(), strict=True))
     return "\n".join(lines + _columns(("t", "A", "B", "distance", "of means"), rows)) + "\n"
 
 
-def reduction_text(document: Json) -> str:
-    """What changed, on the whole."""
-    counts, change = document["counts"], document["change"]
+def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None]) -> str:
+    """What changed, on the whole; the arguments are parts of the document."""
     shown = {
         "Wasserstein distance to the cloud": change["wasserstein"],
         "sliced Wasserstein distance": change["sliced_wasserstein"],

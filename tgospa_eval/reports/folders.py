@@ -9,6 +9,7 @@ from itertools import product
 from pathlib import Path
 
 from tgospa_eval.common.files import named
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import manifest
 
@@ -22,8 +23,8 @@ OLD = 3600.0
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 
-def _pictures(*names: str) -> tuple[str, ...]:
-    return tuple(f"{name}.{kind}" for name, kind in product(names, PICTURES))
+def _files(names: str, *kinds: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{kind}" for name, kind in product(names.split(), kinds))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,28 +69,29 @@ RESULT = Kind(
     name="result",
     document="result.json",
     names=(
-        "result.json", "per_step.csv", "assignments.csv", "switches.csv", "per_truth.csv",
-        "per_estimate.csv", "timings.csv", "report.html",
+        "result.json",
+        *_files("per_step assignments switches per_truth per_estimate timings", "csv"),
+        "report.html",
     ),
     opens=("report.html",),
     options=" --pictures {0}",
-)  # fmt: skip
+)
 SWEEP = Kind(
     name="sweep",
     document="sweep.json",
     names=("sweep.json", "sweep.csv"),
-    opens=_pictures("sweep"),
+    opens=_files("sweep", *PICTURES),
     options=" --pictures {0}",
 )
 COMPARISON = Kind(
     name="compare",
     document="compare.json",
     names=(
-        "compare.json", "compare.csv", "per_step.csv", "pairs.csv", "time_over_error.png",
-        "error_over_epsilon.png", "convergence.png", "cumulative.png",
+        *("compare.json", *_files("compare per_step pairs", "csv")),
+        *_files("time_over_error error_over_epsilon convergence cumulative", "png"),
     ),
     opens=("time_over_error.png", "cumulative.png"),
-)  # fmt: skip
+)
 STUDY = Kind(
     name="study",
     document="compare.json",
@@ -122,11 +124,8 @@ class Written:
 
     def __str__(self) -> str:
         pictures = sum(name.endswith(PICTURES) for name in self.names)
-        parts = [
-            f"{count} {what}{'' if count == 1 else 's'}"
-            for count, what in ((len(self.names) - pictures, "file"), (pictures, "picture"))
-            if count
-        ]
+        counts = {"file": len(self.names) - pictures, "picture": pictures}
+        parts = [counted(count, what) for what, count in counts.items() if count]
         text = f"wrote {' and '.join(parts)} to {os.path.join(self.folder, '')}"
         if self.removed:
             text += f", removed {self.removed} of the run before"

@@ -19,7 +19,7 @@ from tgospa_eval.results.summary import Summary
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
 
-WORST = 10
+WORST_ROWS = 10
 DISTANCE = "distance of assigned pairs"
 """What localisation is, which has no count."""
 
@@ -68,7 +68,7 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         inputs={name: _flat(about) for name, about in result.input.items()},
         solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
         version=result.version,
-        worst=WORST,
+        worst=WORST_ROWS,
         data=data,
         arrays=packed(arrays),
         style=_colours() + inlined("page.css"),

@@ -15,7 +15,7 @@ from tgospa_eval.text import ending, visible
 Json = dict[str, Any]
 Row = tuple[str, list[str]]
 
-NAME = 18
+NAME_WIDTH = 18
 """Width of the first column."""
 
 CELL = 28
@@ -47,7 +47,7 @@ def table(document: Json) -> str:
 def _columns(rows: list[Row]) -> list[str]:
     """Rows as lines: a cell that is too wide for its column goes on below."""
     count = len(rows[0][1])
-    room = WIDTH - NAME - 1 - 2 * (count - 1)
+    room = WIDTH - NAME_WIDTH - 1 - 2 * (count - 1)
     widths = [max(CELL, *(len(cells[k]) for _, cells in rows)) for k in range(count)]
     if sum(widths) > room:
         widths = [room] if count == 1 else [CELL] * count
@@ -57,8 +57,8 @@ def _columns(rows: list[Row]) -> list[str]:
             textwrap.wrap(cell, width, break_on_hyphens=False) or [""]
             for cell, width in zip(cells, widths, strict=True)
         ]
-        lines += zip_longest([clip(name, NAME)], *parts, fillvalue="")
-    wide = (NAME + 1, *(width + 2 for width in widths))
+        lines += zip_longest([clip(name, NAME_WIDTH)], *parts, fillvalue="")
+    wide = (NAME_WIDTH + 1, *(width + 2 for width in widths))
     return text_lines(
         Table(head=lines[0], rows=lines[1:], align="lll"[: len(wide)], widths=wide), ""
     )
@@ -124,7 +124,7 @@ def _both(both: Json, parameters: Json) -> Iterator[str]:
             yield f"{counted(rows, 'row')} of the {side} left out (--grid {parameters['grid']})"
     yield from _wrap(_stretch(both["time"]))
     for column, extent in both["extent"].items():
-        yield f"  {clip(column, NAME):<{NAME}}" + (
+        yield f"  {clip(column, NAME_WIDTH):<{NAME_WIDTH}}" + (
             f"{_interval(extent)} in both" if extent else "the ranges do not overlap"
         )
     nearest = both["nearest"]

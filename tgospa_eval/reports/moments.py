@@ -18,7 +18,7 @@ USUAL = 0.9
 """Quantile of the gaps that counts as one between neighbours."""
 
 DAY = 86_400.0
-EXACT = 2.0**53
+WHOLE = 2.0**53
 """Below this whole numbers differ in a browser."""
 
 
@@ -38,7 +38,7 @@ def moments(times: Sequence[Any]) -> dict[str, Any]:
         ``values``: None for numbers and steps.
     """
     kind, origin, values = "number", "", None
-    if any(isinstance(t, str) or abs(t) >= EXACT for t in times):
+    if any(isinstance(t, str) or abs(t) >= WHOLE for t in times):
         kind, origin, values = _texts([str(t) for t in times])
     numbers = times if values is None else values
     if kind != "step" and uneven(np.asarray(numbers, float)):

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
-from tgospa_eval.reports.moments import EXACT, moments
+from tgospa_eval.reports.moments import WHOLE, moments
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.result import Result
@@ -35,8 +36,6 @@ ERRORS = 1000
 NONE = -1
 PLAIN = 300_000
 """Bytes of arrays that are not worth deflating."""
-
-BOX = ("left", "top", "width", "height")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -330,7 +329,7 @@ def _switches(parts: list[Result]) -> Columns:
 
 def _time(t: float | str) -> float | str:
     """A time as it was read; what is beyond the whole numbers of a browser is a text to it."""
-    return t if isinstance(t, int | float) and abs(t) < EXACT else str(t)
+    return t if isinstance(t, int | float) and abs(t) < WHOLE else str(t)
 
 
 def _rounded(values: list[float]) -> list[float]:

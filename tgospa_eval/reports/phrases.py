@@ -8,11 +8,11 @@ from tgospa_eval.reports.records import Metric
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""
 
-RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
-STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
+TO_RANK = "to rank estimates: tgospa-eval compare TRUTH A B"
+TO_STUDY = "to compare solvers on one: tgospa-eval compare TRUTH A"
 """What to type for what a page is not."""
 
-SPLIT = (
+SPLIT_NOTE = (
     "split, not proven: localisation, missed, false and switch are those of the assignment that "
     "was found; the brackets hold for TGOSPA and the total"
 )

@@ -8,9 +8,9 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.phrases import (
-    RANK,
-    SPLIT,
-    STUDY,
+    SPLIT_NOTE,
+    TO_RANK,
+    TO_STUDY,
     parameters_of,
     unit_of,
 )
@@ -80,8 +80,8 @@ def estimates_columns(document: RankingRecord) -> Columns:
     items = document["estimates"]
     plain: Sequence[Mapping[str, object]] = items
     table: Columns = {"name": [item["name"] for item in items]}
-    table |= {f"place_{end}": [item["place"][k] for item in items]
-              for k, end in enumerate(("best", "worst"))}  # fmt: skip
+    for k, end in enumerate(("best", "worst")):
+        table[f"place_{end}"] = [item["place"][k] for item in items]
     for name in items[0]["normalised"]:
         table[f"normalised_{name}"] = [item["normalised"][name] for item in items]
     for name in ("tgospa", "lower_bound", "total", "total_lower", *PARTS):
@@ -161,10 +161,10 @@ def _what(document: RankingRecord) -> str:
     """What this is, and what to type for what it is not."""
     count = len(document["estimates"])
     if count > 1:
-        return f"Ranking of {count} estimates; {STUDY}"
+        return f"Ranking of {count} estimates; {TO_STUDY}"
     if document["estimates"][0]["per_step_gospa"] is not None:
-        return f"TGOSPA beside per-step GOSPA for one estimate; {RANK}"
-    return f"Mean over the runs of one estimate; {RANK}"
+        return f"TGOSPA beside per-step GOSPA for one estimate; {TO_RANK}"
+    return f"Mean over the runs of one estimate; {TO_RANK}"
 
 
 def _runs(document: RankingRecord) -> str:
@@ -217,24 +217,21 @@ def _pair_tables(document: RankingRecord) -> Iterator[Table]:
     pairs = [pair for pair in document["pairs"] if pair["first"] == first]
     if not pairs:
         return
-    several = document["runs"] > 1
-    head = ["cost/step", "order", "local.", "missed", "false", "switch", "steps -/+"]
-    yield Table(
-        head=(f"vs {first}", *head, *(["runs -/+"] if several else [])),
-        rows=[
-            (
-                pair["second"],
-                "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
-                ORDERS[pair["verdict"]],
-                *(f"{pair['per_step'][name]:+.3g}" for name in PARTS),
-                f"{pair['steps']['better']}/{pair['steps']['worse']}",
-                *([f"{pair['per_run']['second_less']}/{pair['per_run']['first_less']}"]
-                  if several else []),
-            )
-            for pair in pairs
-            for low, high in [pair["per_step"]["total"]]
-        ],
-    )  # fmt: skip
+    head = ("cost/step", "order", "local.", "missed", "false", "switch", "steps -/+", "runs -/+")
+    columns = len(head) + (document["runs"] > 1)
+    rows = []
+    for pair in pairs:
+        difference, steps, runs = pair["per_step"], pair["steps"], pair["per_run"]
+        low, high = difference["total"]
+        cells = (
+            "+0" if pair["verdict"] == "equal" else _between(low, high, "+"),
+            ORDERS[pair["verdict"]],
+            *(f"{difference[name]:+.3g}" for name in PARTS),
+            f"{steps['better']}/{steps['worse']}",
+            f"{runs['second_less']}/{runs['first_less']}",
+        )
+        rows.append((pair["second"], *cells)[:columns])
+    yield Table(head=(f"vs {first}", *head)[:columns], rows=rows)
 
 
 def opposed(document: RankingRecord) -> Iterator[str]:
@@ -260,9 +257,8 @@ def _against_tables(document: RankingRecord) -> Iterator[Table]:
         rows.append((f"{name}TGOSPA", item["total"], item["counts"]["switch"], None))
         rows.append((f"{name}GOSPA, summed", step["total"], None, None))
         for rule, title in RULES.items():
-            rows.append((
-                f"{name}{title}", step[rule]["total"], step[rule]["switches"], step[rule]["mean"]
-            ))  # fmt: skip
+            found = step[rule]
+            rows.append((f"{name}{title}", found["total"], found["switches"], found["mean"]))
     yield Table(
         head=("sum over steps of values^p", "total", "root", "switches", "mean of steps"),
         rows=[
@@ -293,7 +289,7 @@ def _notes(document: RankingRecord) -> Iterator[str]:
                 "steps -/+: at how many the estimate costs less or more than the first",
             ]
         )
-    yield SPLIT
+    yield SPLIT_NOTE
     yield from opposed(document)
     name = f"{estimates[0]['name']}: " if len(estimates) > 1 else ""
     for sentence in estimates[0].get("differences", ()):

@@ -5,7 +5,7 @@ from typing import Literal
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.reports.phrases import (
-    RANK,
+    TO_RANK,
     error_of,
     number,
     parameters_of,
@@ -23,7 +23,7 @@ def solvers_document(document: SolversRecord) -> Document:
     """One problem through several solvers."""
     runs = document["runs"]
     return Document(
-        kind=f"Comparison of solvers; {RANK}",
+        kind=f"Comparison of solvers; {TO_RANK}",
         title=_agreement(document),
         lines=[size_of(document["sizes"]), parameters_of(document["parameters"])],
         tables=[
@@ -63,9 +63,9 @@ def solvers_columns(document: SolversRecord) -> Columns:
     runs = document["runs"]
     plain: Sequence[Mapping[str, object]] = runs
     names = (
-        "name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error",
-        "lower_error", *PARTS, "iterations", "status", "finished",
-    )  # fmt: skip
+        *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
+        *("lower_error", *PARTS, "iterations", "status", "finished"),
+    )
     table: Columns = {name: [run[name] for run in plain] for name in names}
     split = [_split(run["seconds"]) for run in runs]
     for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):

@@ -6,7 +6,7 @@ from typing import Literal
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.phrases import (
     EXACT,
-    SPLIT,
+    SPLIT_NOTE,
     error_of,
     number,
     parameters_of,
@@ -35,7 +35,7 @@ def study_report(document: StudyRecord, pictures: list[str]) -> str:
     )
 
 
-KINDS: tuple[Literal["mean", "deviation", "max"], ...] = ("mean", "deviation", "max")
+STATISTICS: tuple[Literal["mean", "deviation", "max"], ...] = ("mean", "deviation", "max")
 SPREADS: tuple[Literal["seconds", "error", "lower_error", "iterations"], ...] = (
     "seconds",
     "error",
@@ -69,7 +69,7 @@ def study_columns(document: StudyRecord) -> Columns:
         "epsilon": [made["epsilon"] for _, made in rows],
     }
     for name in SPREADS:
-        for kind in KINDS:
+        for kind in STATISTICS:
             table[f"{name}_{kind}"] = [made[name][kind] for _, made in rows]
     for fault in FAULTS:
         table[fault] = [made[fault] for _, made in rows]
@@ -111,16 +111,12 @@ def _times_table(document: StudyRecord) -> Table:
     rows = []
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):
-            rows.append((
-                made["name"],
-                *((str(size["targets"]), str(size["steps"])) if not k else ("", "")),
-                number(made["seconds"]["mean"], ".3g"),
-                _deviation(made["seconds"], ".2g"),
-                error_of(made["error"]["mean"]),
-                _deviation(made["error"], ".0e"),
-                error_of(made["lower_error"]["mean"]),
-                number(made["iterations"]["mean"], ".0f"),
-            ))  # fmt: skip
+            where = (str(size["targets"]), str(size["steps"])) if not k else ("", "")
+            spent = number(made["seconds"]["mean"], ".3g"), _deviation(made["seconds"], ".2g")
+            error = error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
+            iterations = number(made["iterations"]["mean"], ".0f")
+            below = error_of(made["lower_error"]["mean"])
+            rows.append((made["name"], *where, *spent, *error, below, iterations))
     return Table(
         head=("solver", "m", "T", "seconds", "+-", "error", "+-", "bound's", "iter."), rows=rows
     )
@@ -147,7 +143,7 @@ def _notes(document: StudyRecord) -> Iterator[str]:
         "above the true one, relative; bound's: the lower bound is at most so much below it; "
         "+- one standard deviation over the runs"
     )
-    yield SPLIT
+    yield SPLIT_NOTE
     for size in document["sizes"]:
         where = f"{counted(size['targets'], 'target')}, {counted(size['steps'], 'step')}"
         if size["left_out"]:

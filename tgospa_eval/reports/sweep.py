@@ -1,86 +1,86 @@
-"""The document of a sweep of a parameter as a table. Computes nothing that is not in it."""
+"""A sweep of a parameter as a table. Computes nothing that is not in it."""
 
 from collections.abc import Iterator
-from typing import Any
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import COUNTED_PARTS, Columns, json_text
-
-Json = dict[str, Any]
+from tgospa_eval.results.records import COUNTED_PARTS
+from tgospa_eval.results.sweep import Point, Sweep
 
 LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma"}
 
 
-def render(document: Json, format: str, table: Columns) -> str:
-    """What ``--format`` prints; `table` are the points as columns."""
+def render(found: Sweep, format: str) -> str:
+    """What ``--format`` prints."""
     if format == "json":
-        return json_text(document)
+        return found.to_json()
     if format == "csv":
-        return csv_text(table)
-    page = sweep_document(document)
+        return csv_text(found.columns())
+    page = sweep_document(found)
     return {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format](page)
 
 
-def sweep_document(document: Json) -> Document:
+def sweep_document(found: Sweep) -> Document:
     """A row for each value."""
-    letter = LETTERS[document["parameter"]]
-    exact = document["certified"]
+    letter, exact = LETTERS[found.parameter], found.certified
     lower = () if exact else ("lower bound",)
     return Document(
-        title=_title(document),
-        lines=[_parameters(document), "costs, and in brackets how many of each:"],
+        title=_title(found),
+        lines=[_parameters(found), "costs, and in brackets how many of each:"],
         tables=[
             Table(
                 head=(letter, *lower, "TGOSPA", "localisation", *COUNTED_PARTS),
                 rows=[
                     (
-                        number(point["value"]),
-                        *(() if exact else (number(point["lower_bound"]),)),
-                        number(point["tgospa"]),
-                        number(point["localisation"], 5),
+                        number(point.value),
+                        *(() if exact else (number(point.lower_bound),)),
+                        number(point.tgospa),
+                        number(point.localisation, 5),
                         *(
-                            f"{number(point[part], 5)} ({number(point['counts'][part])})"
+                            f"{number(getattr(point, part), 5)} ({number(_count(point, part))})"
                             for part in COUNTED_PARTS
                         ),
                     )
-                    for point in document["points"]
+                    for point in found.points
                 ],
             )
         ],
-        notes=list(_notes(document)),
-        warnings=[str(Notice(**record)) for record in document["warnings"]],
+        notes=list(_notes(found)),
+        warnings=list(map(str, found.warnings)),
     )
 
 
-def quantity(value: float, document: Json) -> str:
-    """A value of the parameter, with the unit if it has one."""
-    unit = document["parameters"]["unit"] if document["parameter"] != "order" else None
-    return number(value) + (f" {unit}" if unit else "")
+def _count(point: Point, part: str) -> float:
+    count: float = getattr(point, f"{part}_count")
+    return count
 
 
-def _title(document: Json) -> str:
-    points = document["points"]
-    word, letter = document["parameter"].replace("_", " "), LETTERS[document["parameter"]]
-    first, last = (quantity(points[k]["value"], document) for k in (0, -1))
+def _title(found: Sweep) -> str:
+    points = found.points
+    word, letter = found.parameter.replace("_", " "), LETTERS[found.parameter]
+    first, last = (_quantity(found, k) for k in (0, -1))
     over = f"at {letter} = {first}"
     if len(points) > 1:
         over = f"at {len(points)} values of the {word} from {letter} = {first} to {last}"
-    wide = [point for point in points if not point["certified"]]
+    wide = [point for point in points if not point.certified]
     if not wide:
         return f"TGOSPA {over}, all proven exact"
-    gap = max(point["relative_gap"] for point in wide)
+    gap = max(point.relative_gap for point in wide)
     return (
         f"TGOSPA {over}: {len(points) - len(wide)} exact, {len(wide)} between proven bounds (the "
         f"totals differ by up to {number(100 * gap, 2)}%)"
     )
 
 
-def _parameters(document: Json) -> str:
-    used, sizes = document["parameters"], document["sizes"]
+def _quantity(found: Sweep, k: int) -> str:
+    """The value at a point, with its unit if it has one."""
+    return number(found.points[k].value) + (f" {found.unit}" if found.unit else "")
+
+
+def _parameters(found: Sweep) -> str:
+    used, sizes = found.settings, found.sizes
     fixed = ", ".join(
         f"{letter} = {used[name]:g}"
         + (f" {used['unit']}" if used["unit"] and name != "order" else "")
@@ -94,18 +94,18 @@ def _parameters(document: Json) -> str:
     )
 
 
-def _notes(document: Json) -> Iterator[str]:
+def _notes(found: Sweep) -> Iterator[str]:
     """Where the counts do not depend on the parameter; of the best assignments only."""
-    letter, points = LETTERS[document["parameter"]], document["points"]
-    if len(points) < 2 or not document["certified"]:
+    letter = LETTERS[found.parameter]
+    if len(found.points) < 2 or not found.certified:
         return
-    for key, names in (("missed_false", COUNTED_PARTS[:2]), ("switch", COUNTED_PARTS[2:])):
+    for names in (COUNTED_PARTS[:2], COUNTED_PARTS[2:]):
         words = " and ".join("switches" if name == "switch" else name for name in names)
-        span = document["unchanged"][key]
+        span = found.unchanged(*(f"{name}_count" for name in names))
         if span is None:
             yield f"{words}: the counts differ between all neighbouring values"
             continue
-        begin = next(point for point in points if point["value"] == span["from"])
-        counts = " and ".join(number(begin["counts"][name]) for name in names)
-        low, high = (quantity(span[end], document) for end in ("from", "to"))
-        yield (f"{words}: {counts} at all {span['points']} values from {letter} = {low} to {high}")
+        counts = " and ".join(number(_count(found.points[span[0]], name)) for name in names)
+        low, high = (_quantity(found, k) for k in span)
+        many = span[1] - span[0] + 1
+        yield f"{words}: {counts} at all {many} values from {letter} = {low} to {high}"

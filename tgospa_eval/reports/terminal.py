@@ -20,7 +20,7 @@ from tgospa_eval.text import visible
 BLOCKS = " ▁▂▃▄▅▆▇█"
 SIGNS = " .:-=+*#@"
 GRAPH = 62
-STYLES = {"localisation": "blue", "missed": "red", "false": "magenta", "switch": "yellow"}
+PART_STYLES = {"localisation": "blue", "missed": "red", "false": "magenta", "switch": "yellow"}
 
 
 def report(result: Summary, encoding: str) -> str:
@@ -80,7 +80,7 @@ def _graph(result: Summary, ramp: str) -> Iterator[Text]:
     for name in ("total", *PARTS):
         if any(table[name]):
             line = Text(f"  {name:<14}  ")
-            line.append(sparkline(table[name], high, ramp), style=STYLES.get(name, "bold"))
+            line.append(sparkline(table[name], high, ramp), style=PART_STYLES.get(name, "bold"))
             yield line
     first, last = str(table["t"][0]), str(table["t"][-1])
     wide = -(-steps // together)
@@ -117,8 +117,8 @@ def _parts(result: Summary, lines: list[str]) -> Iterator[Text]:
     for line in lines:
         text = Text(line)
         name = line.split()[0]
-        if name in STYLES:
-            text.stylize(STYLES[name], 2, 2 + len(name))
+        if name in PART_STYLES:
+            text.stylize(PART_STYLES[name], 2, 2 + len(name))
             if getattr(result, name) == 0:
                 text.stylize("dim")
         elif name == "total":

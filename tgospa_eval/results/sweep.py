@@ -99,6 +99,12 @@ class Sweep:
         """Whether all values are exact."""
         return all(point.certified for point in self.points)
 
+    @property
+    def unit(self) -> str | None:
+        """Unit of the parameter that is swept."""
+        unit = self.settings["unit"]
+        return None if unit is None or self.parameter == "order" else str(unit)
+
     @cached_property
     def table(self) -> "pd.DataFrame":
         """A row for each point; the first column bears the name of the parameter."""

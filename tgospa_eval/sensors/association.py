@@ -1,13 +1,12 @@
 """Association of the states of two sensors, step by step. Knows no file.
 
 At every step the pairs are chosen whose distances, with half a cutoff for everything that stays
-unassigned, have the smallest sum: a pair is worth ``c - d``, and none at the cutoff or
+unassigned, have the smallest sum: a pair gains ``c - d``, and none at the cutoff or
 beyond is taken.
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +15,13 @@ from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.clouds.transport import cross_covariance
 from tgospa_eval.errors import ConfigError, InputError, real_number
+from tgospa_eval.results.records import Columns
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
 
-Columns = dict[str, list[Any]]
 Floats = NDArray[np.float64]
+
+COLUMN_NAMES = ("t", "id_a", "id_b", "distance", "mean_distance")
 
 MOST_STATES = 3000
 """Rows of either side of a step: the matrix of their gains takes 72 MB."""
@@ -52,10 +53,16 @@ class Association:
     cutoff: float
 
     @property
+    def unassigned(self) -> tuple[int, int]:
+        """How many states of each side have no partner."""
+        count = int(self.chosen.sum())
+        return len(self.first.step) - count, len(self.second.step) - count
+
+    @property
     def total(self) -> float:
         """The sum that was minimised."""
-        unassigned = len(self.first.step) + len(self.second.step) - 2 * int(self.chosen.sum())
-        return float(self.pairs.distance[self.chosen].sum() + 0.5 * self.cutoff * unassigned)
+        near = self.pairs.distance[self.chosen].sum()
+        return float(near + 0.5 * self.cutoff * sum(self.unassigned))
 
     def associations_table(self) -> Columns:
         """Each state once: pairs by step, with None for the partner of an unassigned one."""
@@ -76,8 +83,7 @@ class Association:
             *((int(steps[1][b]), 2, b, self._names(None, b, None, None)) for b in unassigned[1]),
         ]
         rows.sort(key=lambda row: row[:3])
-        names = ("t", "id_a", "id_b", "distance", "mean_distance")
-        return {name: [row[3][k] for row in rows] for k, name in enumerate(names)}
+        return {name: [row[3][k] for row in rows] for k, name in enumerate(COLUMN_NAMES)}
 
     def costs_table(self) -> Columns:
         """All `pairs`, and whether they were associated."""
@@ -114,22 +120,14 @@ class Association:
         return {**self._pairs_table(pairs), **entries}
 
     def _pairs_table(self, pairs: NDArray[np.intp]) -> Columns:
-        rows = [
-            self._names(int(a), int(b), float(value), float(far))
-            for a, b, value, far in zip(
-                self.pairs.truth_row[pairs],
-                self.pairs.estimate_row[pairs],
-                self.pairs.distance[pairs],
-                self.apart[pairs],
-                strict=True,
-            )
-        ]
-        names = ("t", "id_a", "id_b", "distance", "mean_distance")
-        return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+        found = self.pairs.truth_row, self.pairs.estimate_row, self.pairs.distance, self.apart
+        columns = [values[pairs].tolist() for values in found]
+        rows = [self._names(*row) for row in zip(*columns, strict=True)]
+        return {name: [row[k] for row in rows] for k, name in enumerate(COLUMN_NAMES)}
 
     def _names(
         self, a: int | None, b: int | None, value: float | None, apart: float | None
-    ) -> tuple[Any, ...]:
+    ) -> tuple[object, ...]:
         side, row = (self.first, a) if a is not None else (self.second, b)
         time = side.shown[side.step[row]]
         return (

@@ -1,20 +1,31 @@
 """Clouds of a whole recording reduced, and what that changed. Knows no file."""
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Effort, Reduction, cloud_wasserstein
+from tgospa_eval.distances.base import Floats
 from tgospa_eval.distances.clouds.distance import reduced
 from tgospa_eval.distances.clouds.pairs import announce
 from tgospa_eval.distances.clouds.reduction import sliced_wasserstein, spread_directions
 from tgospa_eval.distances.clouds.transport import MOST_PARTICLES, POT_NEEDED, can_transport
+from tgospa_eval.results.records import Columns
 from tgospa_eval.tracks.clouds import Cloud, Clouds
 from tgospa_eval.tracks.trajectories import Trajectories
 
-Columns = dict[str, list[Any]]
+
+class Change(NamedTuple):
+    """What a reduction changed in a cloud; None where that is not known or has no meaning."""
+
+    particles: int
+    kept: int
+    wasserstein: float | None
+    sliced_wasserstein: float
+    trace_kept: float | None
+    mean_shift: float
 
 
 def reduce_trajectories(
@@ -42,24 +53,22 @@ def reduce_trajectories(
     """
     effort = effort or Effort()
     if side.clouds is None:
-        return side, _table(side, [(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
+        return side, _table(side, [Change(1, 1, 0.0, 0.0, None, 0.0)] * len(side.step))
     after = reduced(side.clouds, reduction, effort)
     return side.with_clouds(after), _table(side, _changes(side.clouds, after, effort))
 
 
-def _table(side: Trajectories, changes: list[tuple[Any, ...]]) -> Columns:
-    ids = side.ids[side.track].tolist()
-    moments = side.shown[side.step].tolist()
-    rows = [(*row[:2], *row[2]) for row in zip(ids, moments, changes, strict=True)]
-    return {name: [row[k] for row in rows] for k, name in enumerate(CHANGE_COLUMNS)}
+def _table(side: Trajectories, changes: list[Change]) -> Columns:
+    table = {"id": side.ids[side.track].tolist(), "t": side.shown[side.step].tolist()}
+    return table | {name: [getattr(one, name) for one in changes] for name in Change._fields}
 
 
-def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, ...]]:
+def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[Change]:
     """What is said of each cloud: in threads, and announced, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 
-    def change(row: int) -> tuple[Any, ...]:
+    def change(row: int) -> Change:
         return _compared(before[row], after[row], directions, is_exact=is_exact)
 
     count = int(np.count_nonzero(before.counts > after.counts))
@@ -77,24 +86,10 @@ def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[tuple[Any, .
         effort.stopwatch.stage = outer
 
 
-CHANGE_COLUMNS = (
-    "id",
-    "t",
-    "particles",
-    "kept",
-    "wasserstein",
-    "sliced_wasserstein",
-    "trace_kept",
-    "mean_shift",
-)
-
-
-def _compared(
-    before: Cloud, after: Cloud, directions: np.ndarray[Any, Any], *, is_exact: bool
-) -> tuple[Any, ...]:
+def _compared(before: Cloud, after: Cloud, directions: Floats, *, is_exact: bool) -> Change:
     sizes = len(before[1]), len(after[1])
     if sizes[0] == sizes[1]:
-        return (*sizes, 0.0, 0.0, 1.0, 0.0)
+        return Change(*sizes, 0.0, 0.0, 1.0, 0.0)
     means = [weights @ points for points, weights in (before, after)]
     traces = [
         float(weights @ ((points - mean) ** 2).sum(axis=1))
@@ -106,7 +101,7 @@ def _compared(
         if is_exact and sizes[0] * sizes[1] <= MOST_PARTICLES**2
         else None
     )
-    return (
+    return Change(
         *sizes,
         exact,
         sliced_wasserstein(before, after, directions),

@@ -20,7 +20,7 @@ from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
-from tgospa_eval.plots.sweep import sweep_pictures
+from tgospa_eval.plots.sweep import sweep_figure
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import SWEEP, probe_folder
 from tgospa_eval.reports.sweep import render
@@ -197,7 +197,6 @@ def _key(name: str) -> str:
 
 def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> None:
     """Print, and write the folder if one was asked for."""
-    document = found.to_dict()
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the sweep", 0.0)
@@ -206,10 +205,10 @@ def _show(found: Sweep, output: OutputOptions, wanted: "Pictures | None") -> Non
             "sweep.csv": csv_text(found.columns()),
         }
         if wanted is not None and plots.available():
-            files |= plots.pictures(lambda: sweep_pictures(document), wanted.formats)
+            files |= plots.pictures(lambda: {"sweep": sweep_figure(found)}, wanted.formats)
         elif wanted is not None and not output.quiet:
             print_notice(plots.MISSING)
         return files
 
     write_output(output, SWEEP, make)
-    emit(render(document, output.format_, found.columns()), output.format_)
+    emit(render(found, output.format_), output.format_)

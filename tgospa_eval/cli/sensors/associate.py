@@ -87,6 +87,8 @@ def command(a: str, b: str, **options: Any) -> None:
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.cli.sensors.run import associate_files
+    from tgospa_eval.cli.sensors.run import SensorOptions, associate_files
+    from tgospa_eval.cli.shared.values import EvaluationOptions
 
-    associate_files((a, b), options)
+    fixed = {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0}
+    associate_files((a, b), EvaluationOptions.of(options | fixed), SensorOptions.of(options))

@@ -59,6 +59,7 @@ def command(source: str, target: str, **options: Any) -> None:
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
-    from tgospa_eval.cli.sensors.run import reduce_file
+    from tgospa_eval.cli.sensors.run import SensorOptions, reduce_file
+    from tgospa_eval.cli.shared.values import EvaluationOptions
 
-    reduce_file(source, target, options)
+    reduce_file(source, target, EvaluationOptions.of(options), SensorOptions.of(options))

@@ -2,9 +2,9 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from tgospa_eval._version import __version__
 from tgospa_eval.cli.shared.notices import about, notifier
@@ -14,24 +14,32 @@ from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.distances import Effort, Reduction
+from tgospa_eval.distances import Distance, Effort, Reduction
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.inspection import spread
-from tgospa_eval.reports.clouds import (
-    association_text,
-    reduction_text,
-)
+from tgospa_eval.reports.clouds import association_text, reduction_text
 from tgospa_eval.reports.files import check_file, csv_text, write_file
-from tgospa_eval.results.records import json_text, records
-from tgospa_eval.sensors.association import associate
-from tgospa_eval.sensors.reduction import reduce_trajectories
+from tgospa_eval.results.records import Columns, Json, json_text, records
+from tgospa_eval.sensors.association import Association, associate
+from tgospa_eval.sensors.reduction import Change, reduce_trajectories
 
 T = TypeVar("T")
 
 
-def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
+@dataclass(frozen=True, kw_only=True)
+class SensorOptions(OutputOptions):
+    """Options of these verbs alone, beside those of what is printed and written."""
+
+    cost_matrix: str | None = None
+    cross_cov: str | None = None
+    size: int = 1
+
+
+def associate_files(
+    paths: tuple[str, str], options: EvaluationOptions, output: SensorOptions
+) -> None:
     """Read, associate, print and write.
 
     Raises
@@ -39,69 +47,69 @@ def associate_files(paths: tuple[str, str], options: dict[str, Any]) -> None:
     TgospaError
         Something is wrong with options or files.
     """
-    files = {name: options[name] for name in ("cost_matrix", "cross_cov") if options[name]}
+    asked = {"--cost-matrix": output.cost_matrix, "--cross-cov": output.cross_cov}
+    files = {option: path for option, path in asked.items() if path}
     taken = list(paths)
-    for name, path in files.items():
-        check_file(path, force=options["force"], option=_spelt(name))
-        _check_apart(path, taken, _spelt(name))
+    for option, path in files.items():
+        check_file(path, force=output.force, option=option)
+        _check_apart(path, taken, option)
         taken.append(path)
-    chosen = {"pairwise": True, "sides": ("a", "b"), "switch_penalty": 0.0} | options
-    settings = make_settings(EvaluationOptions.of(chosen), OutputOptions.of(options))
-    cutoff = settings.parameters.cutoff
+    settings = make_settings(options, output)
 
-    def work(effort: Effort) -> tuple[dict[str, Any], dict[str, Any]]:
-        sides = _read(paths, settings, options, ("--a-format", "--b-format"))
+    def work(effort: Effort) -> tuple[Association, Distance, dict[str, str]]:
+        sides = _read(paths, settings, ("--a-format", "--b-format"), quiet=output.quiet)
         fitted, _ = settings.fit(sides, paths)
-        distance, aligned = fitted.distance, fitted.alignment
         found = associate(
-            aligned.truth,
-            aligned.estimate,
-            cutoff=cutoff,
-            distance=distance,
-            all_pairs="cost_matrix" in files,
+            fitted.alignment.truth,
+            fitted.alignment.estimate,
+            cutoff=settings.parameters.cutoff,
+            distance=fitted.distance,
+            all_pairs="--cost-matrix" in files,
             effort=effort,
         )
-        count = int(found.chosen.sum())
-        document = {
-            "schema": "tgospa-eval/associate/1",
-            "version": __version__,
-            "parameters": {
-                "cutoff": cutoff,
-                "distance": distance.name,
-                **distance.settings(aligned.truth.columns),
-                "columns": list(aligned.truth.columns),
-                "grid": settings.time_matching.grid,
-                "time_tolerance": settings.time_matching.tolerance,
-                **settings.recorded,
-            },
-            "counts": {
-                "steps": len(aligned.truth.times),
-                "associated": count,
-                "alone_a": len(aligned.truth.step) - count,
-                "alone_b": len(aligned.estimate.step) - count,
-            },
-            "total": found.total,
-            "associations": records(found.associations_table()),
-        }
-        tables = {"associations": found.associations_table()}
-        if "cost_matrix" in files:
-            tables["cost_matrix"] = found.costs_table()
-        if "cross_cov" in files:
-            tables["cross_cov"] = found.cross_covariances_table()
-        return document, tables
+        make = {"--cost-matrix": found.costs_table, "--cross-cov": found.cross_covariances_table}
+        return found, fitted.distance, {option: csv_text(make[option]()) for option in files}
 
-    document, tables = _run(work, options)
-    for name, path in files.items():
-        write_file(path, csv_text(tables[name]), _spelt(name))
-    texts = {
-        "table": lambda: association_text(document),
-        "json": lambda: json_text(document),
-        "csv": lambda: csv_text(tables["associations"]),
+    found, distance, texts = _run(work, options.jobs, quiet=output.quiet)
+    for option, path in files.items():
+        write_file(path, texts[option], option)
+    shown = {
+        "table": lambda: association_text(found),
+        "json": lambda: json_text(_association(found, distance, settings)),
+        "csv": lambda: csv_text(found.associations_table()),
     }
-    emit(texts[options["format_"]](), options["format_"])
+    emit(shown[output.format_](), output.format_)
 
 
-def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
+def _association(found: Association, distance: Distance, settings: Settings) -> Json:
+    """The document of ``associate``."""
+    columns = found.first.columns
+    return {
+        "schema": "tgospa-eval/associate/1",
+        "version": __version__,
+        "parameters": {
+            "cutoff": found.cutoff,
+            "distance": distance.name,
+            **distance.settings(columns),
+            "columns": list(columns),
+            "grid": settings.time_matching.grid,
+            "time_tolerance": settings.time_matching.tolerance,
+            **settings.recorded,
+        },
+        "counts": {
+            "steps": len(found.first.times),
+            "associated": int(found.chosen.sum()),
+            "alone_a": found.unassigned[0],
+            "alone_b": found.unassigned[1],
+        },
+        "total": found.total,
+        "associations": records(found.associations_table()),
+    }
+
+
+def reduce_file(
+    source: str, target: str, options: EvaluationOptions, output: SensorOptions
+) -> None:
     """Read, reduce, write and print what changed.
 
     Raises
@@ -109,19 +117,17 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
     TgospaError
         Something is wrong with options or files.
     """
-    check_file(target, force=options["force"], option="OUT")
+    check_file(target, force=output.force, option="OUT")
     _check_apart(target, [source], "OUT")
     suffix = Path(target).suffix.casefold()
     if suffix not in TABLES:
         raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
-    size = options["size"]
-    how = reduction(EvaluationOptions.of(options), size) or Reduction(size=size)
-    fixed = {"distance": "cloud-wasserstein", "reduce": size, "cutoff": 1.0, "switch_penalty": 0.0}
-    chosen = EvaluationOptions.of(fixed | options)
-    settings = make_settings(chosen, OutputOptions.of(options))
+    how = reduction(options, output.size) or Reduction(size=output.size)
+    clouds = replace(options, distance="cloud-wasserstein", reduce=output.size)
+    settings = make_settings(replace(clouds, cutoff=1.0, switch_penalty=0.0), output)
 
-    def work(effort: Effort) -> tuple[Reading, bytes, dict[str, list[Any]]]:
-        (side,) = _read((source,), settings, options, ("--in-format",))
+    def work(effort: Effort) -> tuple[Reading, bytes, Columns]:
+        (side,) = _read((source,), settings, ("--in-format",), quiet=output.quiet)
         if side.trajectories.clouds is None:
             raise InputError(
                 f"{source}: no particles; a column weight makes the rows of an (id, t) a cloud"
@@ -129,8 +135,14 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
         after, table = reduce_trajectories(side.trajectories, how, effort)
         return side, TABLES[suffix](after), table
 
-    side, data, table = _run(work, options)
+    side, data, table = _run(work, options.jobs, quiet=output.quiet)
     write_file(target, data, "OUT")
+    counts = {
+        "clouds": len(table["id"]),
+        "particles": sum(table["particles"]),
+        "kept": sum(table["kept"]),
+    }
+    change = {name: _spread(name, table[name]) for name in Change._fields[2:]}
     document = {
         "schema": "tgospa-eval/reduce/1",
         "version": __version__,
@@ -139,20 +151,16 @@ def reduce_file(source: str, target: str, options: dict[str, Any]) -> None:
             "columns": list(side.trajectories.columns),
             **settings.recorded,
         },
-        "counts": {
-            "clouds": len(table["id"]),
-            "particles": sum(table["particles"]),
-            "kept": sum(table["kept"]),
-        },
-        "change": {name: _spread(name, table[name]) for name in list(table)[4:]},
+        "counts": counts,
+        "change": change,
         "clouds": records(table),
     }
     texts = {
-        "table": lambda: reduction_text(document),
+        "table": lambda: reduction_text(counts, change),
         "json": lambda: json_text(document),
         "csv": lambda: csv_text(table),
     }
-    emit(texts[options["format_"]](), options["format_"])
+    emit(texts[output.format_](), output.format_)
 
 
 def _check_apart(path: str, others: list[str], option: str) -> None:
@@ -169,7 +177,7 @@ def _check_apart(path: str, others: list[str], option: str) -> None:
 
 
 def _read(
-    paths: tuple[str, ...], settings: Settings, options: dict[str, Any], formats: tuple[str, ...]
+    paths: tuple[str, ...], settings: Settings, formats: tuple[str, ...], *, quiet: bool
 ) -> tuple[Reading, ...]:
     """The states of sensors: the role of challenge formats is that of results.
 
@@ -180,19 +188,19 @@ def _read(
     except InputError as error:
         usual = "(--truth-format, --estimate-format)"
         raise InputError(str(error).replace(usual, f"({', '.join(formats)})")) from None
-    tell = notifier(quiet=options["quiet"])
+    notify = notifier(quiet=quiet)
     for path, side, option in zip(paths, sides, formats, strict=True):
         for notice in about(path, side):
-            tell(replace(notice, text=notice.text.replace("--estimate-format", option)))
+            notify(replace(notice, text=notice.text.replace("--estimate-format", option)))
     return sides
 
 
-def _run(work: Callable[[Effort], T], options: dict[str, Any]) -> T:
+def _run(work: Callable[[Effort], T], jobs: int | None, *, quiet: bool) -> T:
     stopwatch = Stopwatch()
-    if not options["quiet"]:
+    if not quiet:
         stopwatch.notify = print_notice
-    effort = Effort(jobs=options["jobs"], stopwatch=stopwatch)
-    return run(lambda: work(effort), stopwatch, show=not options["quiet"])
+    effort = Effort(jobs=jobs, stopwatch=stopwatch)
+    return run(lambda: work(effort), stopwatch, show=not quiet)
 
 
 def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
@@ -203,7 +211,3 @@ def _spread(name: str, values: list[float | None]) -> dict[str, float] | None:
     if name == "wasserstein" and len(known) < len(values):
         return None
     return spread(np.array(known))
-
-
-def _spelt(name: str) -> str:
-    return "--" + name.replace("_", "-")
