@@ -1,10 +1,8 @@
 """What was read, in numbers: counts, extents, overlaps. Prints nothing."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import Notice
@@ -17,6 +15,7 @@ from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports import inspection as documents
 from tgospa_eval.tracks.alignment import SECOND, Alignment
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
@@ -27,23 +26,16 @@ QUANTILES = (5, 25, 50, 75, 95)
 
 def inspect(
     files: list[tuple[str, Reading]], sides: Fitted | None, request: EvaluationRequest
-) -> dict[str, Any]:
-    """The JSON document of ``tgospa-eval inspect``.
-
-    Parameters
-    ----------
-    files : list of (str, Reading)
-        Path and content of the truth, and of the estimate if there is one.
-    sides : Fitted, optional
-        Both, if there are two.
-    request : EvaluationRequest
-        What would be evaluated.
-    """
+) -> documents.Inspection:
+    """What paths and contents of the truth, and of an estimate, hold, and how both sides fit."""
     time_matching, parameters = request.time_matching, request.parameters
     distance = request.distance if sides is None else sides.distance
-    document: dict[str, Any] = {
+    warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
+    document: documents.Inspection = {
         "schema": SCHEMA,
         "version": __version__,
+        "truth": describe(*files[0]),
+        "warnings": [],
         "parameters": {
             "cutoff": parameters.cutoff,
             "order": parameters.order,
@@ -55,13 +47,13 @@ def inspect(
             "unit": request.unit,
         },
     }
-    warnings = [notice.about(path) for path, reading in files for notice in _about(reading)]
-    for name, (path, reading) in zip(("truth", "estimate"), files, strict=False):
-        document[name] = {"path": path, **describe(reading)}
+    if len(files) > 1:
+        document["estimate"] = describe(*files[1])
     if sides is not None:
         document["both"] = compare(sides, parameters.cutoff)
         warnings += diagnose(sides.read, sides.alignment, time_matching, parameters, distance)
-    return {**document, "warnings": [notice.record() for notice in warnings]}
+    document["warnings"] = [notice.record() for notice in warnings]
+    return document
 
 
 def _about(reading: Reading) -> Iterator[Notice]:
@@ -76,13 +68,14 @@ def _about(reading: Reading) -> Iterator[Notice]:
         )
 
 
-def describe(reading: Reading) -> dict[str, Any]:
+def describe(path: str, reading: Reading) -> documents.FileDocument:
     """Counts and extents of one file."""
     side = reading.trajectories
     count, first, last = _lives(side)
     holes = last - first + 1 - count
     per_step = np.bincount(side.step, minlength=len(side.times))
-    return {
+    found: documents.FileDocument = {
+        "path": path,
         "format": reading.format,
         "rows": reading.rows,
         "used": len(side.step),
@@ -104,31 +97,23 @@ def describe(reading: Reading) -> dict[str, Any]:
             for part in (reading.of_class(name),)
         },
         "objects": spread(per_step),
-        **({} if side.clouds is None else {"particles": spread(side.clouds.counts)}),
         "extent": {
             name: {"min": float(values.min()), "max": float(values.max())}
             for name, values in zip(side.columns, side.state.T, strict=True)
             if len(values)
         },
-        **_deviations(side),
         "notices": list(reading.notices),
     }
-
-
-def _deviations(side: Trajectories) -> dict[str, Any]:
-    """Standard deviations by column, where there are covariances or clouds."""
     if side.clouds is not None:
+        found["particles"] = spread(side.clouds.counts)
         variances = np.diagonal(side.clouds.covariances, axis1=1, axis2=2).T
     elif side.covariance is not None:
         variances = side.covariance.T[[k * (k + 3) // 2 for k in range(len(side.columns))]]
     else:
-        return {}
-    return {
-        "deviation": {
-            name: spread(np.sqrt(values))
-            for name, values in zip(side.columns, variances, strict=True)
-        }
-    }
+        return found
+    deviations = zip(side.columns, np.sqrt(variances), strict=True)
+    found["deviation"] = {name: spread(values) for name, values in deviations}
+    return found
 
 
 def _lives(side: Trajectories) -> tuple[Ints, Ints, Ints]:
@@ -149,7 +134,7 @@ def _longest_hole(side: Trajectories) -> int:
     return int((np.diff(step)[same] - 1).max(initial=0))
 
 
-def _clock(side: Trajectories) -> dict[str, Any]:
+def _clock(side: Trajectories) -> documents.Stamps:
     """First and last stamp as read, and the distances between stamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)
@@ -168,14 +153,14 @@ def _clock(side: Trajectories) -> dict[str, Any]:
     }
 
 
-def spread(values: NDArray[Any]) -> dict[str, float] | None:
+def spread(values: Floats | Ints) -> documents.Extent | None:
     """Smallest, median and largest; None of nothing."""
     if not len(values):
         return None
     return {"min": float(values.min()), "median": median(values), "max": float(values.max())}
 
 
-def compare(sides: Fitted, cutoff: float) -> dict[str, Any]:
+def compare(sides: Fitted, cutoff: float) -> documents.PairDocument:
     """What the two files have in common: steps, the time they cover, space, nearest estimates."""
     aligned = sides.alignment
     truth, estimate = sides.read
@@ -197,13 +182,13 @@ def compare(sides: Fitted, cutoff: float) -> dict[str, Any]:
     }
 
 
-def _common_range(a: Floats, b: Floats) -> dict[str, float] | None:
+def _common_range(a: Floats, b: Floats) -> documents.Extent | None:
     """Where both have values; None if nowhere."""
     low, high = max(a.min(), b.min()), min(a.max(), b.max())
     return {"min": float(low), "max": float(high)} if low <= high else None
 
 
-def _overlap(aligned: Alignment) -> dict[str, Any] | None:
+def _overlap(aligned: Alignment) -> documents.Overlap | None:
     """First and last step between which both files have rows; None if there is none."""
     sides = aligned.truth, aligned.estimate
     if not all(len(side.step) for side in sides):
@@ -220,7 +205,7 @@ def _overlap(aligned: Alignment) -> dict[str, Any] | None:
 @np.errstate(over="ignore", invalid="ignore")
 def nearest_estimates(
     aligned: Alignment, cutoff: float, distance: Distance
-) -> dict[str, Any] | None:
+) -> documents.Nearest | None:
     """Distances from truths to the nearest estimate of their step, over steps that both have.
 
     At most `SAMPLE` steps and truths of a step are looked at, evenly. None if no step has both.

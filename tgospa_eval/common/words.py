@@ -2,6 +2,7 @@
 
 import re
 import sys
+from collections.abc import Mapping
 
 
 def counted(number: int, one: str, many: str = "") -> str:
@@ -17,6 +18,12 @@ def counted(number: int, one: str, many: str = "") -> str:
         The same for any other number, ``"rows have"``.
     """
     return f"{number:,} {one if number == 1 else many or one + 's'}"
+
+
+def sizes_in_words(sizes: Mapping[str, int]) -> str:
+    """How many truths, estimates and steps there are."""
+    nouns = {"truth": "truth", "estimates": "estimate", "steps": "step"}
+    return ", ".join(counted(sizes[name], noun) for name, noun in nouns.items())
 
 
 def more(count: int) -> str:

@@ -27,7 +27,11 @@ CUT = "\n*The rest does not fit into a step summary; see the log or the JUnit re
 
 def annotations(report: Report) -> Iterator[str]:
     """Workflow commands: an error for each pair that does not pass, a warning if one warns."""
-    errors = [_error(outcome) for outcome in report.outcomes if outcome.status]
+    errors = [
+        (title(outcome), "\n".join((outcome.verdict, *outcome.notes)))
+        for outcome in report.outcomes
+        if outcome.status
+    ]
     warnings = [
         _warning(outcome) for outcome in report.outcomes if outcome.warned or outcome.warnings
     ]
@@ -39,10 +43,6 @@ def annotations(report: Report) -> Iterator[str]:
             rest = found[len(shown) :]
             names = ", ".join(name for name, _ in rest)
             yield _command(kind, f"TGOSPA gate: {len(rest)} more pairs", names)
-
-
-def _error(outcome: Outcome) -> tuple[str, str]:
-    return title(outcome), "\n".join((f"{outcome.verdict}", *outcome.notes))
 
 
 def _warning(outcome: Outcome) -> tuple[str, str]:

@@ -42,14 +42,13 @@ def table(report: Report) -> str:
     lines = text_lines(Table(head=head, rows=rows, align="llrrrl", widths=WIDTHS), "")
     if any(not finding.now.proven for o in report.outcomes for finding in o.findings):
         lines += ["", f"* {UNPROVEN}"]
-    wrapped = TextWrapper(WIDTH, subsequent_indent="  ", break_on_hyphens=False)
-    wrapped.break_long_words = False
+    lay = TextWrapper(WIDTH, "", "  ", break_on_hyphens=False, break_long_words=False)
     notes = [
         line
         for outcome in report.outcomes
         for note in outcome.notes
         if outcome.verdict is not Verdict.ERROR  # that is on stderr
-        for line in wrapped.wrap(visible(f"{title(outcome)}: {note}"))
+        for line in lay.wrap(visible(f"{title(outcome)}: {note}"))
     ]
     blocks = [[headline(report)], lines if len(lines) > 1 else [], notes]
     if report.advice:

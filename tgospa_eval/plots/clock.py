@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cached_property
-from typing import Any
 
-from tgospa_eval.reports.moments import DAY
+from tgospa_eval.reports.moments import DAY, TimeAxis
+from tgospa_eval.results.records import Time
 
 CLOCK = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200)
 """Round numbers of seconds within a day."""
@@ -22,13 +22,13 @@ class Clock:
 
     Parameters
     ----------
-    axis : dict
+    axis : TimeAxis
         Of `reports.moments`.
     labels : sequence of str
         The times of all steps in words.
     """
 
-    axis: dict[str, Any]
+    axis: TimeAxis
     labels: Sequence[str]
 
     @cached_property
@@ -85,7 +85,7 @@ class Clock:
         return [float(step) for step in steps], names, f"{title}, steps evenly spaced"
 
 
-def words(times: Sequence[Any]) -> list[str]:
+def words(times: Sequence[Time]) -> list[str]:
     """Times as they are written."""
     return [f"{t:.12g}" if isinstance(t, float) else str(t) for t in times]
 

@@ -1,6 +1,5 @@
 """Swim-lanes: who followed whom. A lane for each truth, below them estimates with false steps."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -300,11 +299,8 @@ def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str
     many = len(place) > 400
     size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
     looks: dict[str, Any] = {"marker": "v", "color": INK, "edgecolors": "white", "zorder": 4}
-    looks |= {
-        "linewidths": 0 if many else 0.3,
-        "clip_on": False,
-        "rasterized": len(place) > VECTOR_SHAPES,
-    }
+    looks |= {"linewidths": 0 if many else 0.3, "clip_on": False}
+    looks["rasterized"] = len(place) > VECTOR_SHAPES
     sizes = np.where(switches["mass"] >= 0.99, size, size / 2)
     x = seen.edges[0][switches["step"]]
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
@@ -344,12 +340,6 @@ def _ids(axis: "Axes", groups: tuple[Lanes, ...], letters: float) -> None:
     for lanes in groups:
         places += list(range(lanes.first, lanes.end))
         names += [literal(lanes.side.ids[track], 14) for track in lanes.tracks]
-        names += _rest(lanes)
+        names += [f"{len(lanes.others):,} others"] if len(lanes.others) else []
     axis.set_yticks(places, names, fontsize=letters, parse_math=False)
     axis.tick_params(axis="y", length=0)
-
-
-def _rest(lanes: Lanes) -> Iterator[str]:
-    """What the last lane is called."""
-    if len(lanes.others):
-        yield f"{len(lanes.others):,} others"

@@ -74,11 +74,13 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
     base = np.zeros(len(first))
     handles = []
+    # outlines leave something to see of bars that are narrow
+    thin = min(0.8, max(0.25, 15 * style.width / max(len(first), 1)))
     for name, cost in costs.items() if seen.steps else ():
         # What costs nothing has no outline either.
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
-        looks = {"linewidth": _thin(style, len(first)), "label": name, **FILLS[name]}
+        looks = {"linewidth": thin, "label": name, **FILLS[name]}
         bars = axis.stairs(top, places, baseline=foot, fill=True, **looks)
         handles.append(bars)
         base = base + cost[costliest]
@@ -135,19 +137,10 @@ def name_times(
     axis: "Axes", clock: Clock, ends: tuple[float, float], width: float, *, upright: bool = False
 ) -> None:
     """Ends, ticks and name of an axis of time in a picture of so many inches."""
-    characters = (width - MARGIN) * 72 / (0.62 * _size(axis))
+    letters = float(axis.xaxis.label.get_fontsize())
+    characters = (width - MARGIN) * 72 / (0.62 * letters)
     places, names, title = clock.ticks(*ends, characters) if clock.labels else ([], [], "time")
     which = axis.yaxis if upright else axis.xaxis
     (axis.set_ylim if upright else axis.set_xlim)(*ends)
     which.set_ticks(places, names, parse_math=False)
     which.set_label_text(literal(title, 60), parse_math=False)
-
-
-def _size(axis: "Axes") -> float:
-    """Points of the letters at the ticks."""
-    return float(axis.xaxis.label.get_fontsize())
-
-
-def _thin(style: Style, bars: int) -> float:
-    """Outlines that leave something to see of bars that are narrow."""
-    return min(0.8, max(0.25, 15 * style.width / max(bars, 1)))

@@ -10,17 +10,7 @@ from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure
 from tgospa_eval.plots.overtime import time_axis
 from tgospa_eval.plots.shapes import outlines
-from tgospa_eval.plots.style import (
-    FALSE,
-    INK,
-    MISSED,
-    SOFT,
-    Style,
-    legend,
-    literal,
-    styled,
-    titled,
-)
+from tgospa_eval.plots.style import FALSE, INK, MISSED, SOFT, Style, legend, literal, styled, titled
 from tgospa_eval.plots.views import TIME, Side, View, plane_columns, view
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.summary import Summary

@@ -16,7 +16,7 @@ from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.moments import edges, placed
-from tgospa_eval.reports.page_data import NONE, document
+from tgospa_eval.reports.page_data import NONE, PageData, document
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -71,7 +71,7 @@ class View:
 
     Parameters
     ----------
-    data : dict
+    data : PageData
         The document of the HTML report.
     truth, estimate : Side
         The tracks.
@@ -79,7 +79,7 @@ class View:
         Value and parameters in words.
     """
 
-    data: dict[str, Any]
+    data: PageData
     truth: Side
     estimate: Side
     about: str
@@ -90,7 +90,7 @@ class View:
         return len(self.data["times"])
 
     @property
-    def switches(self) -> dict[str, Any]:
+    def switches(self) -> dict[str, Ints]:
         """Columns of the table of switches, as arrays."""
         return {name: np.asarray(column) for name, column in self.data["switches"].items()}
 
@@ -186,7 +186,7 @@ def binned(total: Floats, most: int) -> tuple[Ints, Ints]:
     return first, first + padded.reshape(len(first), together).argmax(axis=1)
 
 
-def _side(name: str, data: dict[str, Any], arrays: dict[str, Ints]) -> Side:
+def _side(name: str, data: PageData, arrays: dict[str, Ints]) -> Side:
     table = data["tracks"][name]
     run = {field: arrays[f"{name}/run/{field}"] for field in ("track", "begin", "end", "other")}
     row: dict[str, Any] = {field: arrays[f"{name}/row/{field}"] for field in ("track", "step")}
@@ -214,9 +214,7 @@ def _side(name: str, data: dict[str, Any], arrays: dict[str, Ints]) -> Side:
     )
 
 
-def _axes(
-    name: str, data: dict[str, Any], arrays: dict[str, Ints], step: Ints
-) -> dict[str, Floats]:
+def _axes(name: str, data: PageData, arrays: dict[str, Ints], step: Ints) -> dict[str, Floats]:
     """The columns, the centres of boxes, and the time."""
     with np.errstate(over="ignore"):  # pictures end before the doubles do
         found: dict[str, Floats] = {

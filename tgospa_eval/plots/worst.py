@@ -1,7 +1,7 @@
 """What costs most: steps, truths and estimates, as bars that say why."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -51,6 +51,8 @@ def plot_worst(
 
 def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_worst` of a view."""
+    from matplotlib.patches import Patch
+
     shared = seen.time.shared
     lists = {
         "steps": _costliest(
@@ -76,18 +78,11 @@ def draw_worst(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     if style.titles:
         titled(axes[0], style, "Worst")
         titled(axes[-1], style, "", seen.about)
-    handles = [_swatch(name) for name in parts]
-    legend(made, handles, list(parts), 4)
+    legend(made, [Patch(**FILLS[name]) for name in parts], list(parts), 4)
     return made
 
 
-def _swatch(name: str) -> Any:
-    from matplotlib.patches import Patch
-
-    return Patch(**FILLS[name])
-
-
-def _costs(side: Side) -> dict[str, Any]:
+def _costs(side: Side) -> dict[str, list[float]]:
     """Costs of tracks by the names of the parts."""
     table = side.table
     return {
@@ -98,7 +93,7 @@ def _costs(side: Side) -> dict[str, Any]:
 
 
 def _costliest(
-    costs: dict[str, Any], names: Sequence[str], count: int, parts: Sequence[str]
+    costs: Mapping[str, Sequence[float]], names: Sequence[str], count: int, parts: Sequence[str]
 ) -> tuple[list[str], dict[str, Floats]]:
     """Names and costs of those that cost most, free ones left out."""
     chosen = {name: np.asarray(costs[name], float) for name in parts if name in costs}
@@ -117,13 +112,8 @@ def _bars(
         axis.barh(place[kept], cost[kept], 0.72, left=end[kept], linewidth=0.5, **FILLS[part])
         end = end + cost
     for at, total in zip(place, end, strict=True):
-        axis.annotate(
-            f" {number(total, 4)}",
-            (total, at),
-            va="center",
-            fontsize="small",
-            annotation_clip=False,
-        )
+        text = f" {number(total, 4)}"
+        axis.annotate(text, (total, at), va="center", fontsize="small", annotation_clip=False)
     axis.set_ylim(max(rows, 1) - 0.4, -0.6)
     axis.set_xlim(0, float(end.max(initial=0.0)) * (1.22 if beside else 1.1) or 1.0)
     axis.grid(visible=False, axis="y")

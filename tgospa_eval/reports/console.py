@@ -1,12 +1,11 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import sizes_in_words
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
@@ -50,11 +49,7 @@ def headline(result: Summary) -> str:
 
 def _headline(result: Summary) -> Iterator[str]:
     yield from wrap(headline(result), "")
-    sizes = result.sizes
-    yield (
-        f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
-        f"{counted(sizes['steps'], 'step')}"
-    )
+    yield sizes_in_words(result.sizes)
 
 
 def meaning(result: Summary) -> list[tuple[str, str]]:
@@ -156,7 +151,7 @@ def _curve(result: Summary) -> Iterator[str]:
     yield from text_lines(Table(head=head, rows=rows, align="rrrrrr", widths=widths))
 
 
-def fitting(texts: Iterable[Any], width: int) -> list[str]:
+def fitting(texts: Iterable[object], width: int) -> list[str]:
     """Stamps in so many columns, as far as they all begin alike: that gives way to dots."""
     shown = [visible(str(text)) for text in texts]
     cut = max(map(len, shown), default=0) - width + 3

@@ -5,7 +5,6 @@ the reports writes a text of the user without one of these.
 """
 
 import re
-from typing import Any
 
 from tgospa_eval.text import visible
 
@@ -82,7 +81,7 @@ def workflow_property(text: str) -> str:
     return workflow_data(visible(text)).replace(":", "%3A").replace(",", "%2C")
 
 
-def csv_cell(value: Any) -> Any:
+def csv_cell(value: object) -> object:
     """The value in a CSV table: what a spreadsheet would take for a formula gets a ' in front.
 
     So does a text that begins so after marks of that kind, so that all texts stay different and

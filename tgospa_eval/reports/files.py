@@ -13,11 +13,6 @@ from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
 
-def json_text(result: Summary) -> str:
-    """The JSON document."""
-    return result.to_json()
-
-
 def per_step_csv(result: Summary) -> str:
     """The table of costs by step."""
     return csv_text(result.per_step_table())

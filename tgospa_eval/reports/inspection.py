@@ -4,16 +4,91 @@ import math
 import textwrap
 from collections.abc import Iterator
 from itertools import zip_longest
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from tgospa_eval.common.figures import number, shortest
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both
 from tgospa_eval.reports.tables import WIDTH, Table, clip, text_lines
+from tgospa_eval.results.records import Time
 from tgospa_eval.text import ending, visible
 
-Json = dict[str, Any]
+Extent = dict[str, float]
+"""From where to where, as min and max; with a median too."""
+
 Row = tuple[str, list[str]]
+
+
+class Stamps(TypedDict):
+    """First and last as read, and how far they are apart."""
+
+    kind: str
+    first: Time | None
+    last: Time | None
+    step: Extent | None
+
+
+class FileDocument(TypedDict):
+    """One file."""
+
+    path: str
+    format: str
+    rows: int
+    used: int
+    left_out: dict[str, int]
+    trajectories: int
+    steps: int
+    columns: list[str]
+    headers: dict[str, str]
+    time: Stamps
+    length: Extent | None
+    holes: dict[str, int]
+    classes: dict[str, dict[str, int]]
+    objects: Extent | None
+    particles: NotRequired[Extent | None]
+    extent: dict[str, Extent]
+    deviation: NotRequired[dict[str, Extent | None]]
+    notices: list[str]
+
+
+class Overlap(TypedDict):
+    """First and last stamp that both files cover."""
+
+    first: Time
+    last: Time
+    steps: int
+
+
+class Nearest(TypedDict):
+    """Distances from truths to the nearest estimate."""
+
+    cutoff: float
+    truths: int
+    quantiles: dict[str, float | None]
+    within_cutoff: float
+
+
+class PairDocument(TypedDict):
+    """How two files fit."""
+
+    steps: dict[str, int]
+    left_out: dict[str, int]
+    time: Overlap | None
+    extent: dict[str, Extent | None]
+    nearest: Nearest | None
+
+
+class Inspection(TypedDict):
+    """What was read, and what looks wrong with it."""
+
+    schema: str
+    version: str
+    parameters: dict[str, object]
+    truth: FileDocument
+    estimate: NotRequired[FileDocument]
+    both: NotRequired[PairDocument]
+    warnings: list[dict[str, str]]
+
 
 NAME_WIDTH = 18
 """Width of the first column."""
@@ -31,9 +106,9 @@ LEFT_OUT = {
 """Why rows are left out, where the JSON's word for it is not enough."""
 
 
-def table(document: Json) -> str:
+def table(document: Inspection) -> str:
     """The document in words, for someone who sees it for the first time."""
-    files = [document[name] for name in ("truth", "estimate") if name in document]
+    files = [document["truth"], *([document["estimate"]] if "estimate" in document else [])]
     blocks = [_columns(list(_files(files)))]
     if "both" in document:
         blocks.append(list(_both(document["both"], document["parameters"])))
@@ -64,13 +139,14 @@ def _columns(rows: list[Row]) -> list[str]:
     )
 
 
-def _files(files: list[Json]) -> Iterator[Row]:
+def _files(files: list[FileDocument]) -> Iterator[Row]:
     """A row for each property, a cell for each file."""
     yield "", ["truth", "estimate"][: len(files)]
     yield "file", [ending(file["path"], CELL) for file in files]
     yield "format", [file["format"] for file in files]
     if any(file["headers"] for file in files):
-        yield "headers", [_headers(file["headers"]) for file in files]
+        named = [(f"{k}={clip(v, CELL)}" for k, v in file["headers"].items()) for file in files]
+        yield "headers", [", ".join(names) or "-" for names in named]
     yield "rows", [f"{file['rows']:,}" for file in files]
     for rule in dict.fromkeys(rule for file in files for rule in file["left_out"]):
         counts = [f"{file['left_out'].get(rule, 0):,}" for file in files]
@@ -96,25 +172,20 @@ def _files(files: list[Json]) -> Iterator[Row]:
         yield f"class {name}", [_class(file["classes"].get(name)) for file in files]
 
 
-def _headers(headers: dict[str, str]) -> str:
-    """Where columns are that are called otherwise in the file."""
-    return ", ".join(f"{name}={clip(header, CELL)}" for name, header in headers.items()) or "-"
-
-
-def _class(part: Json | None) -> str:
+def _class(part: dict[str, int] | None) -> str:
     if part is None:
         return "none"
     tracks = counted(part["trajectories"], "trajectory", "trajectories")
     return f"{counted(part['rows'], 'row')}, {tracks}"
 
 
-def _holes(holes: Json) -> str:
+def _holes(holes: dict[str, int]) -> str:
     if not holes["trajectories"]:
         return "none"
     return f"{holes['trajectories']}, {counted(holes['steps'], 'step')}, longest {holes['longest']}"
 
 
-def _both(both: Json, parameters: Json) -> Iterator[str]:
+def _both(both: PairDocument, parameters: dict[str, object]) -> Iterator[str]:
     steps = both["steps"]
     yield in_both(steps["common"], steps["union"]) + (
         f", {steps['joined']} of them joined" if steps["joined"] else ""
@@ -144,7 +215,7 @@ def _both(both: Json, parameters: Json) -> Iterator[str]:
     yield f"  nearer than the cutoff c = {cutoff}: {share:.1f} %"
 
 
-def _stretch(time: Json | None) -> str:
+def _stretch(time: Overlap | None) -> str:
     """The time that both files cover."""
     if time is None:
         return "no stretch of time is in both files"
@@ -154,7 +225,7 @@ def _stretch(time: Json | None) -> str:
     return f"both have rows from t = {ends}, {counted(time['steps'], 'step')}"
 
 
-def _range(spread: Json | None, one: str = "", many: str = "", digits: int = 6) -> str:
+def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6) -> str:
     """Smallest to largest, and the median between them, with a noun or unit."""
     if spread is None:
         return "-"
@@ -163,7 +234,7 @@ def _range(spread: Json | None, one: str = "", many: str = "", digits: int = 6) 
     return f"{text} {one if text == '1' else many}".strip()
 
 
-def _steps(time: Json, unit: str) -> str:
+def _steps(time: Stamps, unit: str) -> str:
     """From how long to how long a step takes, without what rounding the stamps adds to it."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))
@@ -171,7 +242,7 @@ def _steps(time: Json, unit: str) -> str:
     return _range(spread and {k: shortest(v, noise) for k, v in spread.items()}, unit, unit)
 
 
-def _interval(extent: Json | None) -> str:
+def _interval(extent: Extent | None) -> str:
     """From where to where, with digits enough for the ends to differ."""
     if extent is None:
         return "-"
@@ -188,7 +259,7 @@ def _number(value: float | None, digits: int = 6) -> str:
     return "-" if value is None else number(value, digits)
 
 
-def _moment(value: Any) -> str:
+def _moment(value: Time | None) -> str:
     """A time as read, without the last digits of sums of decimals: 5.8, not 5.800000000000001."""
     if not isinstance(value, float):
         return "-" if value is None else str(value)

@@ -5,11 +5,12 @@ Where a few gaps would take most of the axis, or times are no times, steps are e
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.records import Time
 
 UNEVEN = 5.0
 """How much longer than its steps a recording may be to be drawn to scale."""
@@ -22,7 +23,15 @@ WHOLE = 2.0**53
 """Below this whole numbers differ in a browser."""
 
 
-def moments(times: Sequence[Any]) -> dict[str, Any]:
+class TimeAxis(TypedDict):
+    """How times are drawn: a kind, where it begins, and places where they are not the times."""
+
+    kind: str
+    origin: str
+    values: list[float] | None
+
+
+def moments(times: Sequence[Time]) -> TimeAxis:
     """How times are drawn, as a part of the document of the page.
 
     Parameters
@@ -46,7 +55,7 @@ def moments(times: Sequence[Any]) -> dict[str, Any]:
     return {"kind": kind, "origin": origin, "values": values}
 
 
-def placed(times: Sequence[Any], axis: dict[str, Any]) -> Floats:
+def placed(times: Sequence[Time], axis: TimeAxis) -> Floats:
     """Where each step is on the axis that `moments` describes."""
     if axis["kind"] == "step":
         return np.arange(len(times), dtype=float)

@@ -6,8 +6,8 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 
 import base64
 import zlib
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
-from tgospa_eval.reports.moments import WHOLE, moments
+from tgospa_eval.reports.moments import WHOLE, TimeAxis, moments
+from tgospa_eval.reports.spreads import Encoding
 from tgospa_eval.results.by_class import ByClass
-from tgospa_eval.results.records import PARTS, Columns
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
 
@@ -35,7 +36,7 @@ ERRORS = 1000
 
 NONE = -1
 PLAIN = 300_000
-"""Bytes of arrays that are not worth deflating."""
+"""Bytes of arrays that are too few to be deflated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +67,32 @@ class Side:
     shared: int
 
 
-def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
+class PageData(TypedDict):
+    """What the page and the pictures draw, but for the arrays."""
+
+    times: list[Time]
+    axis: TimeAxis
+    costs: dict[str, list[float]]
+    counts: dict[str, list[float]]
+    curve: dict[str, list[float]]
+    tracks: dict[str, Columns]
+    switches: Columns
+    columns: list[str]
+    boxes: bool
+    low: list[float]
+    quantum: list[float]
+    spread: Encoding
+    cutoff: float
+    order: float
+    unit: str
+    errors: int
+    stride: int
+    shared: int
+    rows: dict[str, list[int]]
+    arrays: list[tuple[str, int]]
+
+
+def document(result: Summary) -> tuple[PageData, dict[str, Ints]]:
     """What the page draws: a JSON document, and whole numbers by name, as long as the data.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
@@ -109,7 +135,7 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
         "costs": {name: _rounded(per_step[name]) for name in PARTS},
         "counts": {
             name: _rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
-            for name in PARTS[1:]
+            for name in COUNTED_PARTS
         },
         "curve": {name: _rounded(values) for name, values in curves(result).items()},
         "tracks": {
@@ -129,7 +155,7 @@ def document(result: Summary) -> tuple[dict[str, Any], dict[str, Ints]]:
         "stride": stride,
         "shared": sides["truth"].shared,
         "rows": {name: [len(kept[name]), len(side.track)] for name, side in sides.items()},
-        "arrays": [[name, len(array)] for name, array in arrays.items()],
+        "arrays": [(name, len(array)) for name, array in arrays.items()],
     }, arrays
 
 
@@ -181,25 +207,13 @@ def _joined(parts: list[Result], name: str, size: int) -> Side:
     other = "estimate" if name == "truth" else "truth"
     for part in parts:
         side = _side(part, name, size)
-        sides.append(
-            Side(
-                track=side.track + first[name],
-                step=side.step,
-                other=np.where(side.other == NONE, NONE, side.other + first[other]),
-                error=side.error,
-                state=side.state,
-                spread=side.spread,
-                shared=side.shared,
-            )
-        )
+        partner = np.where(side.other == NONE, NONE, side.other + first[other])
+        sides.append(replace(side, track=side.track + first[name], other=partner))
         first["truth"] += len(part.labels.truths)
         first["estimate"] += len(part.labels.estimates)
+    fields = ("track", "step", "other", "error", "state")
     return Side(
-        track=np.concatenate([side.track for side in sides]),
-        step=np.concatenate([side.step for side in sides]),
-        other=np.concatenate([side.other for side in sides]),
-        error=np.concatenate([side.error for side in sides]),
-        state=np.concatenate([side.state for side in sides]),
+        **{field: np.concatenate([getattr(side, field) for side in sides]) for field in fields},
         spread=spreads.concatenated([side.spread for side in sides]),
         shared=sum(side.shared for side in sides),
     )
@@ -290,7 +304,7 @@ def _grid(states: list[Floats], size: int) -> tuple[list[float], list[float]]:
     return low.tolist(), np.where(quantum > 0, quantum, 1.0).tolist()
 
 
-def _tracks(table: Columns, kind: str) -> dict[str, list[Any]]:
+def _tracks(table: Columns, kind: str) -> Columns:
     """The columns of a table of tracks by the same names for both sides, with the total."""
     total = np.sum([table[name] for name in ("localisation", kind, "switch")], axis=0)
     names = {"localisation": "localisation", "unassigned": kind, "switch": "switch"}
@@ -315,7 +329,9 @@ def _switches(parts: list[Result]) -> Columns:
         labels, table = part.labels, part.switches_table()
         step = {t: k for k, t in enumerate(labels.times)}
         truth = {name: truths + k for k, name in enumerate(labels.truths)}
-        estimate: dict[Any, int] = {name: estimates + k for k, name in enumerate(labels.estimates)}
+        estimate: dict[str | None, int] = {
+            name: estimates + k for k, name in enumerate(labels.estimates)
+        }
         estimate[None] = NONE
         found["step"] += [step[t] for t in table["t"]]
         found["truth"] += [truth[name] for name in table["truth"]]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.reports.records import Metric
 
 EXACT = 1e-9
@@ -39,8 +39,7 @@ def unit_of(parameters: Metric) -> str:
 def size_of(sizes: Mapping[str, int]) -> str:
     """How large a problem is."""
     return (
-        f"{counted(sizes['truth'], 'truth')}, {counted(sizes['estimates'], 'estimate')}, "
-        f"{counted(sizes['steps'], 'step')}; {counted(sizes['states'], 'reduced state')} in "
+        f"{sizes_in_words(sizes)}; {counted(sizes['states'], 'reduced state')} in "
         f"{counted(sizes['components'], 'component')}"
     )
 

@@ -7,13 +7,7 @@ from dataclasses import replace
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.phrases import (
-    SPLIT_NOTE,
-    TO_RANK,
-    TO_STUDY,
-    parameters_of,
-    unit_of,
-)
+from tgospa_eval.reports.phrases import SPLIT_NOTE, TO_RANK, TO_STUDY, parameters_of, unit_of
 from tgospa_eval.reports.records import RULES, EstimateRecord, PairRecord, RankingRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
@@ -176,14 +170,12 @@ def _runs(document: RankingRecord) -> str:
     )
     if document["runs"] == 1:
         return f"truth {document['truth'][0]}; {length} at which something exists"
+    paths = document["truth"]
+    shown = paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
     return (
-        f"{document['runs']} runs, truth {_shortened(document['truth'])}; {length} each at "
-        "which something exists; costs are means over runs, roots are taken last"
+        f"{document['runs']} runs, truth {shown}; {length} each at which something exists; costs "
+        "are means over runs, roots are taken last"
     )
-
-
-def _shortened(paths: list[str]) -> str:
-    return paths[0] if len(set(paths)) == 1 else f"{paths[0]} to {paths[-1]}"
 
 
 def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table:
@@ -192,12 +184,7 @@ def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table
     places = places and len(document["estimates"]) > 1
     mean = "" if runs == 1 else (f", RMS of {runs}" if order == 2 else f", mean of {runs}")
     return Table(
-        head=(
-            f"per step{mean}",
-            *(["place"] if places else []),
-            "TGOSPA",
-            *PARTS,
-        ),
+        head=(f"per step{mean}", *(["place"] if places else []), "TGOSPA", *PARTS),
         rows=[
             (
                 item["name"],

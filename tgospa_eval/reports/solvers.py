@@ -4,14 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.reports.phrases import (
-    TO_RANK,
-    error_of,
-    number,
-    parameters_of,
-    size_of,
-    unit_of,
-)
+from tgospa_eval.reports.phrases import TO_RANK, error_of, number, parameters_of, size_of, unit_of
 from tgospa_eval.reports.records import Seconds, SolverRun, SolversRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
@@ -44,11 +37,7 @@ def solvers_document(document: SolversRecord) -> Document:
             Table(
                 head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
                 rows=[
-                    (
-                        run["name"],
-                        *(number(s, ".4f") for s in _split(run["seconds"])),
-                        _memory(run),
-                    )
+                    (run["name"], *(number(s, ".4f") for s in _split(run["seconds"])), _memory(run))
                     for run in runs
                 ],
             ),

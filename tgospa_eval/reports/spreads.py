@@ -5,7 +5,7 @@ Of two components with deviations s, t and correlation r the n-sigma outline is
 each deviation and an angle for each correlation, in the order of its lower triangle.
 """
 
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -25,7 +25,17 @@ ANGLE = 64
 """Levels of an angle for a radian."""
 
 
-def described(spreads: list[Floats], stride: int) -> dict[str, Any]:
+class Encoding(TypedDict, total=False):
+    """How the numbers of ellipses are to be read; empty where there are none."""
+
+    stride: int
+    largest: list[float]
+    fine: int
+    faint: int
+    angle: int
+
+
+def described(spreads: list[Floats], stride: int) -> Encoding:
     """How the numbers of both sides are to be read; nothing where there are no ellipses.
 
     Parameters
@@ -50,7 +60,7 @@ def described(spreads: list[Floats], stride: int) -> dict[str, Any]:
     }
 
 
-def encoded(track: Ints, step: Ints, spread: Floats, how: dict[str, Any]) -> dict[str, Ints]:
+def encoded(track: Ints, step: Ints, spread: Floats, how: Encoding) -> dict[str, Ints]:
     """Arrays by name: which of these rows, sorted by track, are encoded, and each of the entries.
 
     Those of every so many steps, and the first and the last of each track.

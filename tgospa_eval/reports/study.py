@@ -1,16 +1,10 @@
 """A scaling study, as a document, a report and a table."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Literal, get_args
 
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.phrases import (
-    EXACT,
-    SPLIT_NOTE,
-    error_of,
-    number,
-    parameters_of,
-)
+from tgospa_eval.reports.phrases import EXACT, SPLIT_NOTE, error_of, number, parameters_of
 from tgospa_eval.reports.records import Spread, StudyRecord
 from tgospa_eval.reports.tables import Document, Table, as_markdown
 from tgospa_eval.results.records import PARTS, Columns
@@ -35,15 +29,12 @@ def study_report(document: StudyRecord, pictures: list[str]) -> str:
     )
 
 
-STATISTICS: tuple[Literal["mean", "deviation", "max"], ...] = ("mean", "deviation", "max")
-SPREADS: tuple[Literal["seconds", "error", "lower_error", "iterations"], ...] = (
-    "seconds",
-    "error",
-    "lower_error",
-    "iterations",
-)
+Statistic = Literal["mean", "deviation", "max"]
+STATISTICS: tuple[Statistic, ...] = get_args(Statistic)
+Measured = Literal["seconds", "error", "lower_error", "iterations"]
+SPREADS: tuple[Measured, ...] = get_args(Measured)
 Fault = Literal["infinite_errors", "failed", "unfinished"]
-FAULTS: tuple[Fault, ...] = ("infinite_errors", "failed", "unfinished")
+FAULTS: tuple[Fault, ...] = get_args(Fault)
 FACTS: dict[Fault, str] = {
     "failed": "failed",
     "unfinished": "not finished",

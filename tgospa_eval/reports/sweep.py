@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.words import counted
+from tgospa_eval.common.words import sizes_in_words
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
 from tgospa_eval.results.records import COUNTED_PARTS
@@ -80,18 +80,14 @@ def _quantity(found: Sweep, k: int) -> str:
 
 
 def _parameters(found: Sweep) -> str:
-    used, sizes = found.settings, found.sizes
+    used = found.settings
     fixed = ", ".join(
         f"{letter} = {used[name]:g}"
         + (f" {used['unit']}" if used["unit"] and name != "order" else "")
         for name, letter in LETTERS.items()
         if name in used
     )
-    return (
-        f"{fixed}; {used['distance']}; {counted(sizes['truth'], 'truth')}, "
-        f"{counted(sizes['estimates'], 'estimate')}, "
-        f"{counted(sizes['steps'], 'step')}"
-    )
+    return f"{fixed}; {used['distance']}; {sizes_in_words(found.sizes)}"
 
 
 def _notes(found: Sweep) -> Iterator[str]:

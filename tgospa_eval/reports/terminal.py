@@ -31,8 +31,10 @@ def report(result: Summary, encoding: str) -> str:
     console = Console(file=io.StringIO(), force_terminal=True, width=WIDTH, highlight=False)
     named = blocks(result)
     named["worst"] = [*_worst_steps(result), *map(visible, worst(result, ("truth", "estimates")))]
+    *claim, sizes = named["headline"]
+    style = "bold green" if result.certified else "bold yellow"
     shown = {
-        "headline": _headline(named["headline"], certified=result.certified),
+        "headline": [*(Text(line, style=style) for line in claim), Text(sizes)],
         "meaning": _dim(named["meaning"]),
         "parts": _parts(result, named["parts"]),
         "classes": _plain(named["classes"]),
@@ -105,12 +107,6 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     head = ("worst steps", "t", "cost", "missed", "false", "switches")
     yield from map(clip, text_lines(Table(head=head, rows=rows, widths=(name, wide, 11, 9, 8, 10))))
     yield ""
-
-
-def _headline(lines: list[str], *, certified: bool) -> Iterator[Text]:
-    for k, line in enumerate(lines):
-        style = ("bold green" if certified else "bold yellow") if k < len(lines) - 1 else ""
-        yield Text(line, style=style)
 
 
 def _parts(result: Summary, lines: list[str]) -> Iterator[Text]:

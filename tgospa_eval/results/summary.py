@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.words import counted, install
+from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.notebook import card
 from tgospa_eval.results.numbers import Numbers
@@ -119,7 +119,7 @@ class Summary(Numbers, ABC):
 
     def _repr_html_(self) -> str:
         per_step = self.per_step_table()
-        sizes, parameters = self.sizes, self.proof.parameters
+        parameters = self.proof.parameters
         cost = {name: getattr(self, name) for name in PARTS} | {"total": self.total}
         times = per_step["t"] or [""]
         return card(
@@ -127,9 +127,7 @@ class Summary(Numbers, ABC):
             proof=self.proven,
             notes=(
                 *map(str, self.warnings),
-                f"{counted(sizes['truth'], 'truth')}, "
-                f"{counted(sizes['estimates'], 'estimate')}, "
-                f"{counted(sizes['steps'], 'step')}",
+                sizes_in_words(self.sizes),
                 f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
                 f"gamma = {self.quantity(parameters.switch_penalty)}",
             ),

@@ -840,7 +840,7 @@ def test_of_class_and_inspection(write: Write, invoke: Invoke) -> None:
     )
     reading = read(path, ReadOptions(covariance=True, by_class=True))
     assert reading.of_class("van").covariance.tolist() == [[4], [9]]
-    assert describe(reading)["deviation"] == {"x": {"min": 1, "median": 2.5, "max": 4}}
+    assert describe("", reading)["deviation"] == {"x": {"min": 1, "median": 2.5, "max": 4}}
     done = invoke("inspect", path, path, *GAUSSIAN)
     assert re.search(r"^  std +1 to 4, median 2.5 ", done.out, re.M)
     assert "  std  " not in invoke("inspect", path, path).out

@@ -5,12 +5,12 @@ from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.inspection import inspect
-from tgospa_eval.results.records import Json
+from tgospa_eval.reports.inspection import Inspection
 
 
 def inspect_files(
     paths: tuple[str, ...], options: EvaluationOptions, output: OutputOptions
-) -> Json:
+) -> Inspection:
     """What one file or two hold and what looks wrong with it, as the JSON document of the verb.
 
     Raises
@@ -21,7 +21,7 @@ def inspect_files(
     settings = make_settings(options, output)
     stopwatch = Stopwatch()
 
-    def work() -> Json:
+    def work() -> Inspection:
         with stopwatch.span("read"):
             sides = settings.read(*paths)
         if len(sides) == 1:
