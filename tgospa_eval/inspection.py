@@ -11,6 +11,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.clock import median
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
+from tgospa_eval.evaluation.diagnosis.scale import unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
@@ -49,6 +50,8 @@ def inspect(
     }
     if len(files) > 1:
         document["estimate"] = describe(*files[1])
+    if any(reading.pixels for _, reading in files):
+        warnings += unit_notices(request.unit)
     if sides is not None:
         document["both"] = compare(sides, parameters.cutoff)
         warnings += diagnose(sides.read, sides.alignment, time_matching, parameters, distance)

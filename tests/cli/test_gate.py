@@ -560,6 +560,14 @@ def test_suites_that_are_wrong(
     assert len(answer.err.splitlines()) == 1
 
 
+def test_a_pair_of_a_suite_without_limits_is_named(suite: Invoke, write: Write) -> None:
+    pairs = [f"[[pair]]\nname = '{n}'\ntruth = 't'\nestimate = 't'\n" for n in ("one", "two")]
+    write("s/suite.toml", pairs[0] + "max = 'tgospa=5'\n" + pairs[1])
+    answer = suite()
+    assert answer.status == 2
+    assert "two: no baseline: name it with --baseline FILE; limits of --max need none" in answer.err
+
+
 def test_patterns(invoke: Invoke, write: Write) -> None:
     """A placeholder stands for the same text everywhere, and brackets in names for themselves."""
     for name in ("s1/run_1", "s1/run_2", "s[2]/run_1", "s2/other_1"):

@@ -71,12 +71,27 @@ def test_long_stamps_lose_no_digit_that_tells_them_apart(
     given = (truth, estimate, "-q", "--curve")
     plain = invoke(*given).out
     assert all(stamp in plain for stamp in stamps[4:])  # the worst steps, whole
-    assert " ...19:03:05.163556123Z  a: 0 -> 1\n" in plain  # the switch
+    assert f" {stamps[5]}  a: 0 -> 1\n" in plain  # the switch
     assert re.search(r"\n +\.\.\.03:08\.163556123Z +", plain)  # the curve
     monkeypatch.setenv("FORCE_COLOR", "1")
     lively = COLOUR.sub("", invoke(*given).out)
     assert re.search(r"\n +\.\.\.[-T0-9]*19:03:08\.163556123Z +[\d.]+ +0 +0 +0\n", lively)
     assert max(map(len, (plain + lively).splitlines())) <= 80
+
+
+def test_stamps_are_cut_where_all_of_the_recording_begin_alike(
+    invoke: Callable, write: Callable[[str, str], str]
+) -> None:
+    stamps = [f"2014-06-{day:02}T19:03:00.163556123Z" for day in (1, 2, 13, 14)]
+    names = ("a", "b" * 40)
+    truth = write("t.csv", "id,t,x\n" + "".join(f"{names[1]},{t},0\n" for t in stamps))
+    estimate = write(
+        "e.csv", "id,t,x\n" + "".join(f"{names[k // 2]},{t},0\n" for k, t in enumerate(stamps))
+    )
+    shown = invoke(truth, estimate, "-q", "--curve", "-c", "10", "-g", "1").out
+    assert max(map(len, shown.splitlines())) <= 80
+    assert "..." not in re.sub(r"b+\.\.\.", "", shown)  # of one switch the stamps begin alike
+    assert all(f"\n  {stamp}\n" in shown for stamp in stamps)  # of the curve, a line of their own
 
 
 def test_notices_are_wrapped_on_a_terminal_alone(

@@ -216,13 +216,16 @@ def _repeats(
     Raises
     ------
     InputError
-        There are some, and `which` is ``"error"``.
+        There are some, or every id is -1, and `which` is ``"error"``.
     """
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
-    if not len(again):
+    detections = which == "error" and len(taken) > 1 and list(rows.ids[0]) == ["-1"]
+    if not len(again) and not detections:
         return None
-    from tgospa_eval.formats.repeats import most_repeat, refusal  # here: few files have any
+    from tgospa_eval.formats.repeats import NO_TRACKS, most_repeat, refusal  # few files need them
 
+    if not len(again):
+        raise InputError(f"{rows.name}: every id is {NO_TRACKS}; give a single track another id")
     if which == "error":
         raise InputError(refusal(taken, again, key, rows, format))
     choice.warnings += most_repeat(taken, again, rows, which)

@@ -60,7 +60,7 @@ def foreign(line: str) -> str:
         )
     if line.startswith("<"):
         return "XML or HTML, not a table; write a CSV file with the header id,t,x,y"
-    for mark, marks in ((None, "blanks"), ("|", "vertical bars")):
+    for mark, marks in (("|", "vertical bars"), (None, "blanks")):
         words = line.split(mark)
         if len(words) > 2 and not any(other in line for other in ",;\t"):
             also = ", and begin with id,t,x,y" if all(map(is_number, words)) else ""

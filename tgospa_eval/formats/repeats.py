@@ -13,6 +13,8 @@ from tgospa_eval.tracks.trajectories import Ints
 
 PARTICLES_HINT = "particles of one object need a column weight"
 
+NO_TRACKS = "-1: these are detections, and TGOSPA compares tracks"
+
 NEARLY_ALL = 0.9
 """Share of rows from which one id is that of nearly all."""
 
@@ -73,7 +75,7 @@ def _cause(taken: Ints, again: Ints, rows: Rows) -> str:
         return ""
     share = "every id is" if counts.max() == len(taken) else "nearly every id is"
     if name == "-1":
-        return f"{share} -1: these are detections, and TGOSPA compares tracks"
+        return f"{share} {NO_TRACKS}"
     if 2 * len(again) <= len(taken):
         return ""
     return (

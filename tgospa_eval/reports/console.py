@@ -1,13 +1,13 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.words import sizes_in_words
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
-from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.records import PARTS, Time
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import visible
 
@@ -140,22 +140,27 @@ def _curve(result: Summary) -> Iterator[str]:
     yield from wrap(f"{title}; its parts are costs per step", " " * 10)
     count = min(size, 2 * SHOWN)
     shown = np.unique(np.linspace(0, size - 1, count).round().astype(int)).tolist()
-    times = fitting([table["t"][k] for k in shown], 19)
+    most = 19
+    times = fitting([table["t"][k] for k in shown], most, lambda: table["t"])
     first = max(13, *map(len, times))
     each = 13 if first == 13 else 11  # so that long stamps have their place
     rows = []
     for k, time in zip(shown, times, strict=True):
         value = ("" if met[k] else "<= ") + number(table["tgospa"][k], 5)
-        rows.append((time, value, *(number(table[name][k], 5) for name in PARTS)))
-    head, widths = ("up to t", "TGOSPA", *PARTS), (first, 13, 13, each, each, each)
-    yield from text_lines(Table(head=head, rows=rows, align="rrrrrr", widths=widths))
+        cell = time if first <= most else ""  # one that is longer has a line of its own
+        rows.append((cell, value, *(number(table[name][k], 5) for name in PARTS)))
+    head, widths = ("up to t", "TGOSPA", *PARTS), (min(first, most), 13, 13, each, each, each)
+    first_line, *lines = text_lines(Table(head=head, rows=rows, align="rrrrrr", widths=widths))
+    yield first_line
+    for time, line in zip(times, lines, strict=True):
+        yield from (line,) if first <= most else (f"  {time}", line)
 
 
-def fitting(texts: Iterable[object], width: int) -> list[str]:
-    """Stamps in so many columns, as far as they all begin alike: that gives way to dots."""
+def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:
+    """Stamps in so many columns if every one of the recording begins alike: that becomes dots."""
     shown = [visible(str(text)) for text in texts]
     cut = max(map(len, shown), default=0) - width + 3
-    if cut <= 3 or len({text[:cut] for text in shown}) > 1:
+    if cut <= 3 or not all(str(text).startswith(shown[0][:cut]) for text in every()):
         return shown
     return [f"...{text[cut:]}" for text in shown]
 
@@ -183,14 +188,16 @@ def _switches(result: Summary) -> Iterator[str]:
     count = len(switches["t"])
     if not count:
         return
-    times = fitting(switches["t"][:SHOWN], 22)
-    rows: list[Row] = []
-    for k, time in enumerate(times):
+    moves = []
+    for k in range(min(count, SHOWN)):
         ends = (switches[key][k] for key in ("from", "to"))
         before, after = ("none" if end is None else str(end) for end in ends)
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        rows.append(("", time, f"  {switches['truth'][k]}: {before} -> {after}{half}"))
+        moves.append(f"  {switches['truth'][k]}: {before} -> {after}{half}")
+    room = max(22, WIDTH - 19 - max(map(len, moves)))
+    times = fitting(switches["t"][:SHOWN], room, lambda: result.per_step_table()["t"])
+    rows: list[Row] = [("", time, move) for time, move in zip(times, moves, strict=True)]
     if count > SHOWN:
         rows.append(("", "", f"  and {count - SHOWN} more (--format json, or -o DIR)"))
     head, widths = ("switches", "t", "  truth: from -> to"), (17, max(10, *map(len, times)), 0)

@@ -96,7 +96,7 @@ def _worst_steps(result: Summary) -> Iterator[str]:
     costliest = [k for k in costliest if table["total"][k] > 0]
     if not costliest:
         return
-    times = fitting([table["t"][k] for k in costliest], 28)
+    times = fitting([table["t"][k] for k in costliest], 28, lambda: table["t"])
     wide = max(12, *map(len, times))
     name = max(12, min(17, 40 - wide))
     rows = []

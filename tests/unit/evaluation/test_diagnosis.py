@@ -48,6 +48,7 @@ STATES: dict[str, tuple[str, Callable[[np.ndarray], Any], str]] = {
     "negated": ("axis-sign", lambda x: x * [1, -1], "y of the estimate seems negated: "),
     "image": ("axis-sign", lambda x: np.add(x * [1, -1], [0, 480]), "about another origin"),
     "far": ("offset", lambda x: np.add(x, [5e5, 5e6]), "displaced by (500000, 5000000) in x,y"),
+    "exact": ("offset", lambda x: x + 700.0, "displaced by (700, 700) in x,y"),
     "biased": ("offset", lambda x: np.add(x, [3, 4]), "displaced by (2.965, 3.911) in x,y"),
 }
 
@@ -59,6 +60,7 @@ def test_states(sample: Sides, fault: str) -> None:
     assert notice.code == code
     assert said in str(notice)
     assert "the per-step GOSPA cost of 53 steps falls by" in notice.text
+    assert "100 %" not in notice.text  # which no bounds prove
 
 
 @pytest.mark.parametrize(
@@ -137,6 +139,28 @@ def test_near_by_chance(sample: Sides) -> None:
     assert found(still, moved(still, lambda x: x + errors), 5.0) == []
 
 
+@pytest.mark.parametrize("angle", [0.0, 0.6, np.pi / 4, np.pi / 2])
+def test_another_recording_of_the_same_road(angle: float) -> None:
+    """Chance is what is near along the road; a tracker that misses three of four is none."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+    def recording(seed: int) -> np.ndarray:
+        rng = np.random.default_rng(seed)
+        speed, begin, lane = rng.uniform(1.5, 3, 40), rng.integers(-100, 190, 40), np.arange(40) % 4
+        along = speed * (np.arange(200)[:, None] - begin)
+        along[(along < 0) | (along > 400)] = np.nan
+        return np.stack((along, np.broadcast_to(3.5 * lane, along.shape)), axis=2) @ turn
+
+    road, other = recording(0), recording(1)
+    rng = np.random.default_rng(2)
+    poor = road + rng.normal(0, 1, road.shape)
+    poor[rng.random(road.shape[:2]) < 0.75] = np.nan
+    truth, *estimates = map(Trajectories.from_array, (road, other, poor))
+    for cutoff in (2.0, 5.0):
+        codes = [[notice.code for notice in found(truth, side, cutoff)] for side in estimates]
+        assert codes == [["nothing-near"], []]
+
+
 @pytest.mark.parametrize("speed", [0.0, 0.1, 2.0, 12.0])
 def test_late_where_most_are_missed(speed: float) -> None:
     """Nothing to see of slow objects; of fast ones nothing is near but a step later."""
@@ -150,6 +174,7 @@ def test_late_where_most_are_missed(speed: float) -> None:
     assert [notice.code for notice in late] == ["clock-shift"] * (speed > 1)
     for notice in late:
         assert "late by a step (1) or more" in notice.text
+        assert "a constant offset backward in the direction of travel" in notice.remedy
         assert ("of tracks that are there before and after" in notice.text) == (speed < 10)
 
 

@@ -201,7 +201,17 @@ def test_missing_columns_are_guessed(write: Write, header: str, row: str, items:
     assert len(read_trajectories(path, columns=tuple(items.split(","))).ids) == 1
 
 
-@pytest.mark.parametrize("header", ["t,x,y,conf", "frame,score,x,y", "t,x,y,p_exist,class,heading"])
+@pytest.mark.parametrize(
+    "header",
+    [
+        "t,x,y,conf",
+        "frame,score,x,y",
+        "t,x,y,p_exist,class,heading",
+        "t,x,y,rcs",
+        "t,objectness,x,y",
+        "t,x,y,snr_db,num_points",
+    ],
+)
 def test_scores_are_no_ids(write: Write, header: str) -> None:
     row = ",".join("0.5" if name[0] in "cphs" else "2" for name in header.split(","))
     (message,) = refusal(write("a.csv", f"{header}\n{row}\n"))
@@ -303,8 +313,12 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("# my tracker, v1\nid,t,x\na,1,2\n", "line 1: a comment where the header should be"),
+        ("# my tracker, v1\n\n# end\n", "line 1: a comment where the header should be"),
+        ("# my tracker, v1\na,b,c\n", "line 2: no column for id, t, position"),
         ("id,t,x\n# start\na,1,2\n", "line 2: a comment, not a row"),
+        ("id,t,x\na,1,2\n#b,1,2\n", "line 3: a comment, not a row"),
+        ("id,t,x\n // b,1,2\na,1,2\n", "line 2: a comment, not a row"),
+        ("| id | t | x |\n|---|---|---|\n", "line 1: columns separated by vertical bars"),
         ("id t x\na 1 2\n", "line 1: columns separated by blanks; write commas instead"),
         ("0 1 2 3\n", "by blanks; write commas instead, and begin with id,t,x,y"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
@@ -318,9 +332,22 @@ def test_what_is_no_table(write: Write, text: str, said: str) -> None:
     assert said in refusal(write("a.csv", text))[0]
 
 
-def test_a_header_may_begin_like_a_comment(write: Write) -> None:
-    path = write("a.csv", "# id,t,x\na,1,2\n")
-    assert rows_of(read_trajectories(path)) == {("a", 1): (2.0,)}
+@pytest.mark.parametrize("above", ["", "# my tracker, v1\n", '% a\n\n// b, "c"\n'])
+@pytest.mark.parametrize("header", ["# id,t,x", "id,t,x"])
+def test_comments_above_the_header(write: Write, above: str, header: str) -> None:
+    """They are passed over; a header may begin like one."""
+    reading = read(write("a.csv", f"{above}{header}\na,1,2\n"))
+    assert rows_of(reading.trajectories) == {("a", 1): (2.0,)}
+    count = sum(map(bool, above.split("\n")))
+    passed = f"{count} line{'s' * (count > 1)} of comments above the header passed over"
+    assert [text for text in reading.notices if "comment" in text] == [passed] * bool(above)
+    with pytest.raises(InputError, match=f"line {above.count(chr(10)) + 2}, column"):
+        read(write("b.csv", f"{above}{header}\na,1,y\n"))
+
+
+def test_all_ids_may_begin_like_comments(write: Write) -> None:
+    path = write("a.csv", "id,t,x\n#1,1,2\n#2,1,3\n")
+    assert rows_of(read_trajectories(path)) == {("#1", 1): (2.0,), ("#2", 1): (3.0,)}
 
 
 def test_a_stamp_without_its_second_part(write: Write) -> None:
@@ -540,6 +567,16 @@ def test_most_rows_are_duplicates(write: Write, ids: str, cause: str) -> None:
     assert warning.remedy.startswith(cause)
     (message,) = refusal(path)
     assert (cause in message) == (ids != "abcde")
+
+
+def test_detections_of_one_row_a_frame(write: Write) -> None:
+    path = write("a.csv", "id,t,x\n-1,0,1\n-1,1,2\n")
+    assert refusal(path) == [
+        f"{path}: every id is -1: these are detections, and TGOSPA compares tracks; give a single "
+        "track another id"
+    ]
+    assert len(read(path, ReadOptions(on_duplicate="first")).trajectories.step) == 2
+    assert rows_of(read_trajectories(write("b.csv", "id,t,x\n-1,0,1\n"))) == {("-1", 0): (1.0,)}
 
 
 def test_half_of_the_rows_are_duplicates(write: Write) -> None:

@@ -98,6 +98,8 @@ def test_pixels_are_no_metres(
     assert done.status == 0
     codes = [warning["code"] for warning in json.loads(done.out)["warnings"]]
     assert codes.count("unit-label") == warned
+    seen = json.loads(invoke("inspect", path, *options, "--format", "json").out)
+    assert [warning["code"] for warning in seen["warnings"]].count("unit-label") == warned
 
 
 def test_kitti(write: Write) -> None:

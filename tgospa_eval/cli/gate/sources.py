@@ -174,7 +174,9 @@ class Given:
         relative = [rule for rule in found if not rule.maximum]
         if not baseline and (relative or not found):
             why = f"{relative[0].text} needs one" if relative else "limits of --max need none"
-            raise ConfigError(f"no baseline: name it with --baseline FILE; {why}")
+            raise ConfigError(
+                f"{self.gate.prefix(pair)}no baseline: name it with --baseline FILE; {why}"
+            )
         return found
 
 

@@ -1,7 +1,7 @@
 """From the options to a base distance."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,6 @@ from tgospa_eval.distances.base import Fault, Floats
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.asked import BOX, parse_columns
-from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.text import quoted
 
 
@@ -127,17 +126,6 @@ def notices(distance: Distance, columns: tuple[str, ...], cutoff: float) -> list
             )
         )
     return found
-
-
-def unit_notices(unit: str | None) -> Iterator[Notice]:
-    """A warning where the unit of states in pixels is given as another one."""
-    if (unit or "").casefold() in METRES:
-        yield Notice(
-            code="unit-label",
-            text=f"the unit is called {unit}, and centres of boxes of MOTChallenge and KITTI are "
-            "in pixels, and so are c and gamma",
-            remedy="say --unit px; of KITTI --columns x,y,z compares places in metres",
-        )
 
 
 def _with(distance: Distance, **settings: object) -> Distance:

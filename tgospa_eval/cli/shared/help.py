@@ -68,6 +68,9 @@ OPTION_WORDS = {
 }
 """What people type for an option, where no name of one is like it."""
 
+ALIKE = 0.75
+"""Similarity, beside the first letter, of an option that may be meant: fromat, format."""
+
 LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
 
 
@@ -177,7 +180,8 @@ def nearest(text: str, options: Iterable[str]) -> str | None:
     bare = text.lstrip("-")
     known = [name.lstrip("-") for name in options]
     begin = [name for name in known if len(bare) > 1 and name.startswith(bare)]
-    found = begin if len(begin) == 1 else get_close_matches(bare, known, 1)
+    alike = [name for name in known if name[:1] == bare[:1]]
+    found = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, ALIKE)
     return f"--{found[0]}" if found else None
 
 

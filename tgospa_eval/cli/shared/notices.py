@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator
 
-from tgospa_eval.cli.shared.distance import notices, unit_notices
+from tgospa_eval.cli.shared.distance import notices
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
-from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading

@@ -23,6 +23,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     affordable,
     at_steps,
     evenly,
+    falls,
     occupied,
     saving,
     saving_of_tracks,
@@ -178,16 +179,19 @@ def _rounded_up(value: float) -> str:
 
 
 def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
-    way, cure = ("late", "earlier") if shift.late else ("early", "later")
+    way, cure, where = (
+        ("late", "earlier", "backward") if shift.late else ("early", "later", "forward")
+    )
     step = median_step(truth.times)
     size = "" if step is None else f" ({_told(step, truth.clock, truth.times)})"
     of_tracks = ", of tracks that are there before and after, without what is missed or false"
     return Notice(
         code="clock-shift",
         text=f"the estimate seems {way} by a step{size} or more: with its states one step {cure} "
-        + _falls(shift)
+        + falls(shift.saving, shift.steps)
         + of_tracks * shift.of_tracks,
-        remedy="check from where the two files count their steps, and what moment a stamp means",
+        remedy="check from where the two files count their steps, and what moment a stamp means; a "
+        f"constant offset {where} in the direction of travel looks the same",
     )
 
 
@@ -212,11 +216,6 @@ def _saving(here: StepCosts, there: StepCosts) -> tuple[float, bool]:
     """Share of the cost that goes away, and whether that is of common tracks alone."""
     saved = saving(here, there)
     return (saved, False) if saved else (saving_of_tracks(here, there), True)
-
-
-def _falls(found: "Shift | Clock") -> str:
-    share = f"{min(100 * found.saving, 99):.0f} %"
-    return f"the per-step GOSPA cost of {found.steps} steps falls by {share} or more"
 
 
 def _shift_of(
@@ -266,7 +265,7 @@ def _clock_warning(clock: Clock, kind: str) -> Notice:
     return Notice(
         code="clock-shift",
         text=f"the clock of the estimate seems to {_said(clock, kind)}: without that "
-        + _falls(clock),
+        + falls(clock.saving, clock.steps),
         remedy="write the stamps of both files by one clock; a latency of the tracker is "
         "rightly an error",
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
@@ -196,6 +197,14 @@ def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     busy = np.count_nonzero(pairs)
     cheaper = np.count_nonzero(costs[1] < costs[0])
     return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST_STEPS) else 0.0
+
+
+def falls(share: float, steps: int) -> str:
+    """How far the cost falls by a change; not by all of it, which no bounds prove."""
+    return (
+        f"the per-step GOSPA cost of {counted(steps, 'step')} falls by "
+        f"{min(100 * share, 99):.0f} % or more"
+    )
 
 
 def affordable(sides: tuple[Trajectories, Trajectories]) -> int:

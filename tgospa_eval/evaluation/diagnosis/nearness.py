@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import StepCosts
+from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -30,7 +30,7 @@ LITTLE = 0.005
 """Of the most that could be saved: some pairs are near for long, for they go the same way."""
 
 MOVES = (3.0, 6.0)
-"""Cutoffs by which estimates are displaced on each axis, either way."""
+"""Cutoffs by which estimates are displaced along a line, either way."""
 
 
 def few_are_near(here: StepCosts, sides: tuple[Trajectories, Trajectories]) -> bool:
@@ -91,20 +91,25 @@ def _is_chance(
 ) -> bool:
     """Whether pairs save hardly more of the cost than they would by chance.
 
-    That is what they save on average where all estimates are displaced by a few cutoffs: whatever
-    belongs together is then far apart. Exchanged steps would not do, for what is at rest is where
-    it was at any other step.
+    That is what they save where all estimates are displaced by a few cutoffs: whatever belongs
+    together is then far apart. Of several lines the one counts along which most is saved: on a road
+    what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
+    is where it was at any other step.
     """
     truth, estimate = sides
     most = _most(here, sides)
     if most < ENOUGH:
         return False
-    by_chance = [
-        _saved(StepCosts(truth, other, parameters, distance))
-        for other in _displaced(estimate, parameters.cutoff, distance)
-    ]
-    mean = sum(by_chance) / max(len(by_chance), 1)
-    return bool(by_chance and _saved(here) <= HARDLY * mean + LITTLE * most)
+    saved = _saved(here) - LITTLE * most
+    for line in _lines(sides, parameters.cutoff, distance):
+        by_chance = [
+            _saved(StepCosts(truth, _displaced(estimate, sign * move * line), parameters, distance))
+            for move in MOVES
+            for sign in (1, -1)
+        ]
+        if saved <= HARDLY * sum(by_chance) / len(by_chance):
+            return True
+    return False
 
 
 def _most(here: StepCosts, sides: tuple[Trajectories, Trajectories]) -> int:
@@ -118,21 +123,36 @@ def _saved(costs: StepCosts) -> float:
     return float((costs.unassigned - costs.upper).sum())
 
 
-def _displaced(estimate: Trajectories, cutoff: float, distance: Distance) -> Iterator[Trajectories]:
-    """The estimate, displaced along both diagonals of its first two axes of position."""
+def _lines(
+    sides: tuple[Trajectories, Trajectories], cutoff: float, distance: Distance
+) -> Iterator[Floats]:
+    """Vectors (R or 1, d) as long as the cutoff on both or one of the first two axes of position.
+
+    They are the diagonals, the axes, and the direction in which the truths are spread most.
+    """
+    truth, estimate = sides
     columns = estimate.columns
     if distance.name == "haversine":
         from tgospa_eval.distances.sphere import RADIUS  # here: most distances are others
 
-        chosen, reach = [0], np.degrees(np.full((1, 1), cutoff / RADIUS))
+        chosen, degrees = [0, 1], np.degrees(cutoff / RADIUS)
+        shrunk = np.cos(np.radians(truth.state[:, 0])).mean().clip(0.01)
+        reach = np.array([[degrees], [degrees / shrunk]])
     else:
         named = [columns.index(name) for name in ("x", "y") if name in columns]
         chosen = named or list(range(len(columns)))[:2]
         reach = distance.reach(cutoff, distance.axes(estimate, slice(None)))[chosen]
     if not np.isfinite(reach).all():
         return
-    for move in MOVES:
-        for signs in product((1.0, -1.0), repeat=len(chosen)):
-            state = np.array(estimate.state)
-            state[:, chosen] += (move * np.array(signs)[:, None] * reach).T
-            yield replace(estimate, state=state)
+    units = [(1.0, 1.0), (1.0, -1.0), (1.0, 0.0), (0.0, 1.0)] if len(chosen) > 1 else [(1.0,)]
+    scaled = truth.state[:, chosen] / reach.mean(axis=1)
+    centred = scaled - scaled.mean(axis=0)
+    widest = np.linalg.eigh(centred.T @ centred)[1][:, -1]
+    for unit in (*units, widest):
+        line = np.zeros((reach.shape[1], len(columns)))
+        line[:, chosen] = reach.T * unit
+        yield line
+
+
+def _displaced(estimate: Trajectories, by: Floats) -> Trajectories:
+    return replace(estimate, state=estimate.state + by)

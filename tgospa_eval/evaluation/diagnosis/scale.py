@@ -1,11 +1,12 @@
-"""Whether default parameters suit the data."""
+"""Whether default parameters and the unit suit the data."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.gating import median_nearest
+from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment
 
@@ -57,3 +58,14 @@ def default_notice(
 def explained(found: Sequence[Notice]) -> bool:
     """Whether a warning explains why states are far from each other."""
     return any(notice.code != "nothing-near" for notice in found)
+
+
+def unit_notices(unit: str | None) -> Iterator[Notice]:
+    """A warning where the unit of states in pixels is given as another one."""
+    if (unit or "").casefold() in METRES:
+        yield Notice(
+            code="unit-label",
+            text=f"the unit is called {unit}, and centres of boxes of MOTChallenge and KITTI are "
+            "in pixels, and so are c and gamma",
+            remedy="say --unit px; of KITTI --columns x,y,z compares places in metres",
+        )

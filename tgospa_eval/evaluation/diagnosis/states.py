@@ -11,7 +11,6 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from tgospa_eval.common.notices import Notice, Spelling, as_option
-from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_TRACKS,
@@ -21,6 +20,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     StepCosts,
     at_steps,
     evenly,
+    falls,
     occupied,
     saving,
 )
@@ -169,8 +169,7 @@ def state_warnings(
         return [
             Notice(
                 code=change.code,
-                text=f"{change.text} the per-step GOSPA cost of "
-                f"{counted(len(sample.steps), 'step')} falls by {100 * saved:.0f} % or more",
+                text=f"{change.text} {falls(saved, len(sample.steps))}",
                 remedy=change.remedy(spell),
             )
         ]

@@ -94,8 +94,11 @@ HINTS = {
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
 """In what the two headers of a position differ."""
 
-SCORE = re.compile(r"conf|score|prob|likelihood|exist|certainty|quality|class|category")
-"""In headers of what is shared by many objects, and so no id."""
+SCORE = re.compile(
+    r"conf|score|prob|likelihood|exist|certainty|quality|class|category|objectness|snr|^rcs|rcs$|"
+    r"numpoints|npoints|numpts|intensity|amplitude|power"
+)
+"""In headers of what is measured of an object or shared by many, and so no id."""
 
 NO_PLACE = re.compile(r"^d?v|vel|speed|acc|size|dim|std|cov|var|rho|sigma|err|min|max|width|height")
 

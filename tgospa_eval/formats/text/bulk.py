@@ -5,6 +5,7 @@ short, a text that is no number) is left to the reader of the format, which repo
 and where.
 """
 
+import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, is_number
+from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text.convert import blanks, coded_times, numbered
 from tgospa_eval.formats.times import EXACT_BELOW, TimeError, Times
@@ -32,6 +34,9 @@ BULK_BYTES = 4_000_000
 
 BYTES_TOGETHER = 1 << 24
 """Bytes that are looked at together."""
+
+COMMENTED = re.compile(rb"\n[ \t]*(?:#|%|//)")
+"""A row that begins like a comment; a slow search, for files with such letters."""
 
 ODD_BLANKS = (b"\t", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\x1f")
 
@@ -213,6 +218,8 @@ def _is_plain(data: bytes, start: int, layout: Layout) -> bool:
         if letter in data and word in data:
             return False
     if layout.header:
+        if any(mark.encode() in data for mark in COMMENTS) and COMMENTED.search(data, start - 1):
+            return False
         if b'"' not in data:
             return True
         if any(line.count(b'"') % 2 for line in data[:start].split(b"\n")):

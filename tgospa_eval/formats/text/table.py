@@ -52,22 +52,7 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     large = len(data) >= bulk.BULK_BYTES
     whole = not (large and data.isascii() and b"\n" in data[:HEADER_BYTES])
     head = decode(data if whole else data[:HEADER_BYTES], path)
-    header, first, start = _header(head, path)
-    delimiter = _delimiter(header, options.decimal)
-    where = f"{path}, line {first - 1}"
-    reader = csv.reader([header], delimiter=delimiter, skipinitialspace=True)
-    stop = head.find("\n", start)
-    sample = head[start : stop if stop >= 0 else None].replace('"', "").split(delimiter)
-    try:
-        names = [name.strip() for name in next(reader)]
-        roles = find_roles(names, options, where, sample=sample)
-    except (InputError, csv.Error) as error:
-        other = foreign(header)
-        if other:
-            raise InputError(f"{where}: {other}") from None
-        if isinstance(error, csv.Error):  # a field too long
-            raise InputError(f"{where}: {error}; it must be the header, id,t,x,y") from None
-        raise
+    names, roles, delimiter, first, start = _header(head, path, options)
     rows = head[start:]
     if large:  # what is cut off in the middle of a number may look like another one
         rows = rows[: rows.rfind("\n") + 1]
@@ -80,20 +65,78 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
             return found[0]
     text = decode(data, path)
     del data
-    blocks = tokenise(text, _header(text, path)[2], delimiter, len(names), path, first)
+    blocks = tokenise(text, start, delimiter, len(names), path, first)
+    if any(mark in text for mark in COMMENTS):
+        blocks = _without_comments(blocks, path)
     return convert(blocks, roles, decimal, path, names)[0]
 
 
-def _header(text: str, path: str) -> tuple[str, int, int]:
-    """First line with content, the number of the line after it, and where that begins."""
-    line, start = 1, 0
+def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
+    """The headers, what they are, the delimiter, number and begin of the line after them.
+
+    It is the first line with content that is no comment; one that begins like a comment is the
+    header if it is understood as one.
+    """
+    fault, passed = None, 0
+    for number, line, start in _lines_of(text):
+        if not line.strip():
+            continue
+        where = f"{path}, line {number}"
+        delimiter = _delimiter(line, options.decimal)
+        stop = text.find("\n", start)
+        sample = text[start : stop if stop >= 0 else None].replace('"', "").split(delimiter)
+        try:
+            reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
+            names = [name.strip() for name in next(reader)]
+            roles = find_roles(names, options, where, sample=sample)
+        except (InputError, csv.Error) as error:
+            fault = fault or _explained(error, line, where)
+            if not line.lstrip().startswith(COMMENTS):
+                raise _explained(error, line, where) from None
+            passed += 1
+            continue
+        if passed:
+            notice = f"{counted(passed, 'line')} of comments above the header passed over"
+            roles = replace(roles, passed=(*roles.passed, notice))
+        return names, roles, delimiter, number + 1, start
+    blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
+    raise fault or blank
+
+
+def _lines_of(text: str) -> Iterator[tuple[int, str, int]]:
+    """Number and text of each line, and where the next one begins."""
+    number, start = 0, 0
     while start < len(text):
         stop = text.find("\n", start)
         stop = len(text) if stop < 0 else stop
-        if text[start:stop].strip():
-            return text[start:stop], line + 1, stop + 1
-        line, start = line + 1, stop + 1
-    raise InputError(f"{path}: blank lines only; a set without objects is a header alone")
+        number, line, start = number + 1, text[start:stop], stop + 1
+        yield number, line, start
+
+
+def _explained(error: InputError | csv.Error, line: str, where: str) -> InputError:
+    """Why a line is no header, by what it looks like if it is not one with other names."""
+    other = foreign(line)
+    if other:
+        return InputError(f"{where}: {other}")
+    if isinstance(error, InputError):
+        return error
+    return InputError(f"{where}: {error}; it must be the header, id,t,x,y")  # a field too long
+
+
+def _without_comments(blocks: Iterable[Block], path: str) -> Iterator[Block]:
+    """The same blocks; an error if some rows begin like comments, and not all do."""
+    line, others = 0, False
+    for block in blocks:
+        begins = [text.lstrip().startswith(COMMENTS) for text in block.columns[0]]
+        if not line and any(begins):
+            line = block.lines[begins.index(True)]
+        others = others or not all(begins)
+        if line and others:
+            raise InputError(
+                f"{path}, line {line}: a comment, not a row; delete such lines (ids may begin "
+                "like comments if all do)"
+            )
+        yield block
 
 
 def _delimiter(header: str, decimal: str) -> str:
