@@ -58,6 +58,10 @@ class Pairs:
     distance: Floats
 
 
+Sides = tuple[Trajectories, Trajectories]
+"""Truth and estimate, on the same times."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Effort:
     """How to do what takes long.
@@ -116,14 +120,12 @@ class Distance(ABC):
         """Components (d, R) of some rows, as `between` and `embed` take them."""
         return np.ascontiguousarray(side.state[rows].T)
 
-    def parts(
-        self, pairs: Pairs, truth: Trajectories, estimate: Trajectories
-    ) -> tuple[Floats, Floats] | None:
+    def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
         """Of near pairs of prepared sides the distances of the means, and of what is around them.
 
         Their squares add up to that of the distance; None if there are no such.
         """
-        del pairs, truth, estimate
+        del pairs, sides
         return None
 
     @property
@@ -131,33 +133,24 @@ class Distance(ABC):
         """A cheap distance of states without covariances that is no larger: for looking around."""
         return self
 
-    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "Distance":
+    def fitted(self, sides: Sides) -> "Distance":
         """With what settings leave to the data of the run."""
-        del truth, estimate
+        del sides
         return self
 
-    def prepared(
-        self, truth: Trajectories, estimate: Trajectories, effort: Effort
-    ) -> tuple[Trajectories, Trajectories, "Distance"]:
+    def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, "Distance"]:
         """Both sides as they are compared, and the distance that compares those."""
         del effort
-        return truth, estimate, self
+        return sides, self
 
-    def horizon(self, truth: Trajectories, estimate: Trajectories, cutoff: float) -> float:
+    def horizon(self, sides: Sides, cutoff: float) -> float:
         """The search is for pairs whose `between` is less than this."""
-        del truth, estimate
+        del sides
         return cutoff
 
-    def refined(
-        self,
-        pairs: Pairs,
-        truth: Trajectories,
-        estimate: Trajectories,
-        cutoff: float,
-        effort: Effort,
-    ) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """Near pairs among those that the search found, where `between` is a bound."""
-        del truth, estimate, cutoff, effort
+        del sides, cutoff, effort
         return pairs
 
     def error(self, dimension: int) -> float:
@@ -168,15 +161,14 @@ class Distance(ABC):
         del dimension
         return 0.0
 
-    def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
+    def last_place(self, sides: Sides) -> float:
         """What the last places of the states change of any distance of prepared sides, about.
 
         Of the smallest state: a value that this explains is explained by no digit of the data.
         """
-        sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in (truth, estimate)]
-        return (
-            2.0**-50 * float(np.concatenate(sizes).min(initial=np.inf)) if truth.step.size else 0.0
-        )
+        sizes = [np.abs(side.state).max(axis=1, initial=0.0) for side in sides]
+        least = float(np.concatenate(sizes).min(initial=np.inf))
+        return 2.0**-50 * least if sides[0].step.size else 0.0
 
     @property
     def tree_power(self) -> float:

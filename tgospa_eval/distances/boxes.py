@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, first_fault
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
@@ -24,9 +23,9 @@ class IoU(Distance):
     columns = ("left", "top", "width", "height")
     defaults = (0.5, 0.5)
 
-    def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
+    def last_place(self, sides: Sides) -> float:
         """Of a ratio near 1, taken from 1."""
-        del truth, estimate
+        del sides
         return 2.0**-50
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:

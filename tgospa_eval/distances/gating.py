@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.distances.base import Distance, Effort, Pairs
+from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
@@ -32,20 +32,15 @@ def near_pairs(
 ) -> Pairs:
     """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
     effort = effort or Effort()
-    truth, estimate, distance = distance.prepared(truth, estimate, effort)
-    return prepared_pairs(truth, estimate, cutoff, distance, effort)
+    sides, distance = distance.prepared((truth, estimate), effort)
+    return prepared_pairs(sides, cutoff, distance, effort)
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def prepared_pairs(
-    truth: Trajectories,
-    estimate: Trajectories,
-    cutoff: float,
-    distance: Distance,
-    effort: Effort,
-) -> Pairs:
+def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effort) -> Pairs:
     """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready."""
-    horizon = distance.horizon(truth, estimate, cutoff)
+    truth, estimate = sides
+    horizon = distance.horizon(sides, cutoff)
     starts = _starts(truth), _starts(estimate)
     fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
     kind: type[np.integer] = np.int32 if fits else np.int64
@@ -64,7 +59,7 @@ def prepared_pairs(
         estimate_row=estimate_rows.done(),
         distance=distances.done(),
     )
-    return distance.refined(found, truth, estimate, cutoff, effort)
+    return distance.refined(found, sides, cutoff, effort)
 
 
 def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tuple[Ints, Ints]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import Distance, Floats, Pairs, Settings
+from tgospa_eval.distances.base import Distance, Floats, Pairs, Settings, Sides
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
@@ -102,9 +102,9 @@ class GaussianWasserstein(Distance):
         """Distance of Gaussians that are given component by component: means, then factors."""
         return np.hypot(*self._parts(components))
 
-    def parts(self, pairs: Pairs, truth: Trajectories, estimate: Trajectories) -> Pair:
+    def parts(self, pairs: Pairs, sides: Sides) -> Pair:
         """Distances of the means, and of the covariances."""
-        a, b = self.axes(truth, pairs.truth_row), self.axes(estimate, pairs.estimate_row)
+        a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         return self._parts(zip(a, b, strict=True))
 
     def _parts(self, components: Iterable[Pair]) -> Pair:

@@ -7,7 +7,15 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Effort, Floats, Pairs, Settings
+from tgospa_eval.distances.base import (
+    REACH_ROUNDING,
+    Distance,
+    Effort,
+    Floats,
+    Pairs,
+    Settings,
+    Sides,
+)
 from tgospa_eval.distances.vector import check_length, positive_numbers
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
@@ -155,7 +163,7 @@ class PairMahalanobis(Distance):
         """Gaussians."""
         return ("gaussian",)
 
-    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "PairMahalanobis":
+    def fitted(self, sides: Sides) -> "PairMahalanobis":
         """As it is, if there are covariances.
 
         Raises
@@ -163,7 +171,7 @@ class PairMahalanobis(Distance):
         InputError
             Neither side has covariances.
         """
-        if truth.kind == estimate.kind == "point":
+        if sides[0].kind == sides[1].kind == "point":
             raise InputError(
                 "neither side has covariances: mahalanobis needs those of the states, columns "
                 "cov_xx and so on, or --covariance FILE"
@@ -204,14 +212,7 @@ class PairMahalanobis(Distance):
         d = covariances.size_of(len(axes) + 1) - 1
         return cutoff * (1 + REACH_ROUNDING) * np.sqrt(axes[d:][_diagonal(d)])
 
-    def refined(
-        self,
-        pairs: Pairs,
-        truth: Trajectories,
-        estimate: Trajectories,
-        cutoff: float,
-        effort: Effort,
-    ) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """The same, if no covariance of a pair is singular.
 
         Raises
@@ -220,6 +221,7 @@ class PairMahalanobis(Distance):
             The covariance of a pair is singular.
         """
         del cutoff, effort
+        truth, estimate = sides
         i, j = pairs.truth_row, pairs.estimate_row
         d = truth.state.shape[1]
         packed = 0.5 * (self.axes(truth, i)[d:] + self.axes(estimate, j)[d:])

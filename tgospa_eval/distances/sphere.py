@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, first_fault
-from tgospa_eval.tracks.trajectories import Trajectories
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
 
 RADIUS = 6371008.8
 """Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""
@@ -28,9 +27,9 @@ class Haversine(Distance):
         """A chord is no longer than its arc."""
         return 2.0
 
-    def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
+    def last_place(self, sides: Sides) -> float:
         """Of angles up to a half turn."""
-        del truth, estimate
+        del sides
         return 2.0**-50 * RADIUS
 
     def between(self, components: Iterable[tuple[Floats, Floats]]) -> Floats:

@@ -6,9 +6,8 @@ from functools import reduce
 
 import numpy as np
 
-from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Settings
+from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Settings, Sides
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.tracks.trajectories import Trajectories
 
 SMALLEST_SCALE, LARGEST_SCALE = 1e-150, 1e150
 """Of scales and periods: beyond these, products with a cutoff may be no doubles."""
@@ -62,9 +61,9 @@ class Norm(Distance):
         """
         return 0.0 if self.period is not None else (2 * dimension + 2) * 2.0**-53
 
-    def last_place(self, truth: Trajectories, estimate: Trajectories) -> float:
+    def last_place(self, sides: Sides) -> float:
         """None: differences of doubles are right to their own last place, but round a circle."""
-        del truth, estimate
+        del sides
         if self.period is None:
             return 0.0
         return 2.0**-50 * min(self.period) * min(self.scale or (1.0,))

@@ -11,6 +11,7 @@ from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
+from tgospa_eval.distances.base import Sides
 from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
@@ -26,7 +27,6 @@ from tgospa_eval.results.records import FileInfo, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
-from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
     from tgospa_eval.solvers.certified import Certified
@@ -210,9 +210,8 @@ def prove(
                 solution.reduced,
                 stopwatch.progress,
             )
-    truth, estimate = prepared.sides
     with stopwatch.span("report"):
-        split = _split(truth, estimate, prepared.distance, proof)
+        split = _split(prepared.sides, prepared.distance, proof)
     gap = solver.gap if solver.proves else GAP
     return Result(
         proof=proof,
@@ -242,9 +241,7 @@ def _within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
     )
 
 
-def _split(
-    truth: Trajectories, estimate: Trajectories, distance: Distance, proof: Proof
-) -> tuple[float, float] | None:
+def _split(sides: Sides, distance: Distance, proof: Proof) -> tuple[float, float] | None:
     """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
     if proof.parameters.order != 2:
         return None
@@ -259,7 +256,7 @@ def _split(
             estimate_row=problem.estimate_row[entry],
             distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry]),
         )
-        parts = distance.parts(pairs, truth, estimate)
+        parts = distance.parts(pairs, sides)
         if parts is None:
             return None
         for k, part in enumerate(parts):

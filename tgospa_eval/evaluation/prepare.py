@@ -87,7 +87,7 @@ class Measured:
             estimate_row=pairs.estimate_row,
             distance=pairs.distance,
             distance_error=self.distance.error(truth.state.shape[1]),
-            last_place=self.distance.last_place(truth, estimate),
+            last_place=self.distance.last_place(self.sides),
         )
 
     def prepared(self, states: States, parameters: Parameters) -> "Prepared":
@@ -164,8 +164,8 @@ def measure(
         )
         scene = _scene(truth, estimate)
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
-        truth, estimate, prepared = distance.prepared(truth, estimate, effort)
-        pairs = prepared_pairs(truth, estimate, cutoff, prepared, effort)
+        (truth, estimate), prepared = distance.prepared((truth, estimate), effort)
+        pairs = prepared_pairs((truth, estimate), cutoff, prepared, effort)
     measured = Measured(
         sides=(truth, estimate),
         distance=prepared,
@@ -220,7 +220,7 @@ def fit(
             f"--grid {time_matching.grid}: no step is left, none of {aligned.union:,} counts; if "
             "the clocks differ, see --time-tolerance"
         )
-    fitted = distance.fitted(aligned.truth, aligned.estimate)
+    fitted = distance.fitted((aligned.truth, aligned.estimate))
     return Fitted(read=(truth, estimate), alignment=aligned, distance=fitted)
 
 

@@ -213,7 +213,7 @@ def _fitting(first: Trajectories, second: Trajectories, distance: str | Distance
     check_states(first, second, distance, names)
     if not np.array_equal(first.times, second.times) or first.clock != second.clock:
         raise InputError("the sides are on different times; tracks.alignment.align joins them")
-    return distance.fitted(first, second)
+    return distance.fitted((first, second))
 
 
 def _means_apart(

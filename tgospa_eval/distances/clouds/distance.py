@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import Distance, Effort, Floats, Settings
+from tgospa_eval.distances.base import Distance, Effort, Floats, Settings, Sides
 from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce
 from tgospa_eval.distances.clouds.reduction import Reduction
 from tgospa_eval.distances.clouds.transport import check_order, whitened_points
@@ -19,7 +19,6 @@ from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.clouds import Clouds, single
-from tgospa_eval.tracks.trajectories import Trajectories
 
 INNER = ("euclidean", "mahalanobis")
 
@@ -109,12 +108,12 @@ class CloudWasserstein(Distance):
             found |= self.reduction.settings()
         return found
 
-    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "CloudWasserstein":
+    def fitted(self, sides: Sides) -> "CloudWasserstein":
         """With the mean covariance of all clouds, where it is wanted and not given."""
         if self.inner != "mahalanobis" or self.covariance is not None:
             return self
-        spreads = [side.clouds.covariances for side in (truth, estimate) if side.clouds is not None]
-        if not any(len(side.step) for side in (truth, estimate)):
+        spreads = [side.clouds.covariances for side in sides if side.clouds is not None]
+        if not any(len(side.step) for side in sides):
             return self  # nothing to compare
         if not spreads:
             raise ConfigError(
@@ -131,16 +130,12 @@ class CloudWasserstein(Distance):
                 "inner distance mahalanobis; name one with --inner-cov FILE"
             ) from None
 
-    def prepared(
-        self, truth: Trajectories, estimate: Trajectories, effort: Effort
-    ) -> tuple[Trajectories, Trajectories, Distance]:
+    def prepared(self, sides: Sides, effort: Effort) -> tuple[Sides, Distance]:
         """Scaled, reduced, coincident particles merged, whitened: then Euclidean."""
-        centre = np.concatenate((truth.state[:1], estimate.state[:1]))[:1]
-        factor = None
-        if self.covariance is not None:
-            factor = cholesky(self.covariance)
-        sides = []
-        for side in (truth, estimate):
+        centre = np.concatenate([side.state[:1] for side in sides])[:1]
+        factor = None if self.covariance is None else cholesky(self.covariance)
+        found = []
+        for side in sides:
             clouds = single(side.state) if side.clouds is None else side.clouds
             if self.scale is not None:
                 clouds = clouds.moved(clouds.points * np.asarray(self.scale))
@@ -149,8 +144,8 @@ class CloudWasserstein(Distance):
             clouds = clouds.merged()
             if factor is not None and len(clouds):
                 clouds = clouds.moved(whitened_points(clouds.points, factor, centre[0]))
-            sides.append(side.with_clouds(clouds))
-        return sides[0], sides[1], self._measure()
+            found.append(side.with_clouds(clouds))
+        return (found[0], found[1]), self._measure()
 
     def _measure(self) -> Distance:
         """Of clouds as they are prepared."""
@@ -166,9 +161,9 @@ class PairCloudWasserstein(CloudWasserstein):
 
     inner: str = "mahalanobis"
 
-    def fitted(self, truth: Trajectories, estimate: Trajectories) -> "PairCloudWasserstein":
+    def fitted(self, sides: Sides) -> "PairCloudWasserstein":
         """As it is: every pair has its own."""
-        del truth, estimate
+        del sides
         return self
 
     def settings(self, columns: tuple[str, ...]) -> Settings:

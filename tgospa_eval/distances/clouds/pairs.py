@@ -17,7 +17,7 @@ import numpy as np
 
 from tgospa_eval.common.cores import cores
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs
+from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Sides
 from tgospa_eval.distances.clouds.transport import (
     MOST_PARTICLES,
     TOO_LARGE,
@@ -74,23 +74,16 @@ class CloudPairs(Distance):
         """Of the means."""
         return _EUCLIDEAN.reach(cutoff, axes)
 
-    def horizon(self, truth: Trajectories, estimate: Trajectories, cutoff: float) -> float:
+    def horizon(self, sides: Sides, cutoff: float) -> float:
         """The cutoff and what rounding of the means may add."""
         if not self.gating:
             return np.inf
-        largest = max(float(np.abs(side.state).max(initial=0)) for side in (truth, estimate))
+        largest = max(float(np.abs(side.state).max(initial=0)) for side in sides)
         return cutoff * (1 + SLACK) + 2.0**-46 * largest
 
-    def refined(
-        self,
-        pairs: Pairs,
-        truth: Trajectories,
-        estimate: Trajectories,
-        cutoff: float,
-        effort: Effort,
-    ) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """Near pairs with their distances: closed forms first, then what bounds leave open."""
-        a, b = truth.clouds, estimate.clouds
+        a, b = (side.clouds for side in sides)
         if a is None or b is None:
             return pairs
         i, j, value = pairs.truth_row, pairs.estimate_row, pairs.distance.copy()
@@ -104,19 +97,17 @@ class CloudPairs(Distance):
             # With a point the bound is the distance itself.
             is_open &= ~(are_points[0] | are_points[1])
         if self.gating:
-            is_open &= value < self.horizon(truth, estimate, cutoff)
+            is_open &= value < self.horizon(sides, cutoff)
         rows = np.flatnonzero(is_open)
-        value[rows] = _solved((a, b), (i[rows], j[rows]), self.order, (truth, estimate), effort)
+        value[rows] = _solved((a, b), (i[rows], j[rows]), self.order, sides, effort)
         near = np.flatnonzero(value < cutoff)
         return Pairs(truth_row=i[near], estimate_row=j[near], distance=value[near])
 
-    def parts(
-        self, pairs: Pairs, truth: Trajectories, estimate: Trajectories
-    ) -> tuple[Floats, Floats] | None:
+    def parts(self, pairs: Pairs, sides: Sides) -> tuple[Floats, Floats] | None:
         """Of order 2: distances of the means, and of the clouds moved onto one mean."""
         if self.order != 2:
             return None
-        a, b = self.axes(truth, pairs.truth_row), self.axes(estimate, pairs.estimate_row)
+        a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         means = np.minimum(self.between(zip(a, b, strict=True)), pairs.distance)
         # As a product: a difference of squares would lose what is left of nearly equal ones.
         spreads = np.sqrt((pairs.distance - means) * (pairs.distance + means))
@@ -127,28 +118,22 @@ class CloudPairs(Distance):
 class OwnCovariance(CloudPairs):
     """With the mean covariance of the pair."""
 
-    def horizon(self, truth: Trajectories, estimate: Trajectories, cutoff: float) -> float:
+    def horizon(self, sides: Sides, cutoff: float) -> float:
         """Any pair of a step: the distance of means bounds nothing here."""
-        del truth, estimate, cutoff
+        del sides, cutoff
         return np.inf
 
-    def refined(
-        self,
-        pairs: Pairs,
-        truth: Trajectories,
-        estimate: Trajectories,
-        cutoff: float,
-        effort: Effort,
-    ) -> Pairs:
+    def refined(self, pairs: Pairs, sides: Sides, cutoff: float, effort: Effort) -> Pairs:
         """Near pairs, bounded by the Mahalanobis distances of their means."""
         del effort
+        truth, estimate = sides
         a, b = truth.clouds, estimate.clouds
         if a is None or b is None or not len(pairs.distance):
             return pairs
         i, j = pairs.truth_row, pairs.estimate_row
         covariance = 0.5 * (a.covariances[i] + b.covariances[j])
         value = np.full(len(i), np.inf)
-        _check_sizes([a.counts[i], b.counts[j]], (i, j), (truth, estimate))
+        _check_sizes([a.counts[i], b.counts[j]], (i, j), sides)
         for k, matrix in enumerate(covariance):
             try:
                 factor = cholesky(matrix)
@@ -198,7 +183,7 @@ def _solved(
     clouds: tuple[Clouds, Clouds],
     rows: tuple[Ints, Ints],
     order: int,
-    sides: tuple[Trajectories, Trajectories],
+    sides: Sides,
     effort: Effort,
 ) -> Floats:
     """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter."""
