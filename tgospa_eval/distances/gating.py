@@ -66,10 +66,10 @@ def _search(a: Side, b: Side, cutoff: float, distance: Distance) -> Iterator[tup
     """Candidates, by those axes of the embedded states that can separate some."""
     points = [replace(side, axes=distance.embed(side.axes)) for side in (a, b)]
     reach = [distance.reach(cutoff, side.axes) for side in (a, b)]
-    telling = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)
-    if not telling.all():
-        points = [replace(side, axes=side.axes[telling]) for side in points]
-        reach = [own[telling] for own in reach]
+    finite = np.isfinite(reach[0]).all(axis=1) & np.isfinite(reach[1]).all(axis=1)
+    if not finite.all():
+        points = [replace(side, axes=side.axes[finite]) for side in points]
+        reach = [own[finite] for own in reach]
     return search(points[0], points[1], (reach[0], reach[1]), distance.tree_power)
 
 

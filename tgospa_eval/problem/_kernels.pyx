@@ -1283,36 +1283,27 @@ cdef class Chain:
         cdef Py_ssize_t step, k, n, l, c, low, high
         cdef i32 row
         cdef double r, q, none, unassigned, keep, filled, rho, part, violation = 0.0
-        cdef double* ahead = &self.behind[0] if reverse else &self.ahead[0]
-        cdef double* behind = &self.ahead[0] if reverse else &self.behind[0]
-        cdef double* none_ahead = &self.none_behind[0] if reverse else &self.none_ahead[0]
-        cdef double* none_behind = &self.none_ahead[0] if reverse else &self.none_behind[0]
-        cdef i32* source = &self.next[0] if reverse else &self.previous[0]
-        cdef double* kernel = &self.kernel[0]
-        cdef double* none_kernel = &self.none_kernel[0]
-        cdef double* u = &self.u[0]
-        cdef double* slack = &self.slack[0]
-        cdef double* passed = &self.passed[0]
-        cdef double* load = &self.load[0]
-        cdef double* cap = &self.cap[0]
-        cdef double* stay = &self.stay[0]
-        cdef double* total = &self.total[0]
+        cdef double *ahead = &self.ahead[0], *behind = &self.behind[0]
+        cdef double *none_ahead = &self.none_ahead[0], *none_behind = &self.none_behind[0]
+        cdef double *kernel = &self.kernel[0], *none_kernel = &self.none_kernel[0]
+        cdef double *u = &self.u[0], *slack = &self.slack[0], *cap = &self.cap[0]
+        cdef double *passed = &self.passed[0], *load = &self.load[0], *stay = &self.stay[0]
+        cdef double *total = &self.total[0]
         # Of each node of one step: sum of the shares; from "none", and the factors of staying.
         cdef double* into = &self.into[0]
         cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass through it, q
         cdef double* here
-        cdef i32* constraint = &self.constraint[0]
-        cdef i32* node_link = &self.node_link[0]
-        cdef i32* node_row = &self.node_row[0]
-        cdef i32* node_of = &self.node_of[0]
-        cdef i32* step_node = &self.step_node[0]
-        cdef i32* step_constraint = &self.step_constraint[0]
-        cdef u8* kind = &self.kind[0]
-        cdef u8* ends = &self.ends[0]
+        cdef i32 *source = &self.next[0] if reverse else &self.previous[0]
+        cdef i32 *constraint = &self.constraint[0], *step_constraint = &self.step_constraint[0]
+        cdef i32 *node_link = &self.node_link[0], *node_row = &self.node_row[0]
+        cdef i32 *node_of = &self.node_of[0], *step_node = &self.step_node[0]
+        cdef u8 *kind = &self.kind[0], *ends = &self.ends[0]
         cdef u8 straight = GOES_ON if reverse else INSIDE  # no "none" between the link and its source
         cdef u8 held = INSIDE if reverse else GOES_ON      # no "none" after it
         cdef u8 start = FINAL if reverse else FIRST | CERTAIN
         cdef u8 sure = FINAL if reverse else CERTAIN
+        if reverse:
+            ahead, behind, none_ahead, none_behind = behind, ahead, none_behind, none_ahead
         for row in range(self.rows):
             at[4 * row], at[4 * row + 1], at[4 * row + 2], at[4 * row + 3] = 1.0, 0.0, 0.0, -1.0
         for step in range(self.steps):

@@ -264,7 +264,7 @@ class _Solved:
     free, slot : int arrays
         Its free states and the slots that it has priced, in the whole.
     found : Proposal
-        What it says of them.
+        Their weights and prices.
     """
 
     free: Ints

@@ -145,7 +145,7 @@ def _near_misses(
     return Notice(
         code="stamps-near",
         text=f"{pairs} nearly the same, of {counted(others, 'stamp')} that one file only has, at "
-        f"most {named} apart where the median step is {_told(min(steps), clock, *times)}",
+        f"most {named} apart where the median step is {_step_text(min(steps), clock, *times)}",
         remedy=f"{spell('time_tolerance', float(named))} makes each pair one step",
     )
 
@@ -157,7 +157,7 @@ def median_step(times: Times) -> float | None:
     return median(np.diff(times.astype(np.float64) if times.dtype.kind == "f" else times))
 
 
-def _told(step: float, clock: str, *times: Times) -> str:
+def _step_text(step: float, clock: str, *times: Times) -> str:
     """A step between stamps, in their unit or in seconds, without what rounding them adds to it."""
     floats = [side for side in times if side.dtype.kind == "f"]
     noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
@@ -183,7 +183,7 @@ def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
         ("late", "earlier", "backward") if shift.late else ("early", "later", "forward")
     )
     step = median_step(truth.times)
-    size = "" if step is None else f" ({_told(step, truth.clock, truth.times)})"
+    size = "" if step is None else f" ({_step_text(step, truth.clock, truth.times)})"
     of_tracks = ", of tracks that are there before and after, without what is missed or false"
     return Notice(
         code="clock-shift",
@@ -264,7 +264,7 @@ class Clock:
 def _clock_warning(clock: Clock, kind: str) -> Notice:
     return Notice(
         code="clock-shift",
-        text=f"the clock of the estimate seems to {_said(clock, kind)}: without that "
+        text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: without that "
         + falls(clock.saving, clock.steps),
         remedy="write the stamps of both files by one clock; a latency of the tracker is "
         "rightly an error",
@@ -347,7 +347,7 @@ def _moved(estimate: Trajectories, at: Ints, is_there: NDArray[np.bool_]) -> Tra
     return found.chosen(rows, found.step[rows], found.times)
 
 
-def _said(clock: Clock, kind: str) -> str:
+def _clock_text(clock: Clock, kind: str) -> str:
     if clock.factor == 1.0:
         way = "ahead" if clock.ahead > 0 else "behind"
         unit, name = (1, "") if kind == "number" else (SECOND, " s")
