@@ -67,7 +67,7 @@ def append_summary(report: Report, path: str | None) -> None:
     Raises
     ------
     ConfigError
-        It cannot be written.
+        The system refuses to write the file.
     """
     if not path:
         return

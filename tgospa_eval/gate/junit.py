@@ -22,7 +22,7 @@ def junit(report: Report) -> str:
         "tests": str(len(cases)),
         "failures": str(sum("<failure " in case for case in cases)),
         "errors": str(sum("<error " in case for case in cases)),
-        "time": _seconds(sum(outcome.seconds for outcome in report.outcomes)),
+        "time": f"{sum(outcome.seconds for outcome in report.outcomes):.3f}",
     }
     return "".join(
         (
@@ -61,7 +61,7 @@ def _cases(outcome: Outcome) -> Iterator[str]:
 
 
 def _case(outcome: Outcome, name: str, seconds: float, result: str) -> str:
-    about = {"classname": title(outcome), "name": name, "time": _seconds(seconds)}
+    about = {"classname": title(outcome), "name": name, "time": f"{seconds:.3f}"}
     inner = f">\n   {result}\n  </testcase>\n" if result else " />\n"
     return f"  <testcase{_attributes(about)}{inner}"
 
@@ -78,7 +78,3 @@ def _output(lines: Iterable[str]) -> str:
 
 def _attributes(values: dict[str, str]) -> str:
     return "".join(f' {name}="{xml(value)}"' for name, value in values.items())
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.3f}"

@@ -79,7 +79,7 @@ def _findings(outcome: Outcome) -> Iterator[Row]:
 
 
 def shown_verdict(finding: Finding) -> str:
-    """The verdict of a rule; one that only warns and is not known to be kept is a warning."""
+    """The verdict of a rule; one that only warns and is not proven to hold is a warning."""
     return "warning" if finding.warning else finding.verdict
 
 

@@ -35,7 +35,7 @@ Draw: TypeAlias = "Callable[[], Mapping[str, Figure]]"
 """Makes figures by name."""
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Okabe and Ito: told apart by those who do not see all colours, and in print."""
+"""Okabe and Ito: distinguished by those who do not see all colours, and in print."""
 
 MARKERS = "osD^vPX"
 DOTS = 150

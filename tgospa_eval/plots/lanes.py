@@ -26,7 +26,9 @@ from tgospa_eval.reports.page_data import NONE
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
 VECTOR_SHAPES = 4000
@@ -162,7 +164,7 @@ def _boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
     return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
 
 
-def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> Any:
+def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> "PolyCollection":
     """One collection; what is too much for a vector file becomes dots there."""
     from matplotlib.collections import PolyCollection
 
@@ -176,10 +178,10 @@ def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> Any:
 
 def _bars(
     axis: "Axes", lanes: Lanes, seen: View, style: Style, *, pixel: float, whole: bool
-) -> dict[str, Any]:
+) -> "dict[str, Artist]":
     """Stretches that are assigned, and as frames those that are not; returns entries of a legend.
 
-    Where there are more steps than can be told apart, `whole` is false, and those that are not
+    Where there are more steps than can be distinguished, `whole` is false, and those that are not
     are shown by `_shares`.
     """
     run, truth = lanes.side.run, lanes.side.name == "truth"
@@ -189,7 +191,7 @@ def _bars(
     half = HALF if truth else 0.14
     track = run["other"] if truth else run["track"]
     thin = 0.6 if style.titles else 0.3
-    handles: dict[str, Any] = {}
+    handles: dict[str, Artist] = {}
     if held.any():
         boxes = _boxes(begin[held], end[held], place[held] - half, place[held] + half)
         colours = np.array(TRACK_COLOURS)[track[held] % len(TRACK_COLOURS)]
@@ -289,7 +291,7 @@ def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     axis.stairs(top, places, baseline=low, fill=True, color=colour, label=f"{name}/others")
 
 
-def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> dict[str, Any]:
+def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> "dict[str, Artist]":
     """Triangles at the top of the lanes; small ones for parts of a switch."""
     switches = seen.switches
     if not len(switches["step"]):

@@ -25,8 +25,8 @@ def plot_costs(
 ) -> "Figure":
     """Cost of each step, stacked: localisation, missed, false, switch.
 
-    Where there are more steps than can be told apart each bar is the costliest of several, and the
-    axis says of how many.
+    Where there are more steps than can be distinguished each bar is the costliest of several, and
+    the axis says of how many.
 
     Parameters
     ----------

@@ -16,6 +16,7 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -91,7 +92,7 @@ def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -
     made, ((axis,),) = figure(style.width, tall)
     if scale is not None:
         axis.set_aspect(scale, adjustable="datalim")
-    handles: dict[str, Any] = {}
+    handles: dict[str, Artist] = {}
     many = sum(len(side.row["track"]) for side in sides) > VECTOR_POINTS
     for side in sides:
         handles |= _lines(axis, side, places[side.name], style, seen, many=many)
@@ -132,7 +133,7 @@ def _named(column: str, unit: str) -> str:
 
 def _lines(
     axis: "Axes", side: Side, place: tuple[Floats, Floats], style: Style, seen: View, *, many: bool
-) -> dict[str, Any]:
+) -> "dict[str, Artist]":
     """A line for each stretch of steps, those of estimates in turn in several colours."""
     row, truth = side.row, side.name == "truth"
     if not len(row["track"]):
@@ -153,7 +154,7 @@ def _lines(
     }
     dot: dict[str, Any] = {"marker": ".", "linestyle": "none", "markersize": 2.5 * thin}
     dot |= {"zorder": 2.1, "label": f"{side.name}/single"}
-    made = None
+    handles: dict[str, Artist] = {}
     for turn, shade in enumerate([SOFT] if truth else TRACK_COLOURS):
         drawn = truth | (colour == turn) | (colour == -1)
         both: Any = {"color": shade, "rasterized": many}
@@ -161,13 +162,13 @@ def _lines(
         dots = single & (truth | (row["track"] % len(TRACK_COLOURS) == turn))
         if dots.any():
             axis.plot(*(values[dots] for values in place), **both, **dot)
-        made = made or line
-    return {side.name: made}
+        handles.setdefault(side.name, line)
+    return handles
 
 
 def _events(
     axis: "Axes", seen: View, places: dict[str, tuple[Floats, Floats]], style: Style
-) -> dict[str, Any]:
+) -> "dict[str, Artist]":
     """Crosses, triangles and diamonds where something is wrong."""
     marks: list[Mark] = []
     for side, name, looks in (
@@ -196,7 +197,7 @@ def _events(
     }
 
 
-def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
+def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> "dict[str, Artist]":
     """A mark for each kind and place, whose area is the number of events there."""
     wide = _extent([x for _, x, _, _ in marks]) / CELLS
     tall = _extent([y for _, _, y, _ in marks]) / CELLS
@@ -205,7 +206,7 @@ def _grouped(axis: "Axes", marks: list[Mark], style: Style) -> dict[str, Any]:
     whole = ((style.width - 1.0) * 72) ** 2
     busiest = max(int(count.sum()) for _, _, count in groups.values())
     largest = min(1.1 * whole / CELLS**2, COVERED * whole * most / busiest)
-    handles = {}
+    handles: dict[str, Artist] = {}
     for name, _, _, looks in marks:
         if name not in groups:
             continue
@@ -226,7 +227,7 @@ def _near(x: Floats, y: Floats, wide: float, tall: float) -> tuple[Floats, Float
     """Middles and numbers of the points in each cell of a grid."""
     cells = np.stack([np.floor(x / wide), np.floor(y / tall)], axis=1)
     _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    cell = cell.reshape(-1)  # NumPy 2.0 alone gives it two axes
+    cell = cell.reshape(-1)  # only NumPy 2.0 gives it two axes
     middle = [np.bincount(cell, weights=values) / count for values in (x, y)]
     return middle[0], middle[1], count
 

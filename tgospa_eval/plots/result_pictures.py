@@ -38,7 +38,7 @@ class Pictures:
     Raises
     ------
     ConfigError
-        A name is unknown.
+        A format, the style or a component has an unknown name.
     """
 
     formats: tuple[str, ...] = ("png",)
@@ -65,7 +65,7 @@ class Pictures:
         Raises
         ------
         ConfigError
-            It has a column that there is not.
+            `columns` names one that the states do not have.
         """
         plane_columns(known, self.columns, boxes=is_box(known))
 

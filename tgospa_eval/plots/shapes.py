@@ -10,6 +10,7 @@ from tgospa_eval.plots.views import TIME, Side, View
 from tgospa_eval.problem.problem import Floats, Ints
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
 SIGMAS = 2
@@ -23,7 +24,7 @@ APART = 2.0
 """Distance of two shapes of a trajectory, in sizes of the first."""
 
 
-def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> dict[str, Any]:
+def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> "dict[str, Artist]":
     """Draw them where the two columns show them; returns entries of a legend."""
     boxes = seen.data["boxes"]
     if len(seen.truth.ids) + len(seen.estimate.ids) > FEW:
@@ -34,7 +35,7 @@ def outlines(axis: "Axes", seen: View, across: str, up: str, style: Style) -> di
         return {}
     from matplotlib.collections import PolyCollection
 
-    handles: dict[str, Any] = {}
+    handles: dict[str, Artist] = {}
     for side in (seen.truth, seen.estimate):
         row, shapes = _boxes(side) if boxes else ellipses(seen, side, across, up)
         if not len(row):

@@ -1,6 +1,6 @@
 """What pictures of a kind have in common: sizes, fills, words. No data."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from tgospa_eval.plots import DOTS, MISSING, available
 from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -87,7 +88,7 @@ FILLS: Mapping[str, dict[str, Any]] = {
     "false": {"facecolor": "white", "edgecolor": FALSE, "hatch": "....."},
     "switch": {"facecolor": LIGHT["switch"], "edgecolor": LIGHT["switch"]},
 }
-"""Of the parts of the cost, told apart by their patterns where there are no colours."""
+"""Of the parts of the cost, distinguished by their patterns where there are no colours."""
 
 LINES: Mapping[str, dict[str, Any]] = {
     "localisation": {"color": LIGHT["localisation"], "linestyle": "-"},
@@ -105,7 +106,7 @@ def styled(name: str = "screen") -> Iterator[Style]:
     Raises
     ------
     ConfigError
-        There is no such style, or no matplotlib.
+        The name is not one of `STYLES`, or matplotlib is not installed.
     """
     if name not in STYLES:
         raise ConfigError(f"style {quoted(name)}: must be one of {', '.join(STYLES)}")
@@ -127,7 +128,7 @@ def titled(axis: "Axes", style: Style, title: str, about: str = "") -> None:
     axis.set_title(about, loc="right", fontsize="small", color=SOFT, parse_math=False)
 
 
-def legend(made: "Figure", handles: list[Any], names: list[str], columns: int) -> None:
+def legend(made: "Figure", handles: "Sequence[Artist]", names: list[str], columns: int) -> None:
     """Above the axes, where it hides nothing."""
     if handles:
         tight: Any = {"columnspacing": 1.2, "handletextpad": 0.5, "borderpad": 0.1}
@@ -136,7 +137,7 @@ def legend(made: "Figure", handles: list[Any], names: list[str], columns: int) -
 
 
 def literal(text: str, most: int = 24) -> str:
-    """A text of the user's on one line; of a long one the ends, of which the last tells more."""
+    """A text of the user's on one line; of a long one the ends, of which the last matters more."""
     text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     return text if len(text) <= most else f"{text[: most // 3]}…{text[-(most - most // 3 - 1) :]}"
 

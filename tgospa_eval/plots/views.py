@@ -138,7 +138,7 @@ def parts_of(components: Sequence[str] | None) -> tuple[str, ...]:
     Raises
     ------
     ConfigError
-        One is none, or there is none.
+        A name is not one of `PARTS`, or the sequence is empty.
     """
     if components is None:
         return PARTS
@@ -156,7 +156,7 @@ def plane_columns(
     Raises
     ------
     ConfigError
-        A column is unknown, or there are not two.
+        `asked` names an unknown column, or not exactly two.
     """
     names = [*known, *(("centre x", "centre y") if boxes else ()), TIME]
     if asked is not None:

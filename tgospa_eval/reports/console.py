@@ -90,16 +90,20 @@ def _power(value: float, order: float) -> str:
         return "more than 1e308"
 
 
-def _parts(result: Summary) -> Iterator[str]:
-    total, rows = result.total, list[Row]()
+def part_rows(result: Summary) -> Iterator[tuple[str, str, str, str, str]]:
+    """Of each part its name, cost, share and count, and what is counted."""
     for name in PARTS:
         cost = getattr(result, name)
         count = number(result.counts[name]) if name in result.counts else ""
         note = COUNTED[name][count != "1"] if name in COUNTED else ""
-        rows.append((name, number(cost), result.share(cost), count, f"  {note}"))
-        if name == "localisation" and result.split is not None:
-            halves = zip(("  means", "  spread"), result.split, strict=True)
-            rows += [(part, number(half), result.share(half)) for part, half in halves]
+        yield name, number(cost), result.share(cost), count, note
+
+
+def _parts(result: Summary) -> Iterator[str]:
+    total = result.total
+    rows: list[Row] = [(*row, f"  {note}") for *row, note in part_rows(result)]
+    halves = zip(("  means", "  spread"), result.split or (), strict=False)
+    rows[1:1] = [(part, number(half), result.share(half)) for part, half in halves]
     of = "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
     rows.append(("total", number(total), result.share(total), "", of))
     head, widths = ("part", "cost", "share", "count"), (14, 12, 9, 10, 0)

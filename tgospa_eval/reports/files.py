@@ -9,6 +9,7 @@ from pathlib import Path
 from tgospa_eval.common.files import named, patience
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
+from tgospa_eval.reports.manifest import unique
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
@@ -72,7 +73,7 @@ def check_file(path: str, *, force: bool, option: str) -> None:
     Raises
     ------
     ConfigError
-        It exists, or its folder does not.
+        A folder or, without `force`, a file of the name is there, or its folder is not.
     """
     with named(f"{option} {path}", ConfigError, "cannot be written"):
         if Path(path).is_dir():
@@ -89,14 +90,14 @@ def write_file(path: str, data: str | bytes, option: str) -> None:
     Raises
     ------
     ConfigError
-        It cannot be written.
+        The path is empty, is a folder, or the system refuses to write it.
     """
     if not path:
         raise ConfigError(f"{option} is empty; name a file")
     content = data.encode() if isinstance(data, str) else data
     with named(f"{option} {path}", ConfigError, "cannot be written"):
         target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
-        beside = target.with_name(f".tgospa-eval-new-{os.getpid()}-{os.urandom(4).hex()}")
+        beside = target.with_name(unique())
         if target.is_dir():
             raise ConfigError(f"{option} {path}: is a folder; name a file")
         if target.exists() and not target.is_file():  # a device or a pipe: nothing to rename over

@@ -1,9 +1,8 @@
 """Folders of results: known again, without files of the run before, whole or absent."""
 
 import os
-import time
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -14,12 +13,6 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import manifest
 
 PICTURES = ("png", "svg", "pdf")
-FRESH = ".tgospa-eval-new-"
-"""What names begin with that stand in a folder only while it is written; a process id follows."""
-
-OLD = 3600.0
-"""Seconds after which nobody writes any more."""
-
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
 
 
@@ -62,7 +55,7 @@ class Kind:
         if self.log is None or not (folder / self.log).is_file():
             return False
         # An empty one is of a study that was killed at once, which has nothing beside it.
-        return bool((folder / self.log).stat().st_size) or len(list(_others(folder))) == 1
+        return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
 
 
 RESULT = Kind(
@@ -152,7 +145,8 @@ def check_folder(
     Raises
     ------
     ConfigError
-        It is a file, or looks like the name of one, or is not empty and of no such kind.
+        The path is a file, or looks like the name of one; or the folder holds anything but what an
+        older run of this kind wrote, without `force`.
     """
     if not folder:
         raise ConfigError(f"{option} is empty; name a folder")
@@ -162,7 +156,7 @@ def check_folder(
             raise ConfigError(f"{option} {folder}: is a file; name a folder")
         if not path.is_dir():
             _check_name(folder, kind, option)
-        elif not force and not (kind and kind.owns(path)) and any(_others(path)):
+        elif not force and not (kind and kind.owns(path)) and any(manifest.others(path)):
             raise ConfigError(f"{option} {folder}: is not empty; name another folder, or --force")
 
 
@@ -189,12 +183,12 @@ def probe_folder(
         if path.is_symlink():
             path.stat()  # links that go in a circle, which this refuses
         there = next(above for above in (path, *path.parents) if above.exists())
-        probe = there / _unique(FRESH)
+        probe = there / manifest.unique()
         probe.mkdir(mode=0o700)
         with suppress(FileNotFoundError):
             probe.rmdir()
         if kind is not None and there == path and not force:
-            with _locked(path):
+            with manifest.locked(path):
                 _check_names(path, kind, (*kind.names, *also), f"{option} {folder}")
 
 
@@ -211,7 +205,7 @@ def write_texts(
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
     kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
-    replaced by force alone.
+    replaced only by force.
 
     Raises
     ------
@@ -241,7 +235,7 @@ def _check_name(folder: str, kind: Kind | None, option: str) -> None:
     Raises
     ------
     ConfigError
-        It is called so.
+        The name ends like that of a picture, a page or a text.
     """
     stem, suffix = os.path.splitext(folder)
     suffix = suffix.lower()
@@ -267,7 +261,7 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
     Raises
     ------
     ConfigError
-        One is not.
+        A file of one of the names was not written by such a run, or was changed since.
     """
     own = manifest.unchanged(path, manifest.read_manifest(path, kind.name) or ())
     for name in names:
@@ -276,11 +270,6 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
                 f"{where}: {name} in it was not written by a run before, or was changed since; "
                 "name another folder, or --force"
             )
-
-
-def _others(path: Path) -> Iterator[Path]:
-    """What is in a folder but for what an interrupted run has left."""
-    return (item for item in path.iterdir() if not item.name.startswith(FRESH))
 
 
 def _write_all(files: Mapping[str, bytes], folder: Path, kind: Kind | None) -> None:
@@ -292,30 +281,12 @@ def _write_all(files: Mapping[str, bytes], folder: Path, kind: Kind | None) -> N
         (folder / manifest.NAME).write_text(text, encoding="utf-8")
 
 
-def _unique(prefix: str) -> str:
-    return f"{prefix}{os.getpid()}-{os.urandom(4).hex()}"
-
-
-def _is_left(path: Path) -> bool:
-    """Whether nobody is at work any more on what has a name of `_unique`."""
-    number = path.name.removeprefix(FRESH).partition("-")[0]
-    try:
-        if time.time() - path.stat().st_mtime > OLD:
-            return True
-        os.kill(int(number), 0)
-    except (ProcessLookupError, ValueError, OverflowError):
-        return True
-    except OSError:  # it is there, and somebody else's; or the path is gone
-        return False
-    return False
-
-
 def _write_new(files: Mapping[str, bytes], path: Path, kind: Kind | None) -> bool:
     """Write a folder beside, then rename it; False if another one has come up meanwhile."""
     import shutil  # here: it brings compression
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(_unique(FRESH))
+    beside = path.with_name(manifest.unique())
     try:
         _write_all(files, beside, kind)
         try:
@@ -338,11 +309,11 @@ def _write_over(
     """
     import shutil
 
-    with _locked(path) as locked:
-        for left in path.glob(f"{FRESH}*") if locked else ():
-            if _is_left(left):
+    with manifest.locked(path) as locked:
+        for left in path.glob(f"{manifest.FRESH}*") if locked else ():
+            if manifest.is_left(left):
                 shutil.rmtree(left, ignore_errors=True)
-        fresh = path / _unique(FRESH)
+        fresh = path / manifest.unique()
         try:
             _write_all(files, fresh, kind)
             if kind is not None and where is not None:
@@ -376,22 +347,3 @@ def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | N
         os.replace(fresh / name, path / name)
     os.replace(fresh / manifest.NAME, path / manifest.NAME)
     return len(stale)
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[bool]:
-    """Others that write this folder wait; yields whether they do, as not all systems can."""
-    try:
-        import fcntl
-    except ImportError:
-        yield False
-        return
-    at = os.open(path, os.O_RDONLY)
-    locked = False
-    try:
-        with suppress(OSError):  # of some network file systems
-            fcntl.flock(at, fcntl.LOCK_EX)
-            locked = True
-        yield locked
-    finally:
-        os.close(at)

@@ -11,9 +11,9 @@ import jinja2
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
-from tgospa_eval.reports.console import COUNTED, meaning
+from tgospa_eval.reports.console import meaning, part_rows
 from tgospa_eval.reports.page_data import document, packed
-from tgospa_eval.results.records import PARTS, Columns
+from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
@@ -86,18 +86,10 @@ def _colours() -> str:
 
 
 def _parts(result: Summary) -> list[dict[str, str]]:
-    counts = {name: number(count) for name, count in result.counts.items()}
-    return [
-        {
-            "name": name,
-            "cost": number(getattr(result, name)),
-            "share": result.share(getattr(result, name)),
-            "count": counts.get(name, ""),
-            "note": COUNTED[name][counts[name] != "1"] if name in counts else DISTANCE,
-            "split": _split(result) if name == "localisation" else "",
-        }
-        for name in PARTS
-    ]
+    keys = ("name", "cost", "share", "count", "note")
+    rows = [dict(zip(keys, row, strict=True)) | {"split": ""} for row in part_rows(result)]
+    rows[0] |= {"note": DISTANCE, "split": _split(result)}
+    return rows
 
 
 def _split(result: Summary) -> str:
@@ -110,10 +102,8 @@ def _split(result: Summary) -> str:
 
 def _classes(result: Summary) -> list[list[str]]:
     table: Columns = result.per_class_table()
-    return [
-        [str(name), *(number(value) for value in values)]
-        for name, *values in zip(*table.values(), strict=True)
-    ]
+    rows = zip(*table.values(), strict=True)
+    return [[str(name), *map(number, values)] for name, *values in rows]
 
 
 def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:

@@ -1,13 +1,25 @@
-"""What a run wrote into a folder: without ``--force`` nothing else is replaced or removed."""
+"""What a run wrote into a folder, and what stands there while it writes.
+
+Without ``--force`` nothing else is replaced or removed.
+"""
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+import os
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
+
+FRESH = ".tgospa-eval-new-"
+"""What names begin with that stand in a folder only while it is written; a process id follows."""
+
+OLD = 3600.0
+"""Seconds after which nobody writes any more."""
 
 
 @dataclass(frozen=True)
@@ -68,3 +80,46 @@ def read_manifest(folder: Path, kind: str) -> tuple[Entry, ...] | None:
 def unchanged(folder: Path, listed: Iterable[Entry]) -> set[str]:
     """The names that are there as they were written."""
     return {entry.name for entry in listed if entry.is_in(folder)}
+
+
+def others(path: Path) -> Iterator[Path]:
+    """What is in a folder but for what an interrupted run has left."""
+    return (item for item in path.iterdir() if not item.name.startswith(FRESH))
+
+
+def unique() -> str:
+    """A name that nobody else has, of what stands in a folder only while it is written."""
+    return f"{FRESH}{os.getpid()}-{os.urandom(4).hex()}"
+
+
+def is_left(path: Path) -> bool:
+    """Whether nobody is at work any more on what has a name of `_unique`."""
+    number = path.name.removeprefix(FRESH).partition("-")[0]
+    try:
+        if time.time() - path.stat().st_mtime > OLD:
+            return True
+        os.kill(int(number), 0)
+    except (ProcessLookupError, ValueError, OverflowError):
+        return True
+    except OSError:  # it is there, and somebody else's; or the path is gone
+        return False
+    return False
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[bool]:
+    """Others that write this folder wait; yields whether they do, as not all systems can."""
+    try:
+        import fcntl
+    except ImportError:
+        yield False
+        return
+    at = os.open(path, os.O_RDONLY)
+    locked = False
+    try:
+        with suppress(OSError):  # of some network file systems
+            fcntl.flock(at, fcntl.LOCK_EX)
+            locked = True
+        yield locked
+    finally:
+        os.close(at)

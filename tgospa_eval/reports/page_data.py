@@ -274,7 +274,7 @@ def _thinned(
     """Stride with which hardly more than `VALUES` coordinates are drawn, and the rows by side."""
     stride = max(1, -(-sum(side.state.size for side in sides.values()) // VALUES))
     while True:
-        kept = {name: _kept(side, *runs[name], stride) for name, side in sides.items()}
+        kept = {name: _drawn(side, *runs[name], stride) for name, side in sides.items()}
         # The steps of rows that are thinned are no longer regular, and cost like a coordinate.
         each = [side.state.shape[1] + (stride > 1) for side in sides.values()]
         size = sum(n * len(rows) for n, rows in zip(each, kept.values(), strict=True))
@@ -283,7 +283,7 @@ def _thinned(
         stride += -(-stride // 4)
 
 
-def _kept(side: Side, opens: Ints, closes: Ints, stride: int) -> Ints:
+def _drawn(side: Side, opens: Ints, closes: Ints, stride: int) -> Ints:
     """Rows that are drawn: every so many steps, ends of runs, and all that is unassigned."""
     if not side.state.shape[1]:
         return np.zeros(0, np.int64)

@@ -12,8 +12,8 @@ WIDTH = 80
 
 INDENT = "  "
 LEAST, MOST = 12, 44
-"""Columns that the first cell keeps in a terminal, however wide the others are, and that it takes
-to differ from others."""
+"""Columns of the first cell in a terminal: at least, however wide the others are, and at most to
+differ from others."""
 
 DASHES = {"l": "---", "r": "---:"}
 """How Markdown says where the cells of a column stand."""
@@ -114,7 +114,7 @@ def as_latex(document: Document) -> str:
 
 
 def text_lines(table: Table, indent: str = INDENT) -> list[str]:
-    """Rows for a terminal, in columns as wide as was said, or as their widest cells."""
+    """Rows for a terminal, in columns of the widths of the table, or of their widest cells."""
     rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
     widths = table.widths or [width + 2 * (k > 0) for k, width in enumerate(_widths(rows))]
     signs = ["<" if side == "l" else ">" for side in table.sides]

@@ -37,11 +37,11 @@ def report(result: Summary, encoding: str) -> str:
         "headline": [*(Text(line, style=style) for line in claim), Text(sizes)],
         "meaning": _dim(named["meaning"]),
         "parts": _parts(result, named["parts"]),
-        "classes": _plain(named["classes"]),
+        "classes": map(Text, named["classes"]),
         "graph": _graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS),
-        "scale": _plain(named["scale"]),
-        "worst": _plain(named["worst"]),
-        "switches": _plain(named["switches"]),
+        "scale": map(Text, named["scale"]),
+        "worst": map(Text, named["worst"]),
+        "switches": map(Text, named["switches"]),
         "footer": _dim(named["footer"]),
     }
     with console.capture() as captured:
@@ -120,10 +120,6 @@ def _parts(result: Summary, lines: list[str]) -> Iterator[Text]:
         elif name == "total":
             text.stylize("bold")
         yield text
-
-
-def _plain(lines: Iterable[str]) -> Iterator[Text]:
-    return map(Text, lines)
 
 
 def _dim(lines: Iterable[str]) -> Iterator[Text]:

@@ -64,7 +64,7 @@ def _table(side: Trajectories, changes: list[Change]) -> Columns:
 
 
 def _changes(before: Clouds, after: Clouds, effort: Effort) -> list[Change]:
-    """What is said of each cloud: in threads, and announced, as it takes longer than to reduce."""
+    """A row for each cloud: in threads, and announced, as it takes longer than to reduce."""
     directions = spread_directions(before.points.shape[1], None, np.random.default_rng(0))
     is_exact = can_transport()
 

@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class SensorOptions(OutputOptions):
-    """Options of these verbs alone, beside those of what is printed and written."""
+    """Options that only these verbs have, beside those of what is printed and written."""
 
     cost_matrix: str | None = None
     cross_cov: str | None = None
@@ -45,7 +45,7 @@ def associate_files(
     Raises
     ------
     TgospaError
-        Something is wrong with options or files.
+        An option or a file is wrong, or an output exists, without ``--force``.
     """
     asked = {"--cost-matrix": output.cost_matrix, "--cross-cov": output.cross_cov}
     files = {option: path for option, path in asked.items() if path}
@@ -115,7 +115,7 @@ def reduce_file(
     Raises
     ------
     TgospaError
-        Something is wrong with options or files.
+        An option or the file is wrong, it has no clouds, or the output exists, without ``--force``.
     """
     check_file(target, force=output.force, option="OUT")
     _check_apart(target, [source], "OUT")
@@ -169,7 +169,7 @@ def _check_apart(path: str, others: list[str], option: str) -> None:
     Raises
     ------
     ConfigError
-        It would.
+        `path` is the same file as one of `others`.
     """
     for other in others:
         if os.path.realpath(path) == os.path.realpath(other):
