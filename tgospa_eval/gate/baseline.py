@@ -22,7 +22,7 @@ NEUTRAL = ("unit", "decimal")
 
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)
-VALUES = (*MEASURED, *BOUNDS)
+BASELINE_VALUES = (*MEASURED, *BOUNDS)
 MADE = "the JSON that --update-baseline makes"
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances of values that are the same, and of parts that were summed."""
@@ -238,7 +238,9 @@ def _entry(table: Table, where: str) -> Entry:
     order = _table(table, "parameters", where).get("order")
     for name, group in groups.items():
         about = where if name is None else f"{where}, class {quoted(name)}"
-        missing = [path for path in (VALUES if name is None else MEASURED) if path not in group]
+        missing = [
+            path for path in (BASELINE_VALUES if name is None else MEASURED) if path not in group
+        ]
         if missing:
             raise ConfigError(f"{about}: values.{missing[0]} is missing; {REMEDY}")
         _agree(group, order, about)

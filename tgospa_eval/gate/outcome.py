@@ -7,7 +7,7 @@ from typing import Self
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.gate.baseline import VALUES, Entry, differences, measure
+from tgospa_eval.gate.baseline import BASELINE_VALUES, Entry, differences, measure
 from tgospa_eval.gate.rules import (
     STATUS,
     Finding,
@@ -172,7 +172,7 @@ def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
     before, after = (entry.values if entry else {} for entry in (old, new))
     return tuple(
         Change(path=name_of(key), old=before.get(key), new=after.get(key))
-        for key in (*VALUES, *sorted({*before, *after} - {*VALUES}))
+        for key in (*BASELINE_VALUES, *sorted({*before, *after} - {*BASELINE_VALUES}))
         if key not in ("lower_bound", "upper_bound") and before.get(key) != after.get(key)
     )
 

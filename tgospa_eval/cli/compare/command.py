@@ -28,7 +28,7 @@ OF_FILES = {"against", "unit", "by"} | {
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
 # Those of this verb alone are not read from settings files, which are those of all verbs.
-COMPARISON = (
+COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",
         "Solvers to compare, with commas: certified, exact, sinkhorn. For a ranking the one to "
@@ -74,7 +74,7 @@ COMPARISON = (
         default=0,
     ),
 )
-OUTPUT = (
+COMPARE_OUTPUT = (
     option(
         "--format FORMAT",
         "What to print: table, json, csv, markdown or latex.",
@@ -97,7 +97,7 @@ OUTPUT = (
 )
 
 
-@click.command("compare", cls=Verb, params=[*COMPARISON, *SHARED, *OUTPUT])
+@click.command("compare", cls=Verb, params=[*COMPARE_OPTIONS, *SHARED, *COMPARE_OUTPUT])
 @click.argument("files", metavar="TRUTH ESTIMATE...", type=PATH, nargs=-1)
 @click.pass_context
 def command(

@@ -4,10 +4,8 @@ import click
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option
-from tgospa_eval.cli.shared.options import GATE_OPTIONS
+from tgospa_eval.cli.shared.options import GATE_OPTIONS, format_option
 from tgospa_eval.cli.verbs import TYPED
-
-GATE_FORMATS = ("table", "json", "markdown")
 
 
 class Gate(Verb):
@@ -29,14 +27,7 @@ class Gate(Verb):
             "Make the baseline, or replace it, and exit with 0.",
             section="Gate",
         ),
-        Option(
-            "--format [table|json|markdown]",
-            "What to print.",
-            name="format_",
-            section="Output",
-            type=click.Choice(GATE_FORMATS),
-            default="table",
-        ),
+        format_option("table", "json", "markdown"),
     ],
 )
 @click.argument("truth", type=PATH, required=False)

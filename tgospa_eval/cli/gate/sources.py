@@ -8,7 +8,6 @@ from typing import Self
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.option import Option
 from tgospa_eval.cli.shared.options import EVALUATION
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.common import config
@@ -19,7 +18,8 @@ from tgospa_eval.gate.suite import Pair
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 
-KNOWN = {item.key: item.is_flag for item in EVALUATION}
+BY_KEY = {item.key: item for item in EVALUATION}
+KNOWN = {key: item.is_flag for key, item in BY_KEY.items()}
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
@@ -95,19 +95,11 @@ class Given:
         """Whether it is from a configuration file."""
         return self.context.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
 
-    def parameters(self) -> dict[str, click.Parameter]:
-        """Options of the evaluation by their names in a configuration file."""
-        return {
-            item.key: item
-            for item in self.context.command.params
-            if isinstance(item, Option) and item.key in KNOWN
-        }
-
     def typed(self, settings: Mapping[str, object], where: str) -> dict[str, object]:
         """Settings as click would have made them, by parameter."""
         values: dict[str, object] = {}
         for key, value in config.settings_of(settings, where, KNOWN).items():
-            item = self.parameters()[key]
+            item = BY_KEY[key]
             try:
                 values[str(item.name)] = item.type_cast_value(
                     self.context, (value,) if item.multiple else value
@@ -137,7 +129,7 @@ class Given:
         Those of a solver that did not reach its accuracy are left out, a later run would inherit
         them; the path of a covariance is relative to the folder of the baseline.
         """
-        keys = {str(item.name): key for key, item in self.parameters().items()}
+        keys = {str(item.name): key for key, item in BY_KEY.items()}
         values = {name: getattr(chosen.options, name) for name in chosen.given}
         recorded: dict[str, object] = {
             keys[name]: ",".join(value) if isinstance(value, tuple) else value

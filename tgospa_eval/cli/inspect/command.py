@@ -4,8 +4,8 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
-from tgospa_eval.cli.shared.options import READING
+from tgospa_eval.cli.shared.option import PATH
+from tgospa_eval.cli.shared.options import READING, format_option
 
 
 @click.command(
@@ -13,14 +13,7 @@ from tgospa_eval.cli.shared.options import READING
     cls=Verb,
     params=[
         *READING,
-        Option(
-            "--format [table|json]",
-            "What to print.",
-            name="format_",
-            section="Output",
-            type=click.Choice(("table", "json")),
-            default="table",
-        ),
+        format_option("table", "json"),
     ],
 )
 @click.argument("truth", type=PATH)

@@ -7,7 +7,7 @@ import click
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option, option
-from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_options
+from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_options, format_option
 
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
@@ -51,13 +51,7 @@ _output = partial(Option, section="Output")
                 name="estimate_columns",
                 section="Files",
             ),
-            _output(
-                "--format [table|json|csv]",
-                "What to print.",
-                name="format_",
-                type=click.Choice(("table", "json", "csv")),
-                default="table",
-            ),
+            format_option("table", "json", "csv"),
             _output(
                 "--cost-matrix FILE",
                 "Write the distances of all pairs of each step to a CSV file.",

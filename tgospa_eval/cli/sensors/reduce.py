@@ -6,7 +6,7 @@ import click
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option, option
-from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options
+from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options, format_option
 from tgospa_eval.cli.shared.state_options import REDUCTION
 
 
@@ -33,14 +33,7 @@ from tgospa_eval.cli.shared.state_options import REDUCTION
                 show_default="found from name and content",
             ),
             Option("--force", "Write over OUT if it exists.", section="Output"),
-            Option(
-                "--format [table|json|csv]",
-                "What to print.",
-                name="format_",
-                section="Output",
-                type=click.Choice(("table", "json", "csv")),
-                default="table",
-            ),
+            format_option("table", "json", "csv"),
         ),
     ],
 )

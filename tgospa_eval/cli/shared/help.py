@@ -68,7 +68,7 @@ OPTION_WORDS = {
 }
 """What people type for an option, where no name of one is like it."""
 
-ALIKE = 0.75
+SIMILAR = 0.75
 """Similarity, beside the first letter, of an option that may be meant: fromat, format."""
 
 LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
@@ -181,7 +181,7 @@ def nearest(text: str, options: Iterable[str]) -> str | None:
     known = [name.lstrip("-") for name in options]
     begin = [name for name in known if len(bare) > 1 and name.startswith(bare)]
     alike = [name for name in known if name[:1] == bare[:1]]
-    found = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, ALIKE)
+    found = begin if len(begin) == 1 else get_close_matches(bare, alike, 1, SIMILAR)
     return f"--{found[0]}" if found else None
 
 

@@ -312,3 +312,15 @@ READING = (
 def chosen_options(keys: Container[str], *more: Option) -> tuple[Option, ...]:
     """Some of the options of everything that evaluates, and more."""
     return (*(item for item in EVALUATION if item.key in keys), *more, CONFIG_FILE, QUIET)
+
+
+def format_option(*names: str) -> Option:
+    """``--format`` of a verb with formats of its own, which no settings file chooses."""
+    return Option(
+        f"--format [{'|'.join(names)}]",
+        "What to print.",
+        name="format_",
+        section="Output",
+        type=click.Choice(names),
+        default="table",
+    )

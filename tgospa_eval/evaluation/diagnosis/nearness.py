@@ -147,8 +147,11 @@ def _lines(
     units = [(1.0, 1.0), (1.0, -1.0), (1.0, 0.0), (0.0, 1.0)] if len(chosen) > 1 else [(1.0,)]
     scaled = truth.state[:, chosen] / reach.mean(axis=1)
     centred = scaled - scaled.mean(axis=0)
-    widest = np.linalg.eigh(centred.T @ centred)[1][:, -1]
-    for unit in (*units, widest):
+    largest = float(np.abs(centred).max())
+    if 0 < largest < np.inf:
+        widest = np.linalg.eigh(centred.T / largest @ centred / largest)[1][:, -1]
+        units.append(tuple(widest))
+    for unit in units:
         line = np.zeros((reach.shape[1], len(columns)))
         line[:, chosen] = reach.T * unit
         yield line
