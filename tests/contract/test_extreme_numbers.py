@@ -25,6 +25,19 @@ def test_steps_at_the_last_doubles_are_joined(write: Callable, invoke: Callable)
     assert json.loads(answer.out)["total"] == pytest.approx(4, rel=1e-9)
 
 
+def test_far_states_are_evaluated(write: Callable, invoke: Callable) -> None:
+    """Warnings try other units, which no double may hold."""
+    rng = np.random.default_rng(0)
+    sides = []
+    for name in ("t.csv", "e.csv"):
+        state = rng.uniform(0, 1e307, (8, 20, 2))
+        rows = [f"{k},{t},{x},{y}" for k in range(8) for t, (x, y) in enumerate(state[k].tolist())]
+        sides.append(write(name, "\n".join(("id,t,x,y", *rows))))
+    answer = invoke(*sides, "-c", "10", "-g", "1", "--format", "json")
+    assert answer.status == 0
+    assert json.loads(answer.out)["total"] == pytest.approx(16 * 20 * 50)
+
+
 @pytest.mark.parametrize("verb", ["reduce", "associate", "inspect", "evaluate"])
 def test_far_particles_are_refused_with_their_line(
     write: Callable, invoke: Callable, verb: str

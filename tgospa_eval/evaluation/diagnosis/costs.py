@@ -7,6 +7,7 @@ each truth and of each estimate bound G from above, a greedy choice from below. 
 computed only where these bounds leave an answer open.
 """
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -226,6 +227,12 @@ def at_steps(side: Trajectories, steps: Ints) -> Trajectories:
     count = np.searchsorted(side.step, steps, side="right") - begin
     order = np.arange(len(steps))
     return side.seen_as(()).chosen(concatenated(begin, count), np.repeat(order, count), order)
+
+
+def with_state(side: Trajectories, state: Floats) -> Trajectories:
+    """With other states; what is beyond the largest double is there."""
+    most = np.finfo(np.float64).max
+    return replace(side, state=np.clip(state, -most, most))
 
 
 def occupied(side: Trajectories) -> NDArray[np.bool_]:

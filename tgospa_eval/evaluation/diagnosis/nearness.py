@@ -1,14 +1,13 @@
 """Whether truths and estimates are near each other more often than by chance."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
-from tgospa_eval.evaluation.diagnosis.costs import StepCosts
+from tgospa_eval.evaluation.diagnosis.costs import StepCosts, with_state
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -158,4 +157,4 @@ def _lines(
 
 
 def _displaced(estimate: Trajectories, by: Floats) -> Trajectories:
-    return replace(estimate, state=estimate.state + by)
+    return with_state(estimate, estimate.state + by)

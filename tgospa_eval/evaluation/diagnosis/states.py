@@ -23,6 +23,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     falls,
     occupied,
     saving,
+    with_state,
 )
 from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
 from tgospa_eval.formats.columns.asked import BOX
@@ -78,7 +79,7 @@ class _Change:
     def __call__(self, estimate: Trajectories) -> Trajectories:
         """The estimate without the suspected fault."""
         state = estimate.state[:, self.order] * self.factor + self.offset
-        return replace(estimate, state=state)
+        return with_state(estimate, state)
 
 
 class _Sample:
