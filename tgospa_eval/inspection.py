@@ -137,7 +137,7 @@ def _longest_hole(side: Trajectories) -> int:
     return int((np.diff(step)[same] - 1).max(initial=0))
 
 
-def _clock(side: Trajectories) -> documents.Stamps:
+def _clock(side: Trajectories) -> documents.TimeSpan:
     """First and last stamp as read, and the distances between stamps."""
     shown = side.shown
     unit = 1.0 if side.clock == "number" else float(SECOND)

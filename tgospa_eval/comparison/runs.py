@@ -19,12 +19,12 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.reports.records import Costs, Memory, NoCosts, Seconds
+from tgospa_eval.reports.records import Costs, Memory, RunCosts, Seconds
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.trajectories import Trajectories
 
-NO_COSTS: NoCosts = {"localisation": None, "missed": None, "false": None, "switch": None}
+NO_COSTS: RunCosts = {"localisation": None, "missed": None, "false": None, "switch": None}
 """Of a run that failed."""
 
 OWN_GROUP: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0}

@@ -86,24 +86,8 @@ def plot_lanes(result: Summary, *, style: str = "screen") -> "Figure":
 
     A gap with a frame is missed, a triangle is a switch, the darker foot of a bar is the error as
     a share of the cutoff. Of more trajectories than have room the costliest have lanes, and the
-    others share one, in which a height says how many of them are missed, or false.
-
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-    style : {"screen", "paper"}
-        With a title; or small, for one column of a journal.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Belongs to no window.
-
-    Raises
-    ------
-    ConfigError
-        The style is unknown, or matplotlib is not installed.
+    others share one, in which a height says how many of them are missed, or false. Parameters,
+    errors and return value are those of `plot_costs`.
     """
     with styled(style) as made:
         return draw_lanes(view(result), made)

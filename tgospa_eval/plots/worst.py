@@ -25,25 +25,7 @@ def plot_worst(
 ) -> "Figure":
     """The costliest steps, truths and estimates, and what they cost.
 
-    Parameters
-    ----------
-    result : Result
-        What to draw.
-    style : {"screen", "paper"}
-        With a title; or small, for one column of a journal.
-    components : sequence of str, optional
-        Parts of the cost that count, of ``"localisation"``, ``"missed"``, ``"false"``,
-        ``"switch"``; all by default.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Belongs to no window.
-
-    Raises
-    ------
-    ConfigError
-        A name is unknown, or matplotlib is not installed.
+    Parameters, errors and return value are those of `plot_costs`; only `components` count.
     """
     with styled(style) as made:
         return draw_worst(view(result), made, parts_of(components))

@@ -19,7 +19,7 @@ Extent = dict[str, float]
 Row = tuple[str, list[str]]
 
 
-class Stamps(TypedDict):
+class TimeSpan(TypedDict):
     """First and last as read, and how far they are apart."""
 
     kind: str
@@ -40,7 +40,7 @@ class FileDocument(TypedDict):
     steps: int
     columns: list[str]
     headers: dict[str, str]
-    time: Stamps
+    time: TimeSpan
     length: Extent | None
     holes: dict[str, int]
     classes: dict[str, dict[str, int]]
@@ -234,7 +234,7 @@ def _range(spread: Extent | None, one: str = "", many: str = "", digits: int = 6
     return f"{text} {one if text == '1' else many}".strip()
 
 
-def _steps(time: Stamps, unit: str) -> str:
+def _steps(time: TimeSpan, unit: str) -> str:
     """From how long to how long a step takes, without what rounding the stamps adds to it."""
     ends = [t for t in (time["first"], time["last"]) if isinstance(t, float)]
     noise = 2 * math.ulp(max(map(abs, ends), default=0.0))

@@ -1,9 +1,10 @@
 """Words and numbers that all documents of `compare` share."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.reports.records import Metric
+from tgospa_eval.results.records import Columns
 
 EXACT = 1e-9
 """Relative errors below count as none, and differ from machine to machine."""
@@ -28,6 +29,13 @@ def error_of(value: float | None) -> str:
     if value is None:
         return "-"
     return f"<{EXACT:g}" if value < EXACT else f"{value:.1e}"
+
+
+def columns(
+    rows: Sequence[Mapping[str, object]], names: Iterable[str], before: str = ""
+) -> Columns:
+    """Entries of rows as columns, with something before their names."""
+    return {f"{before}{name}": [row[name] for row in rows] for name in names}
 
 
 def unit_of(parameters: Metric) -> str:

@@ -1,13 +1,20 @@
 """A ranking of estimates, or one beside per-step GOSPA, as a document and as tables."""
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.phrases import SPLIT_NOTE, TO_RANK, TO_STUDY, parameters_of, unit_of
+from tgospa_eval.reports.phrases import (
+    SPLIT_NOTE,
+    TO_RANK,
+    TO_STUDY,
+    columns,
+    parameters_of,
+    unit_of,
+)
 from tgospa_eval.reports.records import RULES, EstimateRecord, PairRecord, RankingRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
@@ -26,12 +33,6 @@ TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
     "their ids; other tie rules may count other switches"
 )
-
-GROUPS = {
-    "steps": ("better", "worse"),
-    "per_run": ("mean", "standard_error", "first_less", "second_less"),
-}
-"""Columns of a pair that are one level down, in their order."""
 
 
 def estimates_document(document: RankingRecord) -> Document:
@@ -72,42 +73,32 @@ def estimates_paper(document: RankingRecord) -> Document:
 def estimates_columns(document: RankingRecord) -> Columns:
     """A row for each estimate, plain numbers."""
     items = document["estimates"]
-    plain: Sequence[Mapping[str, object]] = items
-    table: Columns = {"name": [item["name"] for item in items]}
+    table = columns(items, ["name"])
     for k, end in enumerate(("best", "worst")):
         table[f"place_{end}"] = [item["place"][k] for item in items]
-    for name in items[0]["normalised"]:
-        table[f"normalised_{name}"] = [item["normalised"][name] for item in items]
-    for name in ("tgospa", "lower_bound", "total", "total_lower", *PARTS):
-        table[name] = [item[name] for item in plain]
-    for name in items[0]["counts"]:
-        table[f"count_{name}"] = [item["counts"][name] for item in items]
+    per_step = [item["normalised"] for item in items]
+    table |= columns(per_step, per_step[0], "normalised_")
+    table |= columns(items, ("tgospa", "lower_bound", "total", "total_lower", *PARTS))
+    table |= columns([item["counts"] for item in items], items[0]["counts"], "count_")
     steps = [item["per_step_gospa"] for item in items if item["per_step_gospa"] is not None]
     if steps:
         table["gospa_total"] = [step["total"] for step in steps]
         for rule in RULES:
-            charged: Sequence[Mapping[str, object]] = [step[rule] for step in steps]
-            for name in ("switches", "halves", "total", "mean"):
-                table[f"{rule}_{name}"] = [found[name] for found in charged]
+            names = ("switches", "halves", "total", "mean")
+            table |= columns([step[rule] for step in steps], names, f"{rule}_")
     return table
 
 
 def pairs_columns(document: RankingRecord) -> Columns:
     """A row for each pair of estimates: the second less the first, costs per step."""
     pairs = document["pairs"]
-    own = ("first", "second", "verdict", "opposed")
-    plain: Sequence[Mapping[str, object]] = pairs
-    table: Columns = {name: [pair[name] for pair in plain] for name in own}
+    table = columns(pairs, ("first", "second", "verdict", "opposed"))
     for k, end in enumerate(("lower", "upper")):
         table[f"per_step_total_{end}"] = [pair["per_step"]["total"][k] for pair in pairs]
-    table |= {f"per_step_{name}": [pair["per_step"][name] for pair in pairs] for name in PARTS}
-    groups: dict[str, Sequence[Mapping[str, object]]] = {
-        "steps": [pair["steps"] for pair in pairs],
-        "per_run": [pair["per_run"] for pair in pairs],
-    }
-    for group, found in groups.items():
-        table |= {f"{group}_{name}": [item[name] for item in found] for name in GROUPS[group]}
-    return table
+    table |= columns([pair["per_step"] for pair in pairs], PARTS, "per_step_")
+    table |= columns([pair["steps"] for pair in pairs], ("better", "worse"), "steps_")
+    names = ("mean", "standard_error", "first_less", "second_less")
+    return table | columns([pair["per_run"] for pair in pairs], names, "per_run_")
 
 
 def _order(document: RankingRecord) -> str:

@@ -29,13 +29,13 @@ class Costs(TypedDict):
     switch: float
 
 
-class NoCosts(TypedDict):
-    """The parts of the cost of a run that failed."""
+class RunCosts(TypedDict):
+    """The parts of the cost of a run; None where it failed."""
 
-    localisation: None
-    missed: None
-    false: None
-    switch: None
+    localisation: float | None
+    missed: float | None
+    false: float | None
+    switch: float | None
 
 
 class Spread(TypedDict):
@@ -64,7 +64,7 @@ class Memory(TypedDict):
     peak: int
 
 
-class SolverRun(TypedDict):
+class SolverRun(RunCosts):
     """What one solver made of a problem; None where it failed."""
 
     name: str
@@ -76,10 +76,6 @@ class SolverRun(TypedDict):
     total_lower: float | None
     error: float | None
     lower_error: float | None
-    localisation: float | None
-    missed: float | None
-    false: float | None
-    switch: float | None
     counts: dict[str, float]
     status: str
     finished: bool
@@ -226,7 +222,7 @@ class RankingRecord(TypedDict):
 # --- study ----------------------------------------------------------------------------------------
 
 
-class SceneRun(TypedDict):
+class SceneRun(RunCosts):
     """What the log of a study keeps of one solver on one scene; None where it failed."""
 
     name: str
@@ -234,10 +230,6 @@ class SceneRun(TypedDict):
     epsilon: float | None
     lower: float | None
     upper: float | None
-    localisation: float | None
-    missed: float | None
-    false: float | None
-    switch: float | None
     iterations: int | None
     finished: bool
     status: str

@@ -1,10 +1,18 @@
 """Solvers compared on one estimate, as a document and as a table."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import Literal
 
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.reports.phrases import TO_RANK, error_of, number, parameters_of, size_of, unit_of
+from tgospa_eval.reports.phrases import (
+    TO_RANK,
+    columns,
+    error_of,
+    number,
+    parameters_of,
+    size_of,
+    unit_of,
+)
 from tgospa_eval.reports.records import Seconds, SolverRun, SolversRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
@@ -50,12 +58,11 @@ def solvers_document(document: SolversRecord) -> Document:
 def solvers_columns(document: SolversRecord) -> Columns:
     """A row for each run, plain numbers."""
     runs = document["runs"]
-    plain: Sequence[Mapping[str, object]] = runs
     names = (
         *("name", "solver", "epsilon", "tgospa", "lower_bound", "total", "total_lower", "error"),
         *("lower_error", *PARTS, "iterations", "status", "finished"),
     )
-    table: Columns = {name: [run[name] for run in plain] for name in names}
+    table = columns(runs, names)
     split = [_split(run["seconds"]) for run in runs]
     for k, name in enumerate(("all", "prepare", "sweeps", "programme", "rest", "proof")):
         table[f"{name}_seconds"] = [row[k] for row in split]
