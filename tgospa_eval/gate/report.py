@@ -73,9 +73,15 @@ def _findings(outcome: Outcome) -> Iterator[Row]:
         yield _named(outcome, 0, outcome.verdict)
     for k, finding in enumerate(outcome.findings):
         rule = finding.rule.text + ("" if finding.now.proven else " *")
-        base = "-" if finding.base is None or finding.rule.maximum else number_of(finding.base)
-        limit, now = number_of(finding.limit), number_of(deciding(finding))
-        yield *_named(outcome, k, rule), base, limit, now, f" {shown_verdict(finding)}"
+        values = map(number_of, _values(finding))
+        yield *_named(outcome, k, rule), *values, f" {shown_verdict(finding)}"
+
+
+def _values(finding: Finding) -> tuple[float | None, float, float]:
+    """The baseline, where it matters, the limit, and the bound that decides."""
+    base = None if finding.rule.maximum else finding.base
+    now = finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
+    return base, finding.limit, now
 
 
 def shown_verdict(finding: Finding) -> str:
@@ -83,20 +89,14 @@ def shown_verdict(finding: Finding) -> str:
     return "warning" if finding.warning else finding.verdict
 
 
-def deciding(finding: Finding) -> float:
-    """The bound that decides: the lower one of a failure, else the upper one."""
-    return finding.now.lower if finding.verdict is Verdict.FAIL else finding.now.upper
-
-
 def _changes(outcome: Outcome) -> Iterator[Row]:
     for k, one in enumerate(outcome.changes):
-        old, new = ("-" if value is None else number_of(value) for value in (one.old, one.new))
-        yield *_named(outcome, k, one.path), old, new
+        yield *_named(outcome, k, one.path), number_of(one.old), number_of(one.new)
 
 
-def number_of(value: float) -> str:
+def number_of(value: float | None) -> str:
     """A number in its column; what is not known is a dash."""
-    if math.isnan(value):
+    if value is None or math.isnan(value):
         return "-"
     text = number(value, 7)
     return text if len(text) < WIDTHS[2] else f"{value:.4g}"
@@ -178,22 +178,20 @@ def _cells(outcome: Outcome, *, updated: bool) -> Iterator[Row]:
     name = markdown_code(title(outcome))
     if updated:
         for one in outcome.changes:
-            old, new = ("" if v is None else number(v, 7) for v in (one.old, one.new))
-            yield name, markdown_code(one.path), old, new
+            yield name, markdown_code(one.path), _cell(one.old), _cell(one.new)
         return
     if not outcome.findings:
         yield name, *[None] * 4, f"**{outcome.verdict}**"
     for finding in outcome.findings:
-        base = "" if finding.base is None or finding.rule.maximum else number(finding.base, 7)
         mark = "" if finding.now.proven else ", split, not proven"
         verdict = shown_verdict(finding)
         shown = verdict if verdict == Verdict.PASS else f"**{verdict}**"
-        limit, now = _cell(finding.limit), _cell(deciding(finding))
-        yield name, markdown_code(finding.rule.text), base, limit, now, f"{shown}{mark}"
+        values = map(_cell, _values(finding))
+        yield name, markdown_code(finding.rule.text), *values, f"{shown}{mark}"
 
 
-def _cell(value: float) -> str:
-    return "" if math.isnan(value) else number(value, 7)
+def _cell(value: float | None) -> str:
+    return "" if value is None or math.isnan(value) else number(value, 7)
 
 
 GATE_REPORTS = {"table": table, "json": json_report, "markdown": markdown}

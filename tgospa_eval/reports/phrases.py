@@ -19,7 +19,7 @@ SPLIT_NOTE = (
 )
 
 
-def number(value: float | None, form: str) -> str:
+def or_dash(value: float | None, form: str) -> str:
     """A number, or a dash."""
     return "-" if value is None else f"{value:{form}}"
 

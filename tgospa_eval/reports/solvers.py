@@ -8,7 +8,7 @@ from tgospa_eval.reports.phrases import (
     TO_RANK,
     columns,
     error_of,
-    number,
+    or_dash,
     parameters_of,
     size_of,
     unit_of,
@@ -33,11 +33,11 @@ def solvers_document(document: SolversRecord) -> Document:
                 rows=[
                     (
                         run["name"],
-                        number(run["tgospa"], ".9g"),
-                        number(run["lower_bound"], ".9g"),
+                        or_dash(run["tgospa"], ".9g"),
+                        or_dash(run["lower_bound"], ".9g"),
                         error_of(run["error"]),
                         error_of(run["lower_error"]),
-                        number(run["iterations"], "d"),
+                        or_dash(run["iterations"], "d"),
                     )
                     for run in runs
                 ],
@@ -45,7 +45,11 @@ def solvers_document(document: SolversRecord) -> Document:
             Table(
                 head=("seconds", "all", "prepare", "sweeps", "programme", "rest", "proof", "MB"),
                 rows=[
-                    (run["name"], *(number(s, ".4f") for s in _split(run["seconds"])), _memory(run))
+                    (
+                        run["name"],
+                        *(or_dash(s, ".4f") for s in _split(run["seconds"])),
+                        _memory(run),
+                    )
                     for run in runs
                 ],
             ),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Literal, get_args
 
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.phrases import EXACT, SPLIT_NOTE, error_of, number, parameters_of
+from tgospa_eval.reports.phrases import EXACT, SPLIT_NOTE, error_of, or_dash, parameters_of
 from tgospa_eval.reports.records import Spread, StudyRecord
 from tgospa_eval.reports.tables import Document, Table, as_markdown
 from tgospa_eval.results.records import PARTS, Columns
@@ -103,9 +103,9 @@ def _times_table(document: StudyRecord) -> Table:
     for size in document["sizes"]:
         for k, made in enumerate(size["solvers"]):
             where = (str(size["targets"]), str(size["steps"])) if not k else ("", "")
-            spent = number(made["seconds"]["mean"], ".3g"), _deviation(made["seconds"], ".2g")
+            spent = or_dash(made["seconds"]["mean"], ".3g"), _deviation(made["seconds"], ".2g")
             error = error_of(made["error"]["mean"]), _deviation(made["error"], ".0e")
-            iterations = number(made["iterations"]["mean"], ".0f")
+            iterations = or_dash(made["iterations"]["mean"], ".0f")
             below = error_of(made["lower_error"]["mean"])
             rows.append((made["name"], *where, *spent, *error, below, iterations))
     return Table(
@@ -121,7 +121,7 @@ def _rms_table(document: StudyRecord) -> Table:
         rows=[
             (
                 f"m = {size['targets']}, T = {size['steps']}",
-                *(number(size["normalised"][name], ".5g") for name in ("tgospa", *PARTS)),
+                *(or_dash(size["normalised"][name], ".5g") for name in ("tgospa", *PARTS)),
             )
             for size in document["sizes"]
         ],
