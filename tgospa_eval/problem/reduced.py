@@ -51,24 +51,35 @@ def _entries(states: States, blocks: NDArray[np.bool_]) -> Ints:
 def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
     """``C / 2 sum_k (m_k + n_k - 2 nu_k)`` of each of these blocks, (B,).
 
-    nu_k is at most the size of any vertex cover of the near pairs (König). That which is taken
-    belongs to a largest matching, and is checked.
+    nu_k is at most the size of any vertex cover of the near pairs (König).
     """
     problem = states.problem
-    entry = _entries(states, blocks)
-    truth = problem.truth_row[entry].astype(np.int64)
-    estimate = problem.estimate_row[entry].astype(np.int64)
     count = len(states.block_begin)
-    cover = _cover(truth, estimate, len(problem.truth_step), len(problem.estimate_step))
-    if not np.all(cover[0][truth] | cover[1][estimate]):
-        return np.zeros(count)
     objects = np.zeros(count, np.int64)
+    cover = vertex_cover(states, blocks)
     for side, blocks_of, covered in zip(problem.sides, states.track_blocks, cover, strict=True):
         block = blocks_of[side.track]
         mine = block >= 0
         objects += np.bincount(block[mine], minlength=count)
         objects -= 2 * np.bincount(block[mine & covered], minlength=count)
     return np.where(blocks, np.maximum(objects, 0) * problem.truth_price[:1].sum(), 0.0)
+
+
+def vertex_cover(
+    states: States, blocks: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Rows of either side that cover the near pairs of some blocks: of each pair at least one.
+
+    They belong to a largest matching, so they are as few as can be; that they cover is checked.
+    """
+    problem = states.problem
+    entry = _entries(states, blocks)
+    truth = problem.truth_row[entry].astype(np.int64)
+    estimate = problem.estimate_row[entry].astype(np.int64)
+    cover = _cover(truth, estimate, len(problem.truth_step), len(problem.estimate_step))
+    if not np.all(cover[0][truth] | cover[1][estimate]):
+        return np.ones_like(cover[0]), np.ones_like(cover[1])
+    return cover
 
 
 def _cover(

@@ -1,31 +1,22 @@
 """The result that a user holds. Knows no solver and no file."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
-from tgospa_eval.results.records import Columns, Costs
+from tgospa_eval.results.records import Columns, Costs, Labels
 from tgospa_eval.results.summary import Summary
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Proof(Costs):
-    """What `certify` returned, with what it was proven for.
-
-    Parameters
-    ----------
-    states : States
-        The reduced problem.
-    weights : (S,) int array
-        The feasible assignment.
-    """
-
-    states: States
-    weights: Ints
+if TYPE_CHECKING:
+    import os
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +38,73 @@ class Scene:
     estimate: Floats
     truth_covariance: Floats | None = None
     estimate_covariance: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Compared:
+    """The two sides as they were compared, after filters, grid and joined stamps.
+
+    Parameters
+    ----------
+    moments : (T,) int or float array
+        The steps, as numbers.
+    scene : Scene
+        States.
+    labels : Labels
+        Ids.
+    settings : mapping of str to object
+        Every option that changes the number.
+    version : str
+        Of this program.
+    """
+
+    moments: NDArray[np.generic]
+    scene: Scene
+    labels: Labels
+    settings: Mapping[str, object]
+    version: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proof(Costs):
+    """What `certify` returned, with what it was proven for.
+
+    Parameters
+    ----------
+    states : States
+        The reduced problem.
+    weights : (S,) int array
+        The feasible assignment.
+    prices : (K,) float array
+        The prices of the lower bound.
+    reduced : tuple of Reduced
+        Blocks whose lower bound is of a smaller cutoff.
+    compared : Compared
+        What the numbers of steps and tracks stand for.
+    """
+
+    states: States
+    weights: Ints
+    prices: Floats
+    reduced: tuple[Reduced, ...]
+    compared: Compared
+
+    def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
+        """Write the proof folder: what a third party needs to check the bounds again.
+
+        Parameters
+        ----------
+        folder : str or path
+            Where; a folder that an earlier proof was saved to is written anew.
+        force : bool
+            Whether it may hold files of others.
+
+        Raises
+        ------
+        ConfigError
+            The folder cannot be written, or holds files of others.
+        """
+        import_module("tgospa_eval.reports.proofs").save(self, folder, force=force)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -1,0 +1,272 @@
+#!/usr/bin/env python3
+"""Check a TGOSPA value from its proof folder: ``python verify_tgospa.py FOLDER``.
+
+It needs Python's standard library alone, and trusts neither the program that wrote the folder nor
+floating-point arithmetic: a state is the binary64 number nearest to its text, and from there on
+everything is an integer, rounded so that the bounds stay true.
+
+The metric (Garcia-Fernandez, Rahmathullah, Svensson, IEEE TSP 2020): truths i and estimates j exist
+at some steps k. An assignment has weights W_ij(k) >= 0; at each step those of a truth, and those of
+an estimate, sum to at most 1. It costs, in units of c^p (cutoff c, order p, switch penalty g),
+
+    sum over existing objects of 1/2  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
+
+where G = 1 - (d / c)^p if both exist with d < c, else 0, and L = (g / c)^p / 2. The least cost is
+(TGOSPA / c)^p. The folder has an assignment, which is checked, and of which the cost is an upper
+bound; and prices v_j(k) >= 0 of using the estimate j at the step k. For any such prices
+
+    sum over existing objects of 1/2  -  sum_jk v_j(k)  -  sum_i R_i
+
+is a lower bound, where R_i is the most that truth i can gain when it pays the prices, L for taking
+an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the cost: it does
+not grow, and has one part for each truth.) R_i comes from dynamic programming over the steps.
+"""
+
+import bisect
+import collections
+import csv
+import decimal
+import hashlib
+import io
+import itertools
+import json
+import math
+import os
+import sys
+from fractions import Fraction
+
+SCHEMA = "tgospa-eval/proof/1"
+CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
+MORE_BITS = 120  # of costs, beyond those of prices
+DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+
+
+class Wrong(Exception):
+    """The folder does not prove what it claims."""
+
+
+def number(text):
+    """The binary64 number nearest to a text."""
+    return Fraction(*float(text).as_integer_ratio())
+
+
+def whole(value):
+    """A value that must be an integer >= 0."""
+    if not isinstance(value, int) or value < 0:
+        raise Wrong(f"{value!r} must be a whole number, not below 0")
+    return value
+
+
+def read_table(folder, proof, name):
+    """The rows of a table, which must be the one that was proven."""
+    with open(os.path.join(folder, name), "rb") as file:
+        data = file.read()
+    if hashlib.sha256(data).hexdigest() != proof["sha256"][name]:
+        raise Wrong(f"{name} was changed after the proof was written")
+    return list(csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")))
+
+
+def power(a, b, exponent, bits):
+    """(a / b)^exponent in units of 2^-bits, rounded down and rounded up."""
+    if a == 0:
+        return 0, 0
+    if exponent.denominator <= 2 and exponent <= 64:
+        e, root = exponent.numerator, exponent.denominator == 2
+        low, rest = divmod(a**e << bits * (1 + root), b**e)
+        if root:
+            square, low = low, math.isqrt(low)
+            rest = rest or square - low * low
+        return low, low + (rest > 0)
+    digits = 60 + (bits + 400 + abs(a.bit_length() - b.bit_length()) * math.ceil(exponent)) // 3
+    with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
+        e = decimal.Decimal(exponent.numerator) / exponent.denominator
+        value = (e * (decimal.Decimal(a) / b).ln()).exp() * 2**bits  # each step rounded correctly
+        margin = decimal.Decimal("0.001")  # far above what the steps are off by
+        return math.floor(value - margin), math.ceil(value + margin)
+
+
+class Scene:
+    """What exists when, and the cost of each pair that is nearer than the cutoff."""
+
+    def __init__(self, folder, proof):
+        given = proof["parameters"]
+        self.kind, self.bits = given["distance"], whole(proof["price_bits"]) + MORE_BITS
+        self.cutoff, self.order = number(given["cutoff"]), number(given["order"])
+        change = (number(given["switch_penalty"]) / self.cutoff).as_integer_ratio()
+        if self.cutoff <= 0 or self.order < 1 or change[0] < 0:
+            raise ValueError("parameters are out of range")
+        change = power(*change, self.order, self.bits)
+        self.change = change[0] // 2, -(-change[1] // 2)  # L, rounded down and up
+        tables = [read_table(folder, proof, name) for name in ("truth.csv", "estimate.csv")]
+        moments = [row["t"] for table in tables for row in table]
+        moments += [t for row in proof["assignment"] for t in row[2:4]]
+        self.times = sorted({*moments, *(t for _, t, _ in proof["prices"])}, key=number)
+        self.step = {t: k for k, t in enumerate(self.times)}
+        names = given["columns"] if self.kind in CLOSED else []
+        sides = [{}, {}]
+        for side, table in zip(sides, tables):
+            for row in table:
+                side[row["id"], self.step[row["t"]]] = [number(row[name]) for name in names]
+        self.objects = sum(map(len, sides))
+        if self.objects < sum(map(len, tables)) or len(set(map(number, self.times))) < len(
+            self.times
+        ):
+            raise ValueError("an object is there twice, or one time is spelt in two ways")
+        # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
+        self.near = collections.defaultdict(lambda: collections.defaultdict(list))
+        if self.kind in CLOSED:
+            self._measure(sides, given, names)
+        else:
+            for row in read_table(folder, proof, "distances.csv"):
+                k, distance = self.step[row["t"]], number(row["distance"]) / self.cutoff
+                sides[0][row["truth"], k], sides[1][row["estimate"], k]  # both must exist
+                self._add(row["truth"], row["estimate"], k, *distance.as_integer_ratio(), 1)
+        for costs in itertools.chain(*map(dict.values, self.near.values())):
+            costs.sort()
+
+    def _add(self, truth, estimate, k, a, b, root):
+        """A pair with (d / c)^root = a / b, if that is below 1."""
+        if whole(a) < b:
+            self.near[truth][estimate].append((k, *power(a, b, self.order / root, self.bits)))
+
+    def _measure(self, sides, given, names):
+        """All pairs of each step; points by cells as large as the cutoff."""
+        scale = [number(given.get("scale", {}).get(name, 1)) for name in names]
+        turn = [number(given.get("periodic", {}).get(name, 0)) for name in names]
+        turn = [s * p for s, p in zip(scale, turn)]
+        for row in itertools.chain(*map(dict.values, sides)):
+            row[:] = [x if s == 1 else s * x for s, x in zip(scale, row)]
+        every = itertools.chain(
+            turn, [self.cutoff], *(row for side in sides for row in side.values())
+        )
+        unit = max(x.denominator for x in every)  # powers of 2, as of all binary64 numbers
+        cutoff, *turn = (int(x * unit) for x in (self.cutoff, *turn))
+
+        def ratio(x, y):  # two integers, and what _add calls the root
+            if self.kind == "iou":
+                ends = [min(x[n] + x[n + 2], y[n] + y[n + 2]) for n in (0, 1)]
+                wide, high = (max(end - max(x[n], y[n]), 0) for n, end in enumerate(ends))
+                union = whole(x[2]) * whole(x[3]) + whole(y[2]) * whole(y[3]) - wide * high
+                return (union - wide * high) * unit, union * cutoff, 1
+            apart = [abs(a - b) for a, b in zip(x, y)]
+            if any(turn):
+                apart = [min(a % p, -a % p) if p else a for a, p in zip(apart, turn)]
+            if self.kind == "euclidean":
+                return sum([a * a for a in apart]), cutoff * cutoff, 2
+            return (sum if self.kind == "manhattan" else max)(apart), cutoff, 1
+
+        cells = [] if self.kind == "iou" else [n for n, p in enumerate(turn) if not p][:2]
+        around, room = list(itertools.product((-1, 0, 1), repeat=len(cells))), {}
+        for side in (1, 0):
+            for (name, k), row in sides[side].items():
+                row = [x.numerator * (unit // x.denominator) for x in row]
+                home = [row[n] // cutoff for n in cells]
+                if side == 1:
+                    room.setdefault((k, *home), []).append((name, row))
+                for shift in around if side == 0 else ():
+                    for other, place in room.get((k, *[a + b for a, b in zip(home, shift)]), ()):
+                        self._add(name, other, k, *ratio(row, place))
+
+
+def lower_bound(scene, proof):
+    """From the prices, in units of 2^-bits c^p."""
+    paid = collections.defaultdict(lambda: ([], [0]))  # steps with a price, sums of prices so far
+    prices = ((scene.step[t], name, whole(price)) for name, t, price in proof["prices"])
+    for k, name, price in sorted(prices):
+        paid[name][0].append(k)
+        paid[name][1].append(paid[name][1][-1] + (price << MORE_BITS))
+    one, leave = 1 << scene.bits, scene.change[0]
+    bound = scene.objects * one // 2 - sum(sums[-1] for _, sums in paid.values())
+    for costs in scene.near.values():
+        # Most gained so far, without the prices, by who is with an estimate; it is there from the
+        # first step at no cost but the prices. Prices are >= 0: nobody enters before a gain.
+        held, free = dict.fromkeys(costs, 0), 0
+        gains = sorted((k, name, one - cost) for name, of in costs.items() for k, cost, _ in of)
+        for _, group in itertools.groupby(gains, lambda gain: gain[0]):
+            best = free
+            for k, name, gain in group:
+                steps, sums = paid[name]
+                before, now = sums[bisect.bisect_left(steps, k)], sums[bisect.bisect(steps, k)]
+                value = gain + max(held[name] - now, free - leave - (now - before))
+                held[name] = value + now
+                best = max(best, value - leave)
+            free = best
+        bound -= max(free, *(value - paid[name][1][-1] for name, value in held.items()))
+    return max(bound, 0)
+
+
+def upper_bound(scene, proof):
+    """The cost of the assignment, in units of 2^-bits c^p / weight_unit."""
+    unit, one, saved = whole(proof["weight_unit"]), 1 << scene.bits, 0
+    loads, changes = (collections.defaultdict(collections.Counter) for _ in range(2))
+    for truth, estimate, first, last, weight in proof["assignment"]:
+        begin, end = scene.step[first], scene.step[last] + 1
+        whole(end - begin - 1)
+        for k, change in ((begin, whole(weight)), (end, -weight)):
+            for key in (("truth", truth), ("estimate", estimate)):
+                loads[key][k] += change  # of the sum of its weights
+            changes[truth, estimate][k] += change
+        costs = scene.near[truth][estimate]
+        for place in range(bisect.bisect_left(costs, (begin,)), bisect.bisect_left(costs, (end,))):
+            saved += (one - costs[place][2]) * weight
+    for (side, name), load in loads.items():
+        for k, total in zip(sorted(load), itertools.accumulate(load[k] for k in sorted(load))):
+            if not 0 <= total <= unit:
+                raise Wrong(f"{side} {name} is assigned more than once at t = {scene.times[k]}")
+    moved = sum(abs(of[k]) for of in changes.values() for k in of if 0 < k < len(scene.times))
+    return scene.objects * one // 2 * unit - saved + scene.change[1] * moved
+
+
+def found_bounds(folder, proof):
+    """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
+    scene = Scene(folder, proof)
+    bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
+    with decimal.localcontext(prec=60, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
+        cutoff, order = (
+            decimal.Decimal(x.numerator) / x.denominator for x in (scene.cutoff, scene.order)
+        )
+        scale = (order * cutoff.ln()).exp() / 2**scene.bits
+        wide = 1 - decimal.Decimal("1e-45"), 1 + decimal.Decimal("1e-45")
+        totals = [scale * bound / unit * w for (bound, unit), w in zip(bounds, wide)]
+        roots = [total and (total.ln() / order).exp() * w for total, w in zip(totals, wide)]
+    return totals, roots
+
+
+def rounded(bounds):
+    """Two bounds as texts of 17 digits, rounded outward."""
+    ways = zip(bounds, (decimal.ROUND_FLOOR, decimal.ROUND_CEILING))
+    return [str(decimal.Context(17, way).plus(bound)) for bound, way in ways]
+
+
+def verify(folder):
+    """What was found, in a line; raises `Wrong` if the claim does not hold."""
+    with open(os.path.join(folder, "proof.json"), encoding="utf-8") as file:
+        proof = json.load(file)
+    if proof["schema"] != SCHEMA:
+        raise ValueError(f"the schema {proof['schema']!r} is not {SCHEMA!r}")
+    totals, roots = found_bounds(folder, proof)
+    found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
+    lower, upper = (decimal.Decimal(proof[name]) for name in ("lower_bound", "upper_bound"))
+    if not (lower <= totals[0] and totals[1] <= upper):
+        raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
+    given = "" if proof["parameters"]["distance"] in CLOSED else ", given the distances"
+    return f"verified{given}: {found}"
+
+
+def main(arguments):
+    """Exit status: 0 the claim holds, 1 it does not, 2 wrong usage, 3 no whole proof folder."""
+    if len(arguments) != 1:
+        sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
+        return 2
+    try:
+        found, status = verify(arguments[0]), 0
+    except Wrong as error:
+        found, status = error, 1
+    except DAMAGED as error:
+        found, status = f"no whole proof folder: {type(error).__name__}: {error}", 3
+    print(f"{arguments[0]}: {found}", file=sys.stderr if status else sys.stdout)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
