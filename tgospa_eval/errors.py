@@ -20,7 +20,8 @@ class ExitStatus(IntEnum):
     """What the command line ends with (docs/reference/cli.md)."""
 
     DONE = 0
-    REGRESSION = 1  # of the gate, proven; nothing else
+    REGRESSION = 1  # of the gate, proven
+    NOT_PROVEN = 1  # of verify: the folder does not prove its claim
     WRONG_OPTION = 2
     WRONG_INPUT = 3
     NOT_REACHED = 4  # the accuracy that was asked, or a fault of a solver or of ours

@@ -24,7 +24,7 @@ from tgospa_eval.problem.solution import Bounds, Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.records import FileInfo, SolverRecord, Timings
-from tgospa_eval.results.result import Compared, Proof, Result
+from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
 
@@ -190,7 +190,6 @@ def prove(
     with stopwatch.span("certify"):
         bounds, weights, breakdown = certify(prepared.states, solution, consume=solution.disposable)
     check_underflow(prepared.states.problem, prepared.parameters, bounds.upper)
-    settings = {**prepared.settings, **solver_settings(solver)}
     proof = Proof(
         parameters=prepared.parameters,
         states=prepared.states,
@@ -199,13 +198,7 @@ def prove(
         breakdown=breakdown,
         prices=solution.prices,
         reduced=solution.reduced,
-        compared=Compared(
-            moments=prepared.moments,
-            scene=prepared.scene,
-            labels=prepared.labels,
-            settings=settings,
-            version=__version__,
-        ),
+        compared=prepared.compared,
     )
     traced = None
     if curve:
@@ -229,7 +222,7 @@ def prove(
         traced=traced,
         labels=prepared.labels,
         gap=gap,
-        settings=settings,
+        settings={**prepared.settings, **solver_settings(solver)},
         solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
         timings=_nested(stopwatch),
         input=prepared.input,

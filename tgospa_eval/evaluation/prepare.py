@@ -17,7 +17,7 @@ from tgospa_eval.problem.problem import Floats, Problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters, tgospa_problem
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
-from tgospa_eval.results.result import Scene, sizes_of
+from tgospa_eval.results.result import Compared, Scene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -121,6 +121,13 @@ class Prepared(Measured):
     def sizes(self) -> dict[str, int]:
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
         return sizes_of(self.states)
+
+    @property
+    def compared(self) -> Compared:
+        """What a proof says of the two sides."""
+        return Compared(
+            moments=self.moments, scene=self.scene, labels=self.labels, settings=self.settings
+        )
 
 
 def prepare(

@@ -4,10 +4,8 @@ What is written is checked before, by the program that anybody may check it with
 does not prove its claim is never written.
 """
 
-import csv
 import decimal
 import hashlib
-import io
 import json
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -15,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tgospa_eval._version import __version__
 from tgospa_eval.errors import SolverError
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.prices import estimate_prices, price_bits
+from tgospa_eval.proof.tables import proof_tables, times_of
 from tgospa_eval.results.result import Proof
 
 LARGEST_DIFFERENCE = 1e-9
@@ -28,41 +27,39 @@ LARGEST_DIFFERENCE = 1e-9
 is no rounding of distances, but a fault."""
 
 
-def proof_texts(
-    proof: Proof,
-    *,
-    inputs: Mapping[str, object] | None = None,
-    options: Mapping[str, object] | None = None,
-) -> dict[str, str]:
+def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
     """The files of a proof folder.
 
     Parameters
     ----------
     proof : Proof
         What was proven.
-    inputs, options : mapping, optional
-        The files that the tables came from, and how they were read.
+    origin : mapping of str to object, optional
+        Where the tables came from: ``inputs``, ``options``, and the ``class``, if it is one of
+        several.
 
     Raises
     ------
     SolverError
         The proof does not hold, which only a fault of this program can bring about.
     """
-    tables = proof_tables(proof)
+    compared = proof.compared
+    tables = proof_tables(compared, proof.states.problem, proof.parameters)
     parameters = proof.parameters
-    settings = proof.compared.settings
+    settings = compared.settings
     bits = price_bits(proof.states)
-    times, truths, estimates = _times(proof), *_ids(proof)
+    times = times_of(compared)
+    truths, estimates = compared.labels.truths, compared.labels.estimates
     prices = estimate_prices(proof.states, proof.prices, proof.reduced, bits)
     document = {
         "schema": verify_tgospa.SCHEMA,
-        "version": proof.compared.version,
+        "version": __version__,
         "parameters": {
             "cutoff": repr(parameters.cutoff),
             "order": repr(parameters.order),
             "switch_penalty": repr(parameters.switch_penalty),
             "distance": settings["distance"],
-            "columns": list(proof.compared.scene.columns),
+            "columns": list(compared.scene.columns),
             **{name: _texts(settings[name]) for name in ("scale", "periodic") if name in settings},
         },
         "price_bits": bits,
@@ -78,44 +75,10 @@ def proof_texts(
         "sha256": {
             name: hashlib.sha256(text.encode()).hexdigest() for name, text in tables.items()
         },
-        "inputs": dict(inputs or {}),
-        "options": dict(options or {}),
+        **(origin or {}),
     }
     document |= zip(("lower_bound", "upper_bound"), _claim(proof, tables, document), strict=True)
     return {"proof.json": _json(document), **tables}
-
-
-def proof_tables(proof: Proof) -> dict[str, str]:
-    """The tables of the two sides, and of the distances where a checker has no formula for them."""
-    problem, scene = proof.states.problem, proof.compared.scene
-    times, ids = _times(proof), dict(zip(("truth", "estimate"), _ids(proof), strict=True))
-    tables = {}
-    for name, names in ids.items():
-        rows = zip(
-            (names[track] for track in getattr(problem, f"{name}_track").tolist()),
-            (times[step] for step in getattr(problem, f"{name}_step").tolist()),
-            *getattr(scene, name).T.tolist(),
-            strict=True,
-        )
-        tables[f"{name}.csv"] = _csv(("id", "t", *scene.columns), rows)
-    if proof.compared.settings["distance"] not in verify_tgospa.CLOSED:
-        truth, estimate = problem.truth_row, problem.estimate_row
-        rows = zip(
-            (ids["truth"][track] for track in problem.truth_track[truth].tolist()),
-            (ids["estimate"][track] for track in problem.estimate_track[estimate].tolist()),
-            (times[step] for step in problem.entry_step.tolist()),
-            _distances(proof).tolist(),
-            strict=True,
-        )
-        tables["distances.csv"] = _csv(("truth", "estimate", "t", "distance"), rows)
-    return tables
-
-
-def _distances(proof: Proof) -> Floats:
-    """Distances of the near pairs, from their costs."""
-    parameters = proof.parameters
-    distance: Floats = parameters.cutoff * proof.states.problem.cost ** (1 / parameters.order)
-    return distance
 
 
 def _claim(proof: Proof, tables: Mapping[str, str], document: Mapping[str, object]) -> list[str]:
@@ -171,26 +134,10 @@ def _stretches(proof: Proof) -> Iterable[tuple[int, int, int, int, int]]:
     )
 
 
-def _times(proof: Proof) -> list[str]:
-    return [repr(moment) for moment in proof.compared.moments.tolist()]
-
-
-def _ids(proof: Proof) -> tuple[list[str], list[str]]:
-    return proof.compared.labels.truths, proof.compared.labels.estimates
-
-
 def _texts(numbers: object) -> dict[str, str]:
     """Numbers by name as texts that are read back as the same doubles."""
     assert isinstance(numbers, Mapping)
     return {name: repr(value) for name, value in numbers.items()}
-
-
-def _csv(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def _json(document: Mapping[str, object]) -> str:

@@ -69,6 +69,8 @@ RESULT = Kind(
     opens=("report.html",),
     options=" --pictures {0}",
 )
+PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
+PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)
 SWEEP = Kind(
     name="sweep",
     document="sweep.json",
@@ -275,6 +277,7 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
 def _write_all(files: Mapping[str, bytes], folder: Path, kind: Kind | None) -> None:
     folder.mkdir()
     for name, data in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(data)
     if kind is not None:
         text = manifest.text_of(kind.name, manifest.entries(files))
@@ -331,6 +334,8 @@ def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | N
 
     Returns how many of an older run were taken away.
     """
+    for name in files:
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
     if kind is None:
         for name in files:
             os.replace(fresh / name, path / name)
@@ -343,6 +348,8 @@ def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | N
     (path / kind.document).unlink(missing_ok=True)
     for name in stale:
         (path / name).unlink()
+        with suppress(OSError):  # not empty
+            (path / name).parent.rmdir()
     for name in sorted(files, key=lambda name: name == kind.document):
         os.replace(fresh / name, path / name)
     os.replace(fresh / manifest.NAME, path / manifest.NAME)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
@@ -29,7 +29,7 @@ class Entry:
     Parameters
     ----------
     name : str
-        Its name in the folder.
+        Its path in the folder, with slashes.
     size : int
         Its bytes.
     sha256 : str
@@ -71,7 +71,7 @@ def read_manifest(folder: Path, kind: str) -> tuple[Entry, ...] | None:
         if (document["schema"], document["kind"]) != (SCHEMA, kind):
             return None
         found = tuple(Entry(**entry) for entry in document["files"])
-        safe = all(Path(entry.name).name == entry.name for entry in found)
+        safe = all(_is_below(PurePosixPath(entry.name)) for entry in found)
     except (FileNotFoundError, IsADirectoryError, ValueError, TypeError, KeyError, RecursionError):
         return None
     return found if safe else None
@@ -123,3 +123,8 @@ def locked(path: Path) -> Iterator[bool]:
         yield locked
     finally:
         os.close(at)
+
+
+def _is_below(path: PurePosixPath) -> bool:
+    """Whether a path, taken from a folder, stays in it."""
+    return not path.is_absolute() and path.name != "" and ".." not in path.parts

@@ -54,15 +54,12 @@ class Compared:
         Ids.
     settings : mapping of str to object
         Every option that changes the number.
-    version : str
-        Of this program.
     """
 
     moments: NDArray[np.generic]
     scene: Scene
     labels: Labels
     settings: Mapping[str, object]
-    version: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

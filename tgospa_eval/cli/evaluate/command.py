@@ -76,6 +76,10 @@ def command(
     for name in OF_PICTURES if output.output is None else ():
         if name in typed:
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
+    if "proof" in typed and (sweep or output.output is None):
+        raise click.UsageError(
+            f"--proof is for {'one evaluation' if sweep else 'the folder of -o'}"
+        )
     from tgospa_eval.cli.evaluate.output import show
     from tgospa_eval.cli.evaluate.run import evaluate_files
 
@@ -85,5 +89,5 @@ def command(
         finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     result, finished = evaluate_files(truth, estimate, chosen, output)
-    show(result, output, (truth, estimate))
+    show(result, chosen, output, (truth, estimate))
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)

@@ -7,24 +7,27 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.streams import emit, on_terminal, print_notice
-from tgospa_eval.cli.shared.values import OutputOptions
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT
+from tgospa_eval.reports.proofs import FOLDER, proof_files
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
     from tgospa_eval.plots.result_pictures import Pictures
 
 
-def show(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
+def show(
+    result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
+) -> None:
     """Print the result, and write the folder if one was asked for."""
     try:
         if output.output is not None:
-            _write(result, output, names)
+            _write(result, options, output, names)
     except ConfigError:  # a full disk must not cost what was computed
         _print(result, output)
         raise
@@ -74,7 +77,9 @@ def named_options() -> Iterator[None]:
         raise ConfigError(f"--{error}") from None
 
 
-def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> None:
+def _write(
+    result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
+) -> None:
     """The result folder; prints what is not in it for want of an extra."""
     from tgospa_eval import plots
 
@@ -84,6 +89,9 @@ def _write(result: Summary, output: OutputOptions, names: tuple[str, str]) -> No
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("report.html", 0.0)
         texts, missing = result_texts(result, names)
+        if output.proof:
+            notify(FOLDER, 0.0)
+            texts |= proof_files(result, options.given)
         absent.extend(("report.html", extra) for extra in missing)
         if wanted is None:
             return texts

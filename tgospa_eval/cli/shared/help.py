@@ -40,6 +40,7 @@ VERB_WORDS = {
     "compare": "rank ranking diff versus vs bench benchmark study",
     "associate": "match assign pair fuse",
     "reduce": "downsample resample compress shrink",
+    "verify": "proof prove certificate certify audit recheck",
     "simulate": "sim generate gen make create demo synth example",
 }
 """What people type for a verb."""

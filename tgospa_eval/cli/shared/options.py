@@ -255,6 +255,11 @@ OUTPUT = (
         type=PATH,
     ),
     *PICTURE_OPTIONS,
+    _output(
+        "--proof",
+        "With -o, write the folder proof as well, from which anybody can check the value: "
+        "tgospa-eval verify DIR.",
+    ),
     _output("--force", "Write into a folder with other files in it."),
     CONFIG_FILE,
     QUIET,

@@ -71,6 +71,16 @@ class EvaluationOptions(Values):
     pairwise: bool = False
     sides: tuple[str, str] = ("truth", "estimate")
 
+    @property
+    def given(self) -> dict[str, object]:
+        """Those that change the number or its bracket, and are no defaults."""
+        return {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if field.name not in ("jobs", "max_input", "curve", "sides")
+            if getattr(self, field.name) != field.default
+        }
+
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions(Values):
@@ -79,6 +89,7 @@ class OutputOptions(Values):
     format_: str = "table"
     output: str | None = None
     force: bool = False
+    proof: bool = False
     pictures: str = "none"
     style: str = "screen"
     components: str | None = None

@@ -1,0 +1,132 @@
+"""Check proof folders, and that their tables follow from the files they came from."""
+
+import inspect
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from tgospa_eval.cli.shared.progress import run
+from tgospa_eval.cli.shared.settings import make_settings
+from tgospa_eval.cli.shared.streams import emit, print_notice
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.proof import verify_tgospa
+from tgospa_eval.proof.tables import difference, proof_tables
+from tgospa_eval.reports.proofs import FOLDER
+
+Files = tuple[str, str]
+
+
+def program() -> str:
+    """The text of the program that checks."""
+    return inspect.getsource(verify_tgospa)
+
+
+def verify_folder(folder: str, files: Files | None) -> bool:
+    """Check the proof in a folder, or one for each class; whether all claims hold.
+
+    Parameters
+    ----------
+    folder : str
+        A proof folder, or a result folder with one in it.
+    files : pair of str, optional
+        The files that the tables came from.
+
+    Raises
+    ------
+    InputError
+        It is no proof folder, or a file is missing or damaged.
+    """
+    verdicts = [_verdict(path, files) for path in _folders(folder)]
+    for text, holds in verdicts:
+        (emit if holds else print_notice)(f"{text}\n" if holds else text)
+    return all(holds for _, holds in verdicts)
+
+
+def _folders(folder: str) -> list[str]:
+    """The folders that have a proof: the one that was named, or those of classes in it."""
+    for path in (folder, os.path.join(folder, FOLDER)):
+        found = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
+        if found:
+            return found
+    raise InputError(
+        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes one"
+    )
+
+
+def _has_proof(path: str) -> bool:
+    return os.path.isfile(os.path.join(path, "proof.json"))
+
+
+def _below(path: str) -> Iterator[str]:
+    try:
+        yield from (os.path.join(path, name) for name in sorted(os.listdir(path)))
+    except NotADirectoryError:
+        raise InputError(f"{path}: is a file; name the folder that it is in") from None
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
+    """One line about a folder, and whether its claim holds."""
+    stopwatch = Stopwatch()
+    stopwatch.stage = "verify"
+    try:
+        found = run(lambda: str(verify_tgospa.verify(folder)), stopwatch, show=True)
+        if files is not None:
+            _check_tables(folder, files, stopwatch)
+            found += "; the tables follow from the files"
+    except verify_tgospa.Wrong as error:
+        return f"{folder}: {error}", False
+    except verify_tgospa.DAMAGED as error:
+        if isinstance(error, (ConfigError, InputError)):
+            raise
+        raise InputError(f"{folder}: no whole proof: {type(error).__name__}: {error}") from None
+    return f"{folder}: {found}", True
+
+
+def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
+    """Whether the tables follow from the files with the options that the proof records.
+
+    Raises
+    ------
+    Wrong
+        They do not.
+    """
+    with open(os.path.join(folder, "proof.json"), encoding="utf-8") as file:
+        proof = json.load(file)
+    made = run(lambda: _tables(files, proof, stopwatch), stopwatch, show=True)
+    for name, text in made.items():
+        with open(os.path.join(folder, name), encoding="utf-8", newline="") as file:
+            problem = difference(name, file.read(), text)
+        if problem:
+            raise verify_tgospa.Wrong(
+                f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
+                f"options: {problem}"
+            )
+
+
+def _tables(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> dict[str, str]:
+    """The tables as an evaluation of these files would write them."""
+    options: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in proof["options"].items()
+    }
+    try:
+        chosen = EvaluationOptions(**options)
+    except TypeError as error:
+        raise InputError(f"proof.json: options of another version: {error}") from None
+    settings = make_settings(chosen, OutputOptions())
+    sides = settings.read(*files)
+    fitted, request = settings.fit(sides, files)
+    if "class" in proof:
+        truth, estimate = (side.of_class(proof["class"]) for side in sides)
+        fitted = fit(truth, estimate, replace(request, distance=fitted.distance))
+    prepared = prepare(fitted, request, stopwatch=stopwatch)
+    return proof_tables(prepared.compared, prepared.states.problem, prepared.parameters)
