@@ -1,38 +1,23 @@
 #!/usr/bin/env python3
 """Check a TGOSPA value from its proof folder: ``python verify_tgospa.py FOLDER``.
 
-It needs Python's standard library alone, and trusts neither the program that wrote the folder nor
-floating-point arithmetic: a state is the binary64 number nearest to its text, and from there on
-everything is an integer, rounded so that the bounds stay true.
+It needs Python's standard library alone, and trusts no floating-point number: a state is the
+binary64 number nearest to its text, and from there on all are integers, rounded to stay true.
 
 The metric (Garcia-Fernandez, Rahmathullah, Svensson, IEEE TSP 2020): truths i and estimates j exist
 at some steps k. An assignment has weights W_ij(k) >= 0; at each step those of a truth, and those of
 an estimate, sum to at most 1. It costs, in units of c^p (cutoff c, order p, switch penalty g),
-
     sum over existing objects of 1/2  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
-
 where G = 1 - (d / c)^p if both exist with d < c, else 0, and L = (g / c)^p / 2. The least cost is
 (TGOSPA / c)^p. The folder has an assignment, which is checked, and of which the cost is an upper
 bound; and prices v_j(k) >= 0 of using the estimate j at the step k. For any such prices
-
     sum over existing objects of 1/2  -  sum_jk v_j(k)  -  sum_i R_i
-
 is a lower bound, where R_i is the most that truth i can gain when it pays the prices, L for taking
 an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the cost: it does
 not grow, and has one part for each truth.) R_i comes from dynamic programming over the steps.
 """
 
-import bisect
-import collections
-import csv
-import decimal
-import hashlib
-import io
-import itertools
-import json
-import math
-import os
-import sys
+import bisect, collections, csv, decimal, hashlib, io, itertools, json, math, pathlib, sys
 from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
@@ -59,8 +44,7 @@ def whole(value):
 
 def read_table(folder, proof, name):
     """The rows of a table, which must be the one that was proven."""
-    with open(os.path.join(folder, name), "rb") as file:
-        data = file.read()
+    data = pathlib.Path(folder, name).read_bytes()
     if hashlib.sha256(data).hexdigest() != proof["sha256"][name]:
         raise Wrong(f"{name} was changed after the proof was written")
     return list(csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")))
@@ -68,18 +52,16 @@ def read_table(folder, proof, name):
 
 def power(a, b, exponent, bits):
     """(a / b)^exponent in units of 2^-bits, rounded down and rounded up."""
+    double = 2 * exponent
     if a == 0:
         return 0, 0
-    if exponent.denominator <= 2 and exponent <= 64:
-        e, root = exponent.numerator, exponent.denominator == 2
-        low, rest = divmod(a**e << bits * (1 + root), b**e)
-        if root:
-            square, low = low, math.isqrt(low)
-            rest = rest or square - low * low
-        return low, low + (rest > 0)
+    if double.denominator == 1 and double <= 128:
+        top, base = a**double.numerator << 2 * bits, b**double.numerator
+        low = math.isqrt(top // base)
+        return low, low + (low * low * base < top)
     digits = 60 + (bits + 400 + abs(a.bit_length() - b.bit_length()) * math.ceil(exponent)) // 3
     with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
-        e = decimal.Decimal(exponent.numerator) / exponent.denominator
+        e = decimal.Decimal(float(exponent))  # exact
         value = (e * (decimal.Decimal(a) / b).ln()).exp() * 2**bits  # each step rounded correctly
         margin = decimal.Decimal("0.001")  # far above what the steps are off by
         return math.floor(value - margin), math.ceil(value + margin)
@@ -108,9 +90,8 @@ class Scene:
             for row in table:
                 side[row["id"], self.step[row["t"]]] = [number(row[name]) for name in names]
         self.objects = sum(map(len, sides))
-        if self.objects < sum(map(len, tables)) or len(set(map(number, self.times))) < len(
-            self.times
-        ):
+        spelt = set(map(number, self.times))
+        if self.objects < sum(map(len, tables)) or len(spelt) < len(self.times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
         self.near = collections.defaultdict(lambda: collections.defaultdict(list))
@@ -123,6 +104,8 @@ class Scene:
                 self._add(row["truth"], row["estimate"], k, *distance.as_integer_ratio(), 1)
         for costs in itertools.chain(*map(dict.values, self.near.values())):
             costs.sort()
+            if any(one[0] == two[0] for one, two in itertools.pairwise(costs)):
+                raise ValueError("distances.csv has a pair twice at one time")
 
     def _add(self, truth, estimate, k, a, b, root):
         """A pair with (d / c)^root = a / b, if that is below 1."""
@@ -132,13 +115,11 @@ class Scene:
     def _measure(self, sides, given, names):
         """All pairs of each step; points by cells as large as the cutoff."""
         scale = [number(given.get("scale", {}).get(name, 1)) for name in names]
-        turn = [number(given.get("periodic", {}).get(name, 0)) for name in names]
-        turn = [s * p for s, p in zip(scale, turn)]
-        for row in itertools.chain(*map(dict.values, sides)):
-            row[:] = [x if s == 1 else s * x for s, x in zip(scale, row)]
-        every = itertools.chain(
-            turn, [self.cutoff], *(row for side in sides for row in side.values())
-        )
+        turn = [s * number(given.get("periodic", {}).get(n, 0)) for n, s in zip(names, scale)]
+        rows = [row for side in sides for row in side.values()]
+        for row in rows if any(s != 1 for s in scale) else ():
+            row[:] = [s * x for s, x in zip(scale, row)]
+        every = itertools.chain(turn, [self.cutoff], *rows)
         unit = max(x.denominator for x in every)  # powers of 2, as of all binary64 numbers
         cutoff, *turn = (int(x * unit) for x in (self.cutoff, *turn))
 
@@ -222,9 +203,7 @@ def found_bounds(folder, proof):
     scene = Scene(folder, proof)
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=60, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
-        cutoff, order = (
-            decimal.Decimal(x.numerator) / x.denominator for x in (scene.cutoff, scene.order)
-        )
+        cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
         scale = (order * cutoff.ln()).exp() / 2**scene.bits
         wide = 1 - decimal.Decimal("1e-45"), 1 + decimal.Decimal("1e-45")
         totals = [scale * bound / unit * w for (bound, unit), w in zip(bounds, wide)]
@@ -234,14 +213,13 @@ def found_bounds(folder, proof):
 
 def rounded(bounds):
     """Two bounds as texts of 17 digits, rounded outward."""
-    ways = zip(bounds, (decimal.ROUND_FLOOR, decimal.ROUND_CEILING))
-    return [str(decimal.Context(17, way).plus(bound)) for bound, way in ways]
+    down, up = (decimal.Context(17, way) for way in (decimal.ROUND_FLOOR, decimal.ROUND_CEILING))
+    return [str(down.plus(bounds[0])), str(up.plus(bounds[1]))]
 
 
 def verify(folder):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
-    with open(os.path.join(folder, "proof.json"), encoding="utf-8") as file:
-        proof = json.load(file)
+    proof = json.loads(pathlib.Path(folder, "proof.json").read_text(encoding="utf-8"))
     if proof["schema"] != SCHEMA:
         raise ValueError(f"the schema {proof['schema']!r} is not {SCHEMA!r}")
     totals, roots = found_bounds(folder, proof)
@@ -259,12 +237,12 @@ def main(arguments):
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2
     try:
-        found, status = verify(arguments[0]), 0
+        text, status = verify(arguments[0]), 0
     except Wrong as error:
-        found, status = error, 1
+        text, status = error, 1
     except DAMAGED as error:
-        found, status = f"no whole proof folder: {type(error).__name__}: {error}", 3
-    print(f"{arguments[0]}: {found}", file=sys.stderr if status else sys.stdout)
+        text, status = f"no whole proof folder: {type(error).__name__}: {error}", 3
+    print(f"{arguments[0]}: {text}", file=sys.stderr if status else sys.stdout)
     return status
 
 
