@@ -1,0 +1,303 @@
+"""Proof folders: what is claimed follows from the folder, and from no folder more than is true."""
+
+import ast
+import copy
+import hashlib
+import json
+import sys
+from decimal import Decimal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from claims import claim, may_be_refused, reference_of
+from far_scenes import FarScene
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from strategies import ANY_ORDERS, ORDERS, SWITCH, WHOLE_ORDERS, far_scenes, pairs_of_sets, scene
+
+from tgospa_eval import Sinkhorn, evaluate
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.proof import verify_tgospa
+from tgospa_eval.proof.write import proof_texts
+from tgospa_eval.results.result import Result
+
+DISTANCES = st.sampled_from(["euclidean", "manhattan", "chebyshev"])
+
+Document = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that tests write over."""
+    return tmp_path_factory.mktemp("proof")
+
+
+def write(result: Result, folder: Path) -> Document:
+    """Write the proof of a result into a folder, in place of another; its document."""
+    for file in folder.iterdir():
+        file.unlink()
+    for name, text in proof_texts(result.proof).items():
+        (folder / name).write_bytes(text.encode())
+    document: Document = json.loads((folder / "proof.json").read_text(encoding="utf-8"))
+    return document
+
+
+def shares(folder: Path, document: Document) -> tuple[Fraction, Fraction]:
+    """The bounds that the checker finds, in units of c^p."""
+    checked = verify_tgospa.Scene(folder, document)
+    lower = verify_tgospa.lower_bound(checked, document)
+    upper = verify_tgospa.upper_bound(checked, document)
+    one = 1 << checked.bits
+    return Fraction(lower, one), Fraction(upper, one * document["weight_unit"])
+
+
+# --- what the program writes ----------------------------------------------------------------------
+
+
+@given(pairs_of_sets(most=5, most_steps=8), ORDERS, SWITCH, DISTANCES, st.sampled_from([0.5, 2, 9]))
+def test_found_bounds_are_within_the_printed_ones(
+    folder: Path, sides: tuple[Any, Any], p: float, gamma: float, distance: str, c: float
+) -> None:
+    result = evaluate(*sides, c, p, gamma, distance=distance)
+    document = write(result, folder)
+    assert verify_tgospa.verify(folder).startswith("verified: ")
+    lower, upper = shares(folder, document)
+    # Not a digit is lost: these distances have proven errors, so the certificate has allowed more.
+    assert (
+        Fraction(result.proof.bounds.lower) <= lower <= upper <= Fraction(result.proof.bounds.upper)
+    )
+    printed = result.total_bounds
+    assert Decimal(printed[0]) <= Decimal(document["upper_bound"])
+    assert float(document["lower_bound"]) == pytest.approx(printed[0], rel=1e-14)
+    assert float(document["upper_bound"]) == pytest.approx(printed[1], rel=1e-14)
+
+
+@given(far_scenes(orders=WHOLE_ORDERS | ANY_ORDERS, farthest=12.0, most=4))
+def test_cutoffs_far_above_the_errors(folder: Path, scene: FarScene) -> None:
+    try:
+        result = claim(scene)
+    except ConfigError:
+        assume(may_be_refused(reference_of(scene)))
+        raise
+    assume(result.certified and not result.within_rounding)
+    document = write(result, folder)
+    lower, upper = shares(folder, document)
+    assert upper - lower <= Fraction(1, 10**9) * upper
+    reference = reference_of(scene)
+    assert reference.costs.of_share(lower)[0] <= reference.upper
+    assert reference.costs.of_share(upper)[1] >= reference.lower
+
+
+@pytest.mark.parametrize("solver", ["certified", "exact", Sinkhorn(epsilon=0.1)], ids=str)
+def test_all_solvers_in_a_crowd_with_fractional_optimum(folder: Path, solver: Any) -> None:
+    result = evaluate(*scene(3, 8, 9, 25, side=6.0, noise=1.0), 5, 2, 2, solver=solver)
+    lower, upper = shares(folder, write(result, folder))
+    assert (
+        Fraction(result.proof.bounds.lower) <= lower <= upper <= Fraction(result.proof.bounds.upper)
+    )
+
+
+@pytest.mark.parametrize("several", ["truth", "estimate"])
+def test_a_single_track_on_one_side(folder: Path, several: str) -> None:
+    """Its prices are those of a value function: the program itself needs none."""
+    one = np.cumsum(np.ones((40, 1, 2)), axis=0)
+    many = np.concatenate([one + 0.3 * k for k in range(4)], axis=1)
+    for k in range(4):
+        many[: 10 * k, k] = many[10 * k + 12 :, k] = np.nan
+    sides = (many, one) if several == "truth" else (one, many)
+    for gamma in (0.0, 0.5, 20.0):
+        result = evaluate(*sides, 5, 2, gamma)
+        lower, upper = shares(folder, write(result, folder))
+        assert lower == pytest.approx(float(upper), rel=1e-12)
+        assert lower >= Fraction(result.proof.bounds.lower)
+
+
+@pytest.mark.parametrize(("settings", "exact"), [
+    ({"distance": "iou", "cutoff": 0.7}, True),
+    ({"distance": "haversine", "cutoff": 900.0}, False),
+])  # fmt: skip
+def test_distances_with_and_without_a_formula(
+    folder: Path, settings: dict[str, Any], exact: bool
+) -> None:
+    rng = np.random.default_rng(5)
+    truth = rng.uniform(1, 4, (12, 3, 4 if exact else 2))
+    result = evaluate(truth, truth + rng.normal(0, 0.1, truth.shape), switch_penalty=1, **settings)
+    document = write(result, folder)
+    assert (folder / "distances.csv").exists() is not exact
+    found = verify_tgospa.verify(folder)
+    assert ("given the distances" in found) is not exact
+    assert float(document["upper_bound"]) == pytest.approx(result.total, rel=1e-12)
+
+
+def test_periodic_and_scaled_columns(folder: Path) -> None:
+    from tgospa_eval.distances import Norm
+
+    rng = np.random.default_rng(6)
+    truth = rng.uniform(-4, 400, (9, 4, 3))
+    estimate = truth + rng.normal(0, 1, truth.shape)
+    estimate[..., 1] += 360 * rng.integers(-3, 4, estimate.shape[:2])
+    norm = Norm(name="euclidean", power=2.0, scale=(1, 0.1, 2.5), period=(np.inf, 360.0, np.inf))
+    result = evaluate(truth, estimate, 10, 2, 3, distance=norm)
+    document = write(result, folder)
+    assert document["parameters"]["periodic"] == {"y": "360.0"}
+    lower, upper = shares(folder, document)
+    assert float(lower) == pytest.approx(result.proof.bounds.lower, rel=1e-9)
+    assert float(upper) == pytest.approx(result.proof.bounds.upper, rel=1e-9)
+
+
+# --- what the checker believes --------------------------------------------------------------------
+
+
+@given(
+    far_scenes(most=3, farthest=2.0),
+    st.integers(0, 2**32 - 1),
+)
+def test_no_prices_and_no_assignment_prove_too_much(
+    folder: Path, scene: FarScene, seed: int
+) -> None:
+    """Bounds of arbitrary prices and assignments hold for the exact optimum."""
+    rng = np.random.default_rng(seed)
+    document = write(claim(scene), folder)
+    checked = verify_tgospa.Scene(folder, document)
+    times, unit = checked.times, 6
+    assume(times)
+    document["weight_unit"] = unit
+    document["prices"] = [
+        [str(j), t, int(2.0 ** (document["price_bits"] - 1) * rng.random())]
+        for j in range(scene.estimate.shape[1])
+        for t in times
+        if rng.random() < 0.7
+    ]
+    who = rng.permutation(scene.estimate.shape[1])[: scene.truth.shape[1]].tolist()
+    ends = [sorted(rng.integers(0, len(times), 2)) for _ in who]
+    document["assignment"] = [
+        [str(i), str(j), times[first], times[last], int(rng.integers(0, unit + 1))]
+        for (i, j), (first, last) in zip(enumerate(who), ends, strict=True)
+    ]
+    lower, upper = shares(folder, document)
+    reference = reference_of(scene)
+    assert reference.costs.of_share(lower)[0] <= reference.upper
+    assert reference.costs.of_share(upper)[1] >= reference.lower
+
+
+TRUTH = np.array([[[0.0, 0], [3, 0]]] * 4)
+ESTIMATE = TRUTH[:, ::-1] + 0.5
+
+
+@pytest.fixture
+def proof(tmp_path: Path) -> Document:
+    """The proof of a small scene, in the test's own folder."""
+    return write(evaluate(TRUTH, ESTIMATE, 5, 2, 1), tmp_path)
+
+
+def changed(document: Document, path: list[Any], value: Any) -> Document:
+    """The document with another value in one place."""
+    other = copy.deepcopy(document)
+    place = other
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value(place[path[-1]]) if callable(value) else value
+    return other
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (["lower_bound"], lambda text: str(Decimal(text) * Decimal("1.0001")), "is not proven"),
+        (["upper_bound"], lambda text: str(Decimal(text) * Decimal("0.9999")), "is not proven"),
+        (["assignment", 0, 4], lambda weight: 2 * weight, "truth 0 is assigned more than once"),
+        (["assignment", 0, 4], lambda weight: -weight, "must be a whole number"),
+        (["assignment", 0, 4], float, "must be a whole number"),
+        (["assignment", 0, 0], "1", "truth 1 is assigned more than once at t = 0"),
+        (["assignment", 0, 1], "0", "estimate 0 is assigned more than once at t = 0"),
+        (["prices"], [["0", "1", -(2**80)]], "must be a whole number"),
+        (["prices"], [["0", "1", 2**90]], "is not proven"),
+        (["sha256", "truth.csv"], "0" * 64, "truth.csv was changed"),
+    ],
+)
+def test_a_changed_proof_is_refused(
+    proof: Document, tmp_path: Path, path: list[Any], value: Any, message: str
+) -> None:
+    (tmp_path / "proof.json").write_text(json.dumps(changed(proof, path, value)), encoding="utf-8")
+    with pytest.raises(verify_tgospa.Wrong, match=message):
+        verify_tgospa.verify(tmp_path)
+
+
+def test_a_stretch_that_ends_before_it_begins_is_no_assignment(
+    proof: Document, tmp_path: Path
+) -> None:
+    """Two such would take weight away where others have put too much."""
+    unit = proof["weight_unit"]
+    back = [["0", "0", "3", "0", unit], ["1", "1", "3", "0", unit]]
+    forth = [["0", "1", "0", "3", 2 * unit], ["1", "0", "0", "3", 2 * unit]]
+    (tmp_path / "proof.json").write_text(
+        json.dumps(proof | {"assignment": forth + back}), encoding="utf-8"
+    )
+    with pytest.raises(verify_tgospa.Wrong):
+        verify_tgospa.verify(tmp_path)
+
+
+def test_a_distance_that_is_listed_twice_counts_once(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    truth = rng.uniform(1, 4, (3, 1, 2))
+    document = write(evaluate(truth, truth + 0.001, 900, distance="haversine"), tmp_path)
+    table = tmp_path / "distances.csv"
+    text = table.read_text(encoding="utf-8")
+    table.write_text(text + text.splitlines()[1] + "\n", encoding="utf-8")
+    document["sha256"]["distances.csv"] = hashlib.sha256(table.read_bytes()).hexdigest()
+    (tmp_path / "proof.json").write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ValueError, match="twice"):
+        verify_tgospa.verify(tmp_path)
+
+
+@pytest.mark.parametrize("damage", ["{", "[]", "{}", '{"schema": "tgospa-eval/proof/2"}', None])
+def test_damaged_folders(
+    proof: Document, tmp_path: Path, damage: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    del proof
+    path = tmp_path / "proof.json"
+    path.unlink() if damage is None else path.write_text(damage, encoding="utf-8")
+    assert verify_tgospa.main([str(tmp_path)]) == 3
+    assert "no whole proof folder" in capsys.readouterr().err
+
+
+# --- the script -----------------------------------------------------------------------------------
+
+
+def test_the_script_is_short_and_needs_the_standard_library_alone() -> None:
+    path = Path(verify_tgospa.__file__)
+    text = path.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 250
+    modules = {
+        name.name.partition(".")[0]
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Import)
+        for name in node.names
+    } | {
+        (node.module or "").partition(".")[0]
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom)
+    }
+    assert modules <= set(sys.stdlib_module_names)
+
+
+def test_powers_are_enclosed() -> None:
+    """Roots and other powers, against the same in 400 digits."""
+    import decimal
+
+    rng = np.random.default_rng(1)
+    for exponent in (Fraction(1, 2), Fraction(3, 2), Fraction(2), Fraction(1.7), Fraction(2.9)):
+        for _ in range(30):
+            a, b = (int(rng.integers(1, 10**6)) for _ in range(2))
+            low, high = verify_tgospa.power(a, b, exponent, 200)
+            with decimal.localcontext(prec=400):
+                power = Decimal(exponent.numerator) / exponent.denominator
+                value = (power * (Decimal(a) / b).ln()).exp() * 2**200
+                # Squares and the like are exact, but not by way of logarithms.
+                assert low - Decimal("1e-9") <= value <= high + Decimal("1e-9")
+            assert high - low <= 2
+    assert verify_tgospa.power(9, 4, Fraction(1, 2), 3) == (12, 12)
+    assert verify_tgospa.power(0, 7, Fraction(1.7), 8) == (0, 0)
