@@ -9,6 +9,8 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -61,13 +63,23 @@ class Shell:
 
     def run(self, command: str, lines: list[str]) -> None:
         program, *arguments = shlex.split(command)
+        arguments, target = (
+            (arguments[:-2], arguments[-1]) if ">" in arguments[1:] else (arguments, "")
+        )
         if program == "tgospa-eval":
             self.capfd.readouterr()
             with pytest.raises(SystemExit) as ended:
                 main(arguments)
             self.status = ended.value.code
             out, err = self.capfd.readouterr()
-            check_shown(lines, (err + out).splitlines())
+            if target:
+                Path(target).write_text(out, encoding="utf-8")
+            check_shown(lines, (err if target else err + out).splitlines())
+        elif program == "python":
+            done = subprocess.run(
+                [sys.executable, "-I", *arguments], capture_output=True, text=True, check=True
+            )
+            check_shown(lines, done.stdout.splitlines())
         elif program == "cd":
             self.monkeypatch.chdir(arguments[0])
         elif program == "cat" and arguments[0] == ">":

@@ -1,5 +1,6 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
+import math
 import warnings
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
@@ -33,6 +34,12 @@ if TYPE_CHECKING:
 
 BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
+
+LARGE = 1e7
+"""Coordinates below this have nine decimals of which all are kept."""
+
+ROUNDED_DIGIT = 2e-10
+"""Relative error of a total from the rounding of decimals that is worth a warning."""
 
 GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
@@ -228,7 +235,7 @@ def prove(
         input=prepared.input,
         version=__version__,
         scene=prepared.scene,
-        warnings=_within_rounding(bounds, gap),
+        warnings=(*_within_rounding(bounds, gap), *_rounded_coordinates(prepared, proof)),
     )
 
 
@@ -239,6 +246,35 @@ def _within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
         Notice(
             code="within-rounding",
             text="the value is within the rounding of the distances: only its bounds are known",
+            remedy="coordinates with a nearby origin keep more digits",
+        ),
+    )
+
+
+def _rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]:
+    """Whether decimals of large coordinates are so rounded that ten digits of the total are not.
+
+    Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
+    sqrt(2) times that, and the cost d^p of an assigned pair by p d^(p - 1) times that. These are
+    independent, so their squares add up.
+    """
+    largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
+    scene = prepared.scene
+    if largest < LARGE or all((side % 1 == 0).all() for side in (scene.truth, scene.estimate)):
+        return ()
+    states, cutoff, order = proof.states, proof.parameters.cutoff, proof.parameters.order
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
+    spacing = float(np.spacing(largest))
+    error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
+    if error <= ROUNDED_DIGIT * proof.breakdown.total:
+        return ()
+    return (
+        Notice(
+            code="rounded-coordinates",
+            text=f"coordinates up to {largest:.3g} are {spacing:.2g} apart as floating-point "
+            f"numbers: digit {math.ceil(-math.log10(error / proof.breakdown.total))} of the "
+            "total may come from their rounding",
             remedy="coordinates with a nearby origin keep more digits",
         ),
     )

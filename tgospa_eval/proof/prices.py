@@ -23,7 +23,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.problem.certificate import block_of_tracks, fair_prices, lower_bounds, of_whole
+from tgospa_eval.problem.certificate import fair_prices, lower_bounds, of_whole
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.reduced import vertex_cover
 from tgospa_eval.problem.solution import Reduced
@@ -59,7 +59,7 @@ def estimate_prices(
     found = _of_slots(states, prices, part_of < 0, bits)
     for block in np.flatnonzero(states.transposed & (part_of < 0)).tolist():
         found.update(_of_single_estimate(states, block, bits))
-    home = block_of_tracks(states, "estimate")
+    home = states.track_blocks[1]
     for number, part in enumerate(reduced):
         chosen = part_of == number
         below = -int(np.log2(part.scale))  # a power of 2
