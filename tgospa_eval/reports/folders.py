@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import counted
@@ -348,8 +348,9 @@ def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | N
     (path / kind.document).unlink(missing_ok=True)
     for name in stale:
         (path / name).unlink()
-        with suppress(OSError):  # not empty
-            (path / name).parent.rmdir()
+        for folder in PurePosixPath(name).parents[:-1]:
+            with suppress(OSError):  # not empty
+                (path / folder).rmdir()
     for name in sorted(files, key=lambda name: name == kind.document):
         os.replace(fresh / name, path / name)
     os.replace(fresh / manifest.NAME, path / manifest.NAME)

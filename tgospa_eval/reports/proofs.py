@@ -11,14 +11,14 @@ from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.results.summary import Summary
 
 FOLDER = "proof"
-"""Of a result folder."""
+"""In a result folder."""
 
-NO_CLASS = "%20"
-"""Folder of the objects without a class: no name of a class is quoted so."""
+NO_NAME = "%20"
+"""Folder of objects without a class: no name is quoted so."""
 
 
 def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str]:
-    """The files of the proof folders by path in the result folder.
+    """The files of a proof folder, or of one for each class, by path in it.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
             },
         }
         for name, text in proof_texts(part.proof, origin).items():
-            files[f"{folder}/{name}"] = text
+            files[f"{folder}{name}"] = text
     return files
 
 
@@ -50,13 +50,26 @@ def _parts(result: Summary) -> list[tuple[str, Result, dict[str, object]]]:
     """Folder, result, and what the proof says of where it comes from."""
     if isinstance(result, ByClass):
         return [
-            (f"{FOLDER}/{quote(name, safe=' ') or NO_CLASS}", part, {"class": name})
+            (f"{folder_name(name)}/", part, {"class": name})
             for name, part in result.results.items()
         ]
     assert isinstance(result, Result)
-    return [(FOLDER, result, {})]
+    return [("", result, {})]
+
+
+def folder_name(name: str) -> str:
+    """A name of the user's as that of a folder; different names stay different."""
+    return quote(name, safe=" ") or NO_NAME
 
 
 def save(proof: Proof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
-    """Write one proof folder: `Proof.save`."""
+    """Write one proof folder: `Proof.save`.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be written, or holds files of others.
+    SolverError
+        The proof does not hold.
+    """
     write_texts(proof_texts(proof), os.fspath(folder), PROOF, force=force, option="folder")

@@ -91,7 +91,8 @@ def _write(
         texts, missing = result_texts(result, names)
         if output.proof:
             notify(FOLDER, 0.0)
-            texts |= proof_files(result, options.given)
+            proof = proof_files(result, options.given)
+            texts |= {f"{FOLDER}/{name}": text for name, text in proof.items()}
         absent.extend(("report.html", extra) for extra in missing)
         if wanted is None:
             return texts

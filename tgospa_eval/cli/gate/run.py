@@ -22,7 +22,11 @@ from tgospa_eval.gate.rules import Rule, Verdict, worst
 from tgospa_eval.gate.suite import ONLY_PAIR, Pair, Suite
 from tgospa_eval.gate.suite import load as load_suite
 from tgospa_eval.reports.files import write_file
+from tgospa_eval.reports.folders import PROOF, write_texts
+from tgospa_eval.reports.proofs import folder_name, proof_files
 from tgospa_eval.results.summary import Summary
+
+Files = Mapping[str, str]
 
 
 class OverInputError(ConfigError):
@@ -152,8 +156,8 @@ def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
 
 def _evaluate(
     given: Given, pair: Pair, entry: Entry | None, path: str
-) -> tuple[Summary, dict[str, object]]:
-    """The result of a pair, and the options that made it."""
+) -> tuple[Summary, dict[str, object], Files]:
+    """The result of a pair, the options that made it, and the proof of its value, if asked for."""
     chosen, prefix = given.resolve(pair, entry, path), given.gate.prefix(pair)
     output = OutputOptions(quiet=given.output.quiet, verbose=given.output.verbose)
     result, finished = evaluate_files(
@@ -166,7 +170,17 @@ def _evaluate(
     if heard():
         print_notice(f"{prefix}{result.claim}, {result.proven}; nothing is judged")
         raise KeyboardInterrupt
-    return result, given.recorded(chosen, result, path, finished=finished)
+    recorded = given.recorded(chosen, result, path, finished=finished)
+    return result, recorded, proof_files(result, chosen.options.given) if given.gate.proof else {}
+
+
+def _write_proof(gate: GateOptions, pair: Pair, files: Files) -> None:
+    """The proof of a pair: to a folder of its own in a suite."""
+    if gate.proof is None:
+        return
+    of = "baseline" if gate.update_baseline else "run"
+    parts = (gate.proof, of, *([folder_name(pair.name)] if gate.suite else []))
+    write_texts(files, os.path.join(*parts), PROOF, force=False, option="--proof")
 
 
 def _outcome(
@@ -177,7 +191,8 @@ def _outcome(
         return Outcome.of(pair, Verdict.ERROR, pair.fault)
     begin = time.monotonic()
     try:
-        result, _ = _evaluate(given, pair, entry, path)
+        result, _, proof = _evaluate(given, pair, entry, path)
+        _write_proof(given.gate, pair, proof)
     except TgospaError as error:
         outcome = Outcome.of(pair, Verdict.ERROR, str(error))
         return replace(outcome, status=error.exit_status, seconds=time.monotonic() - begin)
@@ -194,13 +209,14 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
     """Make the baseline anew, of all pairs or not at all, and list what changed."""
     new: Baseline = {}
     outcomes = []
+    proofs: dict[str, Files] = {}
     for pair in suite.pairs:
         if pair.fault:
             raise InputError(pair.fault)
         begin = time.monotonic()
         before = old.get(pair.name)
         try:
-            result, recorded = _evaluate(given, pair, before, path)
+            result, recorded, proofs[pair.name] = _evaluate(given, pair, before, path)
         except TgospaError as error:
             raise type(error)(f"{given.gate.prefix(pair)}{error}") from None
         entry = new[pair.name] = make_entry(result, recorded)
@@ -214,6 +230,8 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
     outcomes += _leftover(old, new, Verdict.UPDATED, "removed: it is not in the suite")
     if new != old or not os.path.exists(path):
         write_file(path, dump(new), "--baseline")
+    for pair in suite.pairs:
+        _write_proof(given.gate, pair, proofs[pair.name])
     return _report(path, outcomes)
 
 

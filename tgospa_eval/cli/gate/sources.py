@@ -42,6 +42,7 @@ class GateOptions(Values):
     warn_on: tuple[str, ...]
     maximum: tuple[str, ...]
     junit: str | None
+    proof: str | None
     github: bool
 
     def prefix(self, pair: Pair) -> str:

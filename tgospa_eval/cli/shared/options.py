@@ -296,6 +296,11 @@ GATE = (
     ),
     _gate("--junit FILE", "Write a JUnit XML report.", type=PATH),
     _gate(
+        "--proof DIR",
+        "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
+        type=PATH,
+    ),
+    _gate(
         "--github",
         "Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY names.",
     ),
