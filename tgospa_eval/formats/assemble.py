@@ -219,7 +219,7 @@ def _repeats(
         There are some, or every id is -1, and `which` is ``"error"``.
     """
     again = np.flatnonzero(ordered[1:] == ordered[:-1])
-    detections = which == "error" and len(taken) > 1 and list(rows.ids[0]) == ["-1"]
+    detections = which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]
     if not len(again) and not detections:
         return None
     from tgospa_eval.formats.repeats import NO_TRACKS, most_repeat, refusal  # few files need them

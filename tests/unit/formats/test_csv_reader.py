@@ -318,6 +318,7 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
         ("id,t,x\n# start\na,1,2\n", "line 2: a comment, not a row"),
         ("id,t,x\na,1,2\n#b,1,2\n", "line 3: a comment, not a row"),
         ("id,t,x\n // b,1,2\na,1,2\n", "line 2: a comment, not a row"),
+        ('id,t,x\na,1,2\n" %b",1,2\n', "line 3: a comment, not a row"),
         ("| id | t | x |\n|---|---|---|\n", "line 1: columns separated by vertical bars"),
         ("id t x\na 1 2\n", "line 1: columns separated by blanks; write commas instead"),
         ("0 1 2 3\n", "by blanks; write commas instead, and begin with id,t,x,y"),

@@ -27,7 +27,7 @@ OF_FILES = {"against", "unit", "by"} | {
 
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
-# Those of this verb alone are not read from settings files, which are those of all verbs.
+# Those that only this verb has are not read from settings files, which are those of all verbs.
 COMPARE_OPTIONS = (
     _comparison(
         "--solvers NAMES",

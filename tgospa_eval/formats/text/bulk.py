@@ -35,7 +35,7 @@ BULK_BYTES = 4_000_000
 BYTES_TOGETHER = 1 << 24
 """Bytes that are looked at together."""
 
-COMMENTED = re.compile(rb"\n[ \t]*(?:#|%|//)")
+COMMENTED = re.compile(rb"\n[ \t]*\"?[ \t]*(?:#|%|//)")
 """A row that begins like a comment; a slow search, for files with such letters."""
 
 ODD_BLANKS = (b"\t", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\x1f")

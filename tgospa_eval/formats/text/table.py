@@ -127,7 +127,7 @@ def _without_comments(blocks: Iterable[Block], path: str) -> Iterator[Block]:
     """The same blocks; an error if some rows begin like comments, and not all do."""
     line, others = 0, False
     for block in blocks:
-        begins = [text.lstrip().startswith(COMMENTS) for text in block.columns[0]]
+        begins = [text.lstrip(" \t").startswith(COMMENTS) for text in block.columns[0]]
         if not line and any(begins):
             line = block.lines[begins.index(True)]
         others = others or not all(begins)
