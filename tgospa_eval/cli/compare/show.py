@@ -15,10 +15,7 @@ from tgospa_eval.results.records import json_text
 
 
 def show(
-    answer: Comparison,
-    output: OutputOptions,
-    tables: Mapping[str, str],
-    draw: plots.Draw,
+    answer: Comparison, output: OutputOptions, tables: Mapping[str, str], draw: plots.Draw
 ) -> None:
     """Print the document, and write the folder if one was asked for.
 

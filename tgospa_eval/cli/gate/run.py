@@ -161,11 +161,7 @@ def _evaluate(
     chosen, prefix = given.resolve(pair, entry, path), given.gate.prefix(pair)
     output = OutputOptions(quiet=given.output.quiet, verbose=given.output.verbose)
     result, finished = evaluate_files(
-        pair.truth,
-        pair.estimate,
-        chosen.options,
-        output,
-        lambda text: print_notice(prefix + text),
+        pair.truth, pair.estimate, chosen.options, output, lambda text: print_notice(prefix + text)
     )
     if heard():
         print_notice(f"{prefix}{result.claim}, {result.proven}; nothing is judged")

@@ -8,14 +8,7 @@ from tgospa_eval.cli.shared.option import PATH
 from tgospa_eval.cli.shared.options import READING, format_option
 
 
-@click.command(
-    "inspect",
-    cls=Verb,
-    params=[
-        *READING,
-        format_option("table", "json"),
-    ],
-)
+@click.command("inspect", cls=Verb, params=[*READING, format_option("table", "json")])
 @click.argument("truth", type=PATH)
 @click.argument("estimate", type=PATH, required=False)
 @click.pass_context

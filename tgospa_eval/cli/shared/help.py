@@ -27,10 +27,7 @@ SECTIONS = (
 )
 """Headings of the help, in its order."""
 
-NEEDED = {
-    "Gaussians": "gaussian-wasserstein",
-    "Particles": "cloud-wasserstein",
-}
+NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein"}
 """The distance that a section is for."""
 
 VERB_WORDS = {

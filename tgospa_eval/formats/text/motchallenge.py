@@ -34,12 +34,7 @@ def read_motchallenge(
     """
     flagged = ("conf",) if role == "truth" else ()
     rows, texts, places = read_plain(
-        path,
-        data,
-        options,
-        PlainForm(_header, commas=True, empty=7),
-        given=given,
-        texts=flagged,
+        path, data, options, PlainForm(_header, commas=True, empty=7), given=given, texts=flagged
     )
     if list(rows.ids[0]) == ["-1"]:
         raise InputError(
