@@ -23,8 +23,7 @@ def association_text(found: Association) -> str:
         f"{count} associated, {rest_a} of A and {rest_b} of B alone, in "
         f"{counted(len(found.first.times), 'step')}",
         f"sum {found.total:.6g}: distances, and {found.cutoff / 2:g} for each state that stays "
-        "alone",
-        "",
+        "alone\n",
     ]
     rows = list(zip(*found.associations_table().values(), strict=True))
     return "\n".join(lines + _columns(("t", "A", "B", "distance", "of means"), rows)) + "\n"
@@ -40,8 +39,7 @@ def reduction_text(counts: Mapping[str, int], change: Mapping[str, Spread | None
     rows = [(name, value["median"], value["max"]) for name, value in shown.items() if value]
     lines = [
         f"{counted(counts['clouds'], 'cloud')}, {counted(counts['particles'], 'particle')} -> "
-        f"{counts['kept']}",
-        "",
+        f"{counts['kept']}\n"
     ]
     if len(rows) > 1 and rows[-1][2] <= ROUNDING * rows[-2][2]:
         lines += [*_columns(("", "median", "largest"), rows[:-1]), "means kept"]

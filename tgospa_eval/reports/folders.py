@@ -217,10 +217,7 @@ def write_texts(
     check_folder(folder, kind, force=force, option=option)
     with named(f"{option} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
-        data = {
-            name: text if isinstance(text, bytes) else text.encode("utf-8")
-            for name, text in texts.items()
-        }
+        data = {n: text if isinstance(text, bytes) else text.encode() for n, text in texts.items()}
         if not path.exists() and _write_new(data, path, kind):
             removed = 0
         else:  # perhaps since a moment ago

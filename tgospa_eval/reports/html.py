@@ -83,16 +83,11 @@ def _colours() -> str:
 def _parts(result: Summary) -> list[dict[str, str]]:
     keys = ("name", "cost", "share", "count", "note")
     rows = [dict(zip(keys, row, strict=True)) | {"split": ""} for row in part_rows(result)]
-    rows[0] |= {"note": DISTANCE, "split": _split(result)}
+    rows[0]["note"] = DISTANCE
+    if result.split is not None:  # where the distance separates them
+        means, spread = map(result.share, result.split)
+        rows[0]["split"] = f"means {means}, spread {spread}"
     return rows
-
-
-def _split(result: Summary) -> str:
-    """What means and spreads cost, where the distance separates them."""
-    if result.split is None:
-        return ""
-    means, spread = map(result.share, result.split)
-    return f"means {means}, spread {spread}"
 
 
 def _classes(result: Summary) -> list[list[str]]:

@@ -45,13 +45,9 @@ def report(result: Summary, encoding: str) -> str:
         "footer": _dim(named["footer"]),
     }
     with console.capture() as captured:
-        first = True
-        for lines in map(list, shown.values()):
-            if not lines:
-                continue
-            if not first:
+        for k, lines in enumerate(filter(None, map(list, shown.values()))):
+            if k:
                 console.print()
-            first = False
             for line in lines:
                 console.print(line, no_wrap=True, overflow="crop")
     return captured.get()
