@@ -42,10 +42,9 @@ def whole(value):
     return value
 
 
-def read_table(folder, proof, name):
+def read_table(read, proof, name):
     """The rows of a table, which must be the one that was proven."""
-    data = pathlib.Path(folder, name).read_bytes()
-    if hashlib.sha256(data).hexdigest() != proof["sha256"][name]:
+    if hashlib.sha256(data := read(name)).hexdigest() != proof["sha256"][name]:
         raise Wrong(f"{name} was changed after the proof was written")
     return list(csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")))
 
@@ -70,7 +69,7 @@ def power(a, b, exponent, bits):
 class Scene:
     """What exists when, and the cost of each pair that is nearer than the cutoff."""
 
-    def __init__(self, folder, proof):
+    def __init__(self, read, proof):
         given = proof["parameters"]
         self.kind, self.bits = given["distance"], whole(proof["price_bits"]) + MORE_BITS
         self.cutoff, self.order = number(given["cutoff"]), number(given["order"])
@@ -79,7 +78,7 @@ class Scene:
             raise ValueError("parameters are out of range")
         change = power(*change, self.order, self.bits)
         self.change = change[0] // 2, -(-change[1] // 2)  # L, rounded down and up
-        tables = [read_table(folder, proof, name) for name in ("truth.csv", "estimate.csv")]
+        tables = [read_table(read, proof, name) for name in ("truth.csv", "estimate.csv")]
         moments = [row["t"] for table in tables for row in table]
         moments += [t for row in proof["assignment"] for t in row[2:4]]
         self.times = sorted({*moments, *(t for _, t, _ in proof["prices"])}, key=number)
@@ -98,7 +97,7 @@ class Scene:
         if self.kind in CLOSED:
             self._measure(sides, given, names)
         else:
-            for row in read_table(folder, proof, "distances.csv"):
+            for row in read_table(read, proof, "distances.csv"):
                 k, distance = self.step[row["t"]], number(row["distance"]) / self.cutoff
                 sides[0][row["truth"], k], sides[1][row["estimate"], k]  # both must exist
                 self._add(row["truth"], row["estimate"], k, *distance.as_integer_ratio(), 1)
@@ -198,9 +197,9 @@ def upper_bound(scene, proof):
     return scene.objects * one // 2 * unit - saved + scene.change[1] * moved
 
 
-def found_bounds(folder, proof):
+def found_bounds(read, proof):
     """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
-    scene = Scene(folder, proof)
+    scene = Scene(read, proof)
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=60, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
@@ -219,10 +218,11 @@ def rounded(bounds):
 
 def verify(folder):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
-    proof = json.loads(pathlib.Path(folder, "proof.json").read_text(encoding="utf-8"))
+    read = lambda name: pathlib.Path(folder, name).read_bytes()
+    proof = json.loads(read("proof.json"))
     if proof["schema"] != SCHEMA:
         raise ValueError(f"the schema {proof['schema']!r} is not {SCHEMA!r}")
-    totals, roots = found_bounds(folder, proof)
+    totals, roots = found_bounds(read, proof)
     found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
     lower, upper = (decimal.Decimal(proof[name]) for name in ("lower_bound", "upper_bound"))
     if not (lower <= totals[0] and totals[1] <= upper):

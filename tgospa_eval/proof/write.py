@@ -7,9 +7,7 @@ does not prove its claim is never written.
 import decimal
 import hashlib
 import json
-import tempfile
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -67,6 +65,7 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
         "prices": [
             [estimates[track], times[step], price]
             for (track, step), price in sorted(prices.items())
+            if price
         ],
         "assignment": [
             [truths[truth], estimates[estimate], times[first], times[last], weight]
@@ -87,10 +86,7 @@ def _claim(proof: Proof, tables: Mapping[str, str], document: Mapping[str, objec
     That happens where no bound of the rounding of a distance is known: round a circle, of boxes, or
     of those that are computed from costs.
     """
-    with tempfile.TemporaryDirectory(prefix="tgospa-eval-") as folder:
-        for name, text in tables.items():
-            (Path(folder) / name).write_bytes(text.encode())
-        totals, _ = verify_tgospa.found_bounds(folder, document)
+    totals, _ = verify_tgospa.found_bounds(lambda name: tables[name].encode(), document)
     scale = proof.parameters.cutoff**proof.parameters.order
     printed = proof.bounds.lower * scale, proof.bounds.upper * scale
     bounds = [
