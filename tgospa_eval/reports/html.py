@@ -5,19 +5,26 @@ passes through the autoescape of the template, or through `tojson` as data that 
 text.
 """
 
+import base64
+import zlib
 from collections.abc import Mapping
 
 import jinja2
+import numpy as np
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
+from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.console import meaning, part_rows
-from tgospa_eval.reports.page_data import document, packed
+from tgospa_eval.reports.page_data import document
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
+
+PLAIN = 300_000
+"""Bytes of arrays that are too few to be deflated."""
 
 WORST_ROWS = 10
 DISTANCE = "distance of assigned pairs"
@@ -69,6 +76,27 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         style=_colours() + inlined("page.css"),
         script="".join(inlined(f"{name}.js") for name in SCRIPTS),
     )
+
+
+def packed(arrays: dict[str, Ints]) -> str:
+    """The arrays one after the other as base64 text.
+
+    Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
+    what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
+    when the page is loaded: browsers inflate later. Deflated text is shorter than the arrays.
+    """
+    planes = []
+    for array in (values.astype(np.int64) for values in arrays.values()):
+        change = np.empty(len(array), np.int64)
+        change[:1], change[1:] = array[:1], array[1:] - array[:-1]
+        code = ((change << 1) ^ (change >> 63)).astype(np.uint32)
+        planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
+    data = b"".join(planes)
+    if len(data) > PLAIN:
+        # Only runs are looked for: a third of the time for the same size, as the rest is noise.
+        packer = zlib.compressobj(strategy=zlib.Z_RLE)
+        data = min(packer.compress(data) + packer.flush(), data, key=len)
+    return base64.b64encode(data).decode("ascii")
 
 
 def _colours() -> str:

@@ -4,8 +4,6 @@ A lane is a trajectory; its runs are stretches of steps on which it exists and i
 other, or to none. Rows are its states, thinned where there are very many, but never an event.
 """
 
-import base64
-import zlib
 from dataclasses import dataclass, replace
 from typing import TypedDict
 
@@ -35,8 +33,6 @@ ERRORS = 1000
 """Steps into which the cutoff is divided."""
 
 NONE = -1
-PLAIN = 300_000
-"""Bytes of arrays that are too few to be deflated."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +124,8 @@ def document(result: Summary) -> tuple[PageData, dict[str, Ints]]:
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
-    times = [_time(t) for t in per_step["t"]]
+    # As they were read; what is beyond the whole numbers of a browser is a text to it.
+    times = [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in per_step["t"]]
     return {
         "times": times,
         "axis": moments(times),
@@ -178,27 +175,6 @@ def curves(result: Summary) -> dict[str, list[float]]:
         name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
         for name, cost in parts.items()
     }
-
-
-def packed(arrays: dict[str, Ints]) -> str:
-    """The arrays one after the other as base64 text.
-
-    Differences of neighbours, with the sign in the lowest bit, 32 bits, all lowest bytes first:
-    what is regular becomes zeros, which deflate away. What is small stays as it is, and is drawn
-    when the page is loaded: browsers inflate later. Deflated text is shorter than the arrays.
-    """
-    planes = []
-    for array in (values.astype(np.int64) for values in arrays.values()):
-        change = np.empty(len(array), np.int64)
-        change[:1], change[1:] = array[:1], array[1:] - array[:-1]
-        code = ((change << 1) ^ (change >> 63)).astype(np.uint32)
-        planes += [(code >> shift).astype(np.uint8).tobytes() for shift in (0, 8, 16, 24)]
-    data = b"".join(planes)
-    if len(data) > PLAIN:
-        # Only runs are looked for: a third of the time for the same size, as the rest is noise.
-        packer = zlib.compressobj(strategy=zlib.Z_RLE)
-        data = min(packer.compress(data) + packer.flush(), data, key=len)
-    return base64.b64encode(data).decode("ascii")
 
 
 def _joined(parts: list[Result], name: str, size: int) -> Side:
@@ -341,11 +317,6 @@ def _switches(parts: list[Result]) -> Columns:
         found["cost"] += _rounded(table["cost"])
         truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
     return found
-
-
-def _time(t: float | str) -> float | str:
-    """A time as it was read; what is beyond the whole numbers of a browser is a text to it."""
-    return t if isinstance(t, int | float) and abs(t) < WHOLE else str(t)
 
 
 def _rounded(values: list[float]) -> list[float]:
