@@ -16,10 +16,7 @@ def check_columns(
     InputError
         A state column is on one side only, or they are in another order.
     """
-    for own, other, name, missing in (
-        (truth, estimate, *names),
-        (estimate, truth, *names[::-1]),
-    ):
+    for own, other, name, missing in ((truth, estimate, *names), (estimate, truth, *names[::-1])):
         extra = [column for column in own.columns if column not in other.columns]
         if extra:
             common = [column for column in own.columns if column in other.columns]

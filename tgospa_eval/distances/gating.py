@@ -55,9 +55,7 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
             estimate_rows.add(j[near] + b.first)
             distances.add(value[near])
     found = Pairs(
-        truth_row=truth_rows.done(),
-        estimate_row=estimate_rows.done(),
-        distance=distances.done(),
+        truth_row=truth_rows.done(), estimate_row=estimate_rows.done(), distance=distances.done()
     )
     return distance.refined(found, sides, cutoff, effort)
 

@@ -262,10 +262,7 @@ def _tree(a: Side, b: Side, step: int, reach: Floats, power: float) -> tuple[Int
         points = np.ldexp(side.axes[:, side.at[step] : side.at[step + 1]].T, -exponent)
         trees.append(KDTree(np.clip(points, -1e150, 1e150)))
     near = trees[0].sparse_distance_matrix(
-        trees[1],
-        float(radius.max()) * (1 + 1e-9),
-        p=power,
-        output_type="ndarray",
+        trees[1], float(radius.max()) * (1 + 1e-9), p=power, output_type="ndarray"
     )
     order = np.lexsort((near["j"], near["i"]))
     return near["i"][order] + a.at[step], near["j"][order] + b.at[step]

@@ -15,12 +15,7 @@ import numpy as np
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.problem.certificate import (
-    ROUNDOFF,
-    fair_prices,
-    lower_bounds,
-    prove,
-)
+from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices, lower_bounds, prove
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.prefixes import bound_prefixes, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
@@ -192,22 +187,18 @@ class _Copies:
         order = np.argsort(entry)
         entry, block = entry[order], block[order]
         self.entries = _Listed.of(entry, block, problem.entry_step[entry], steps)
-        self.objects, self.places, self.tracks, self.numbers = [], [], [], []
+        self.sides: list[tuple[_Listed, Ints, _Listed, Ints]] = []
         for side, pair_track in zip(problem.sides, states.pair_tracks, strict=True):
             some, at = np.unique(side.row[entry].astype(np.int64), return_index=True)
-            listed = _Listed.of(some, block[at], side.step[some], steps)
+            objects = _Listed.of(some, block[at], side.step[some], steps)
             place = np.zeros(len(side.step), np.int64)
-            place[listed.which] = np.arange(len(some))
-            self.objects.append(listed)
-            self.places.append(place)
+            place[objects.which] = np.arange(len(some))
             track, at = np.unique(pair_track, return_index=True)
             order = np.argsort(states.pair_block[at], kind="stable")
             number = np.zeros(side.count, np.int64)
             number[track[order]] = np.arange(len(track))
-            self.tracks.append(
-                _Listed(which=track[order], key=states.pair_block[at][order], steps=1)
-            )
-            self.numbers.append(number)
+            members = _Listed(which=track[order], key=states.pair_block[at][order], steps=1)
+            self.sides.append((objects, place, members, number))
 
     def groups(self, block: Ints, end: Ints) -> list[slice]:
         """Neighbours of which each but the last have SIZE entries, or are a single one."""
@@ -252,17 +243,18 @@ class _Copies:
         entry = self.entries.which[taken]
         sides: dict[str, Any] = {}
         tracks = []
-        for k, name in enumerate(("truth", "estimate")):
-            side, listed, place = problem.sides[k], self.objects[k], self.places[k]
-            low, count = self.tracks[k].spans(block, 0 * block)
+        for name, side, (objects, place, members, number) in zip(
+            ("truth", "estimate"), problem.sides, self.sides, strict=True
+        ):
+            low, count = members.spans(block, 0 * block)
             member, _ = _ranges(low, count)
-            tracks.append(self.tracks[k].which[member])
+            tracks.append(members.which[member])
             sides[f"{name}s"] = len(member)
             fresh = np.cumsum(count) - count - low
-            low, count = listed.spans(block, end)
+            low, count = objects.spans(block, end)
             at, of = _ranges(low, count)
-            row = listed.which[at]
-            sides[f"{name}_track"] = self.numbers[k][side.track[row]] + fresh[of]
+            row = objects.which[at]
+            sides[f"{name}_track"] = number[side.track[row]] + fresh[of]
             sides[f"{name}_step"] = side.step[row] + (first - begin)[of]
             sides[f"{name}_price"] = side.price[row]
             shift = np.cumsum(count) - count - low

@@ -54,10 +54,7 @@ class EvaluationRequest:
 
 
 def chosen_parameters(
-    distance: Distance,
-    order: float,
-    cutoff: float | None,
-    switch_penalty: float | None,
+    distance: Distance, order: float, cutoff: float | None, switch_penalty: float | None
 ) -> tuple[Parameters, tuple[str, ...]]:
     """Parameters with the defaults of a distance for None, and the names of those.
 

@@ -54,9 +54,7 @@ def as_sides(
 
 
 def as_trajectories(
-    side: TrajectoriesLike,
-    name: str,
-    distance: Distance | None = None,
+    side: TrajectoriesLike, name: str, distance: Distance | None = None
 ) -> Trajectories:
     """Any accepted form of one side as Trajectories.
 

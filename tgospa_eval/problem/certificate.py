@@ -10,14 +10,7 @@ import math
 import numpy as np
 
 from tgospa_eval.errors import SolverError
-from tgospa_eval.problem.paths import (
-    best_values,
-    down,
-    lower_sums,
-    relative_gains,
-    row_steps,
-    up,
-)
+from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
 from tgospa_eval.problem.problem import Floats, Ints, Objects, Problem, sum_by, sum_parts
 from tgospa_eval.problem.reduced import forced_cost
 from tgospa_eval.problem.slots import PART, parts

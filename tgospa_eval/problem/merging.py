@@ -70,12 +70,7 @@ def merge_runs(problem: Problem) -> States:
         begin=begin,
         entry=entry,
         columns=make_slots(
-            begin,
-            pair_first,
-            pair_column,
-            len(node_block),
-            problem.steps,
-            group=pair_block,
+            begin, pair_first, pair_column, len(node_block), problem.steps, group=pair_block
         ),
         node_block=node_block,
         block_begin=window[0],

@@ -125,11 +125,7 @@ def row_steps(states: States) -> Slots:
     step = np.empty(first[-1], np.int32)
     step[begin] = states.begin
     return Slots(
-        first=first,
-        step=step,
-        begin=begin,
-        pair_first=states.pair_first,
-        pair_node=states.pair_row,
+        first=first, step=step, begin=begin, pair_first=states.pair_first, pair_node=states.pair_row
     )
 
 

@@ -110,10 +110,7 @@ def bound_prefixes(states: States, weights: Ints, prices: Floats) -> PrefixBound
     terms = 16 + 2 * _busiest(states) + length[cells.block]
     error = parts.sum(axis=0) * terms * 2.0**-53
     return PrefixBounds(
-        cells=cells,
-        parts=parts,
-        lower=np.maximum(_lower(states, cells, prices), 0.0),
-        error=error,
+        cells=cells, parts=parts, lower=np.maximum(_lower(states, cells, prices), 0.0), error=error
     )
 
 

@@ -67,12 +67,7 @@ class Ascent:
     """
 
     def __init__(
-        self,
-        states: States,
-        wanted: NDArray[np.bool_],
-        gap: float,
-        weights: Floats,
-        prices: Floats,
+        self, states: States, wanted: NDArray[np.bool_], gap: float, weights: Floats, prices: Floats
     ) -> None:
         self.states, self.wanted_gap = states, gap
         self.weights, self.prices = weights, prices

@@ -90,11 +90,7 @@ class Exact:
         del warm_start  # an interior point begins anew
         return solve_in_batches(
             states,
-            Routine(
-                solve_rows,
-                _solve_blocks,
-                self.jobs,
-            ),
+            Routine(solve_rows, _solve_blocks, self.jobs),
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,
@@ -271,12 +267,7 @@ def _build(states: States) -> _Programme:
         constraints.append(matrix @ weights <= 1 if count else None)
     problem = cp.Problem(cp.Maximize(objective), [c for c in constraints if c is not None])
     problem.get_problem_data(cp.CLARABEL)  # compiled here, and kept: solving is Clarabel alone
-    return _Programme(
-        problem=problem,
-        weights=weights,
-        columns=constraints[-1],
-        priced=priced,
-    )
+    return _Programme(problem=problem, weights=weights, columns=constraints[-1], priced=priced)
 
 
 def _solve(programme: _Programme, seconds: float | None) -> tuple[Status, str, int]:

@@ -142,13 +142,7 @@ class _Ladder:
     """Cutoffs that grow until they fit, and the best that was found on the way."""
 
     def __init__(
-        self,
-        states: States,
-        found: Solution,
-        base: Base,
-        gap: float,
-        limit: Limit,
-        step: float,
+        self, states: States, found: Solution, base: Base, gap: float, limit: Limit, step: float
     ) -> None:
         self.states, self.found, self.base = states, found, base
         self.gap, self.limit, self.step = gap, limit, step

@@ -26,12 +26,7 @@ class PlainAscent:
     """
 
     def __init__(
-        self,
-        states: States,
-        wanted: NDArray[np.bool_],
-        gap: float,
-        weights: Floats,
-        prices: Floats,
+        self, states: States, wanted: NDArray[np.bool_], gap: float, weights: Floats, prices: Floats
     ) -> None:
         self.states, self.open, self.wanted_gap = states, wanted, gap
         self.weights, self.prices = weights, prices

@@ -125,12 +125,7 @@ class Programme:
 
 
 def make_programme(
-    states: States,
-    free: Ints,
-    weights: Floats,
-    prices: Floats,
-    switch_price: Floats,
-    box: float,
+    states: States, free: Ints, weights: Floats, prices: Floats, switch_price: Floats, box: float
 ) -> Programme:
     """The programme of the free states, in order, the others held at their weights.
 

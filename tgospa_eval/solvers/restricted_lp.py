@@ -110,11 +110,7 @@ def solve_restricted_lp(  # noqa: PLR0913  (the numbers of one programme)
     answer = highs.getSolution()
     if not (answer.value_valid and answer.dual_valid):
         return Proposal(
-            weights=weights[free],
-            slot=p.columns.slot,
-            prices=before,
-            iterations=0,
-            finished=False,
+            weights=weights[free], slot=p.columns.slot, prices=before, iterations=0, finished=False
         )
     vertex = None
     dual = np.asarray(answer.row_dual)

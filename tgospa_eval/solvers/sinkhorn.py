@@ -87,11 +87,7 @@ class Sinkhorn:
         del warm_start  # hot sweeps would forget it
         return solve_in_batches(
             states,
-            Routine(
-                solve_steps if kernels else solve_conflict_free,
-                self._sweep,
-                self.jobs,
-            ),
+            Routine(solve_steps if kernels else solve_conflict_free, self._sweep, self.jobs),
             stopwatch,
             gap=self.gap,
             time_limit=self.time_limit,

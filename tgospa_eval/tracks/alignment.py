@@ -149,10 +149,7 @@ def align(
         union=len(times),
         common=int(np.count_nonzero(has.all(axis=0))),
         joined=joined,
-        left_out=(
-            len(truth.step) - len(sides[0].step),
-            len(estimate.step) - len(sides[1].step),
-        ),
+        left_out=(len(truth.step) - len(sides[0].step), len(estimate.step) - len(sides[1].step)),
     )
 
 

@@ -18,11 +18,7 @@ Ints = NDArray[np.integer]
 Floats = NDArray[np.float64]
 TimeArray = NDArray[np.int64] | NDArray[np.float64]
 
-CLOCKS = {
-    "number": "numbers",
-    "local": "ISO times without zone",
-    "zoned": "ISO times with zone",
-}
+CLOCKS = {"number": "numbers", "local": "ISO times without zone", "zoned": "ISO times with zone"}
 """Kinds of time, and what they are called in messages."""
 
 

@@ -180,11 +180,7 @@ class _Moments:
 
 
 def _solved(
-    clouds: tuple[Clouds, Clouds],
-    rows: tuple[Ints, Ints],
-    order: int,
-    sides: Sides,
-    effort: Effort,
+    clouds: tuple[Clouds, Clouds], rows: tuple[Ints, Ints], order: int, sides: Sides, effort: Effort
 ) -> Floats:
     """Distances (N,) of pairs of clouds, in threads: POT lets go of the interpreter."""
     count = len(rows[0])

@@ -41,7 +41,7 @@ TOO_LARGE = (
 
 POT_NEEDED = f"distances of particle clouds need the extra clouds: {install('clouds')}"
 
-ALIKE = 1e-13
+WEIGHT_ROUNDING = 1e-13
 """Of a weight: what rounding makes of one, added and divided in another order."""
 
 
@@ -271,7 +271,11 @@ def _are_alike(a: Cloud, b: Cloud) -> bool:
     The least mass that rounding leaves over would have to go far: its root is not small.
     """
     (x, u), (y, v) = a, b
-    return x.shape == y.shape and bool((np.abs(u - v) <= ALIKE * u).all()) and bool((x == y).all())
+    return (
+        x.shape == y.shape
+        and bool((np.abs(u - v) <= WEIGHT_ROUNDING * u).all())
+        and bool((x == y).all())
+    )
 
 
 def plan(a: Cloud, b: Cloud, order: int) -> Floats:

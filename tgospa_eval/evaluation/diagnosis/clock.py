@@ -118,10 +118,7 @@ def _few_common(
 
 
 def _near_misses(
-    times: tuple[Times, Times],
-    aligned: Alignment,
-    matching: TimeMatching,
-    spell: Spelling,
+    times: tuple[Times, Times], aligned: Alignment, matching: TimeMatching, spell: Spelling
 ) -> Notice | None:
     """Stamps that are not the same, and closer than 1 % of the median step."""
     if aligned.common == aligned.union or not all(map(len, times)):

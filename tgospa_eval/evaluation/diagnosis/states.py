@@ -200,10 +200,7 @@ def _linear(sample: _Sample) -> Iterator[_Change]:
     for factor, units in FACTORS.items():
         if ("degrees" in units) != (sample.distance.name == "haversine"):
             continue
-        for by, far, (own, other) in (
-            (factor, "small", units[::-1]),
-            (1 / factor, "large", units),
-        ):
+        for by, far, (own, other) in ((factor, "small", units[::-1]), (1 / factor, "large", units)):
             yield _Change(
                 code="unit-scale",
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
