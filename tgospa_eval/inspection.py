@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.arrays import median
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
-from tgospa_eval.evaluation.diagnosis.clock import median
 from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
 from tgospa_eval.evaluation.diagnosis.scale import unit_notices
 from tgospa_eval.evaluation.prepare import Fitted

@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import median
 from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -133,5 +134,4 @@ def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distan
         )
         a = a[:: -(-len(a) // SAMPLED_STEPS)]
         nearest.append(distance(a[:, None], b[None, :]).min(axis=1))
-    ordered = np.sort(np.concatenate(nearest))  # np.median imports numpy.ma, slower than all else
-    return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
+    return median(np.concatenate(nearest))

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.progress import Progress
-from tgospa_eval.common.ranges import concatenated
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices, lower_bounds, prove
 from tgospa_eval.problem.merging import merge_runs

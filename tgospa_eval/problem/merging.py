@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.errors import check_size
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Ints, Problem

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.paths import down, up
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import States

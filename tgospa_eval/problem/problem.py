@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import freeze
 from tgospa_eval.errors import ConfigError
 
 Ints = NDArray[np.integer]
@@ -92,11 +93,7 @@ class Problem:
     rounding: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, value in list(vars(self).items()):
-            if isinstance(value, np.ndarray):
-                frozen = value.view()
-                frozen.setflags(write=False)
-                object.__setattr__(self, name, frozen)
+        freeze(self)
         if np.any(self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]):
             raise ConfigError("an entry pairs a truth and an estimate of different steps")
         if np.any(~(self.gain > 0)) or np.any(~np.isfinite(self.cost)):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots, parts
 

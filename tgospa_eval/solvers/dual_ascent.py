@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by, sum_parts
 from tgospa_eval.problem.states import States, connected_components

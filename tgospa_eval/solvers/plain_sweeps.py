@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.best_paths import dual_values

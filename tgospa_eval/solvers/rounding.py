@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.best_paths import paths

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated, freeze
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]
@@ -52,9 +52,8 @@ class Clouds:
 
     def __post_init__(self) -> None:
         for name, kind in (("points", np.float64), ("weights", np.float64), ("first", np.int64)):
-            array = np.asarray(getattr(self, name), dtype=kind).view()
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=kind))
+        freeze(self)
         points, weights, first = self.points, self.weights, self.first
         if points.ndim != 2 or weights.shape != points.shape[:1] or first.ndim != 1:
             raise InputError(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import freeze
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
@@ -89,11 +90,7 @@ class Trajectories:
         for name, size in (("step", len(self.times)), ("track", len(self.ids))):
             kind = np.int32 if size <= np.iinfo(np.int32).max else np.int64
             object.__setattr__(self, name, getattr(self, name).astype(kind, copy=False))
-        for name, value in list(vars(self).items()):
-            if isinstance(value, np.ndarray):
-                frozen = value.view()
-                frozen.setflags(write=False)
-                object.__setattr__(self, name, frozen)
+        freeze(self)
 
     def _check_states(self) -> None:
         """Names, shapes and finiteness."""

@@ -12,6 +12,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import median
 from tgospa_eval.common.figures import number, shortest
 from tgospa_eval.common.notices import Notice, Spelling
 from tgospa_eval.common.words import counted
@@ -159,12 +160,6 @@ def _step_text(step: float, clock: str, *times: Times) -> str:
     floats = [side for side in times if side.dtype.kind == "f"]
     noise = 2 * max((float(np.spacing(np.abs(side).max())) for side in floats), default=0.0)
     return number(shortest(step if clock == "number" else step / SECOND, noise))
-
-
-def median(values: Times) -> float:
-    """Without np.median, which imports numpy.ma, slower than all else."""
-    ordered = np.sort(values)
-    return float(0.5 * ordered[(len(ordered) - 1) // 2] + 0.5 * ordered[len(ordered) // 2])
 
 
 def _rounded_up(value: float) -> str:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.ranges import concatenated
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.problem.problem import Floats
