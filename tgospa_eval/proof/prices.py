@@ -18,6 +18,7 @@ k, at the cutoff of the user. Three things differ in a `Solution`.
 """
 
 import itertools
+import math
 from collections import Counter
 
 import numpy as np
@@ -32,16 +33,15 @@ from tgospa_eval.problem.states import States
 Prices = Counter[tuple[int, int]]
 """Price by estimate and step, in units of 2^-bits c^p."""
 
-PRICE_BITS = 80
-"""Bits below the smallest cost: what is cut off is far below the rounding of the bounds."""
+SPARE_BITS = 55
+"""All that is cut off prices together is 2^-SPARE_BITS of the lower bound: it leaves half of the
+rounding that the bound allows for."""
 
 
-def price_bits(states: States) -> int:
-    """Binary digits that prices need: PRICE_BITS below the smallest cost that is not 0."""
-    problem = states.problem
-    costs = np.append(problem.cost, problem.switch_price)
-    least = float(costs.min(where=costs > 0, initial=1.0))
-    return PRICE_BITS - int(np.frexp(least)[1])
+def price_bits(states: States, lower: float) -> int:
+    """Binary digits that prices need to prove a lower bound, in units of c^p."""
+    many = len(states.begin) + len(states.columns.step)
+    return SPARE_BITS + max(math.frexp(many / lower)[1] if lower > 0 else 0, 0)
 
 
 def estimate_prices(
@@ -62,11 +62,13 @@ def estimate_prices(
     home = states.track_blocks[1]
     for number, part in enumerate(reduced):
         chosen = part_of == number
-        below = -int(np.log2(part.scale))  # a power of 2
-        inner_prices = estimate_prices(
-            part.states, part.solution.prices, part.solution.reduced, bits - below
+        below = bits + int(np.log2(part.scale))  # a power of 2
+        inner_prices = (
+            estimate_prices(part.states, part.solution.prices, part.solution.reduced, below)
+            if below > 0
+            else Counter()
         )
-        rest = (1 << bits) - (1 << bits - below)
+        rest = (1 << bits) - (1 << max(below, 0))
         for row in np.flatnonzero(vertex_cover(states, chosen)[1]).tolist():
             place = states.problem.estimate_track[row], states.problem.estimate_step[row]
             inner_prices[int(place[0]), int(place[1])] += rest

@@ -1,28 +1,21 @@
-"""A result as a proof folder: both tables as compared, prices, assignment, and the claim.
-
-What is written is checked before, by the program that anybody may check it with; so a folder that
-does not prove its claim is never written.
-"""
+"""A result as a proof folder: both tables as compared, prices, assignment, and the claim."""
 
 import decimal
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.prices import estimate_prices, price_bits
 from tgospa_eval.proof.tables import proof_tables, times_of
+from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Proof
-
-LARGEST_DIFFERENCE = 1e-9
-"""Relative to the upper bound: more between the bounds of the certificate and those of the checker
-is no rounding of distances, but a fault."""
 
 
 def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
@@ -35,17 +28,12 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     origin : mapping of str to object, optional
         Where the tables came from: ``inputs``, ``options``, and the ``class``, if it is one of
         several.
-
-    Raises
-    ------
-    SolverError
-        The proof does not hold, which only a fault of this program can bring about.
     """
     compared = proof.compared
     tables = proof_tables(compared, proof.states.problem, proof.parameters)
     parameters = proof.parameters
     settings = compared.settings
-    bits = price_bits(proof.states)
+    bits = price_bits(proof.states, proof.bounds.lower)
     times = times_of(compared)
     truths, estimates = compared.labels.truths, compared.labels.estimates
     prices = estimate_prices(proof.states, proof.prices, proof.reduced, bits)
@@ -76,30 +64,39 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
         },
         **(origin or {}),
     }
-    document |= zip(("lower_bound", "upper_bound"), _claim(proof, tables, document), strict=True)
+    document |= zip(("lower_bound", "upper_bound"), _claim(proof), strict=True)
     return {"proof.json": _json(document), **tables}
 
 
-def _claim(proof: Proof, tables: Mapping[str, str], document: Mapping[str, object]) -> list[str]:
-    """The bounds of the total, as printed; wider where the checker finds less.
+def _claim(proof: Proof) -> list[str]:
+    """The printed bounds of the total; wider by the rounding of distances that have no proven one.
 
-    That happens where no bound of the rounding of a distance is known: round a circle, of boxes, or
-    of those that are computed from costs.
+    Relative, (d / c)^p of a distance that is computed from a cost, in `proof_tables`; absolute, d of
+    boxes (a ratio near 1 taken from 1) and round a circle (a difference taken from the period), of
+    which an assignment has as many as the smaller side has states.
     """
-    totals, _ = verify_tgospa.found_bounds(lambda name: tables[name].encode(), document)
-    scale = proof.parameters.cutoff**proof.parameters.order
-    printed = proof.bounds.lower * scale, proof.bounds.upper * scale
-    bounds = [
-        min(decimal.Decimal(np.nextafter(printed[0], 0.0)), totals[0]),
-        max(decimal.Decimal(np.nextafter(printed[1], np.inf)), totals[1]),
-    ]
-    widened = float(bounds[1] - bounds[0]) - (printed[1] - printed[0])
-    if widened > LARGEST_DIFFERENCE * printed[1] and printed[1] > proof.bounds.rounding * scale:
-        raise SolverError(
-            f"the proof does not hold: bounds {printed[0]!r} and {printed[1]!r}, found "
-            f"{totals[0]:.17g} and {totals[1]:.17g}: please report this as a bug, with the files"
+    parameters, settings = proof.parameters, proof.compared.settings
+    order, problem = parameters.order, proof.states.problem
+    relative = absolute = 0.0
+    if settings["distance"] not in CLOSED:
+        least = float(problem.cost.min(initial=1.0, where=problem.cost > 0))
+        relative = order * 2.0**-49 + abs(math.log(least)) * 2.0**-52
+    elif settings["distance"] == "iou":
+        absolute = 2.0**-50
+    elif "periodic" in settings:
+        scale = settings.get("scale", {})
+        absolute = 2.0**-50 * sum(
+            period * scale.get(name, 1.0) for name, period in settings["periodic"].items()
         )
-    return verify_tgospa.rounded(bounds)
+    pairs = min(len(side.step) for side in problem.sides)
+    absolute *= pairs * order / parameters.cutoff
+    scale = decimal.Decimal(parameters.cutoff) ** decimal.Decimal(order)
+    return verify_tgospa.rounded(
+        [
+            scale * decimal.Decimal(max(proof.bounds.lower * (1 - relative) - absolute, 0.0)),
+            scale * decimal.Decimal(proof.bounds.upper * (1 + relative) + absolute),
+        ]
+    )
 
 
 def _stretches(proof: Proof) -> Iterable[tuple[int, int, int, int, int]]:

@@ -29,8 +29,6 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
 
     Raises
     ------
-    SolverError
-        A proof does not hold.
     """
     files: dict[str, str] = {}
     for folder, part, origin in _parts(result):
@@ -69,7 +67,5 @@ def save(proof: Proof, folder: "str | os.PathLike[str]", *, force: bool = False)
     ------
     ConfigError
         The folder cannot be written, or holds files of others.
-    SolverError
-        The proof does not hold.
     """
     write_texts(proof_texts(proof), os.fspath(folder), PROOF, force=force, option="folder")
