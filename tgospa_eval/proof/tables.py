@@ -5,7 +5,7 @@ import io
 import itertools
 from collections.abc import Iterable
 
-from tgospa_eval.problem.problem import Problem
+from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Compared
@@ -26,29 +26,32 @@ def proof_tables(compared: Compared, problem: Problem, parameters: Parameters) -
     parameters : Parameters
         What turns costs into distances.
     """
-    times, ids = (
-        times_of(compared),
-        {"truth": compared.labels.truths, "estimate": compared.labels.estimates},
-    )
-    tables = {}
-    for name, names in ids.items():
-        rows = zip(
-            (names[track] for track in getattr(problem, f"{name}_track").tolist()),
-            (times[step] for step in getattr(problem, f"{name}_step").tolist()),
-            *getattr(compared.scene, name).T.tolist(),
+    labels, times = compared.labels, times_of(compared)
+    ids = [_fields(names) for names in (labels.truths, labels.estimates)]
+    tables = {
+        f"{name}.csv": _csv(
+            ("id", "t", *compared.scene.columns),
+            _chosen(names, side.track),
+            _chosen(times, side.step),
+            *(map(repr, column) for column in states.T.tolist()),
+        )
+        for name, names, side, states in zip(
+            ("truth", "estimate"),
+            ids,
+            problem.sides,
+            (compared.scene.truth, compared.scene.estimate),
             strict=True,
         )
-        tables[f"{name}.csv"] = _csv(("id", "t", *compared.scene.columns), rows)
+    }
     if compared.settings["distance"] not in CLOSED:
         distance = parameters.cutoff * problem.cost ** (1 / parameters.order)
-        rows = zip(
-            (ids["truth"][k] for k in problem.truth_track[problem.truth_row].tolist()),
-            (ids["estimate"][k] for k in problem.estimate_track[problem.estimate_row].tolist()),
-            (times[step] for step in problem.entry_step.tolist()),
-            distance.tolist(),
-            strict=True,
+        tracks = (side.track[side.row] for side in problem.sides)
+        tables["distances.csv"] = _csv(
+            ("truth", "estimate", "t", "distance"),
+            *itertools.starmap(_chosen, zip(ids, tracks, strict=True)),
+            _chosen(times, problem.entry_step),
+            map(repr, distance.tolist()),
         )
-        tables["distances.csv"] = _csv(("truth", "estimate", "t", "distance"), rows)
     return tables
 
 
@@ -91,9 +94,24 @@ def _difference_of_distances(one: str, other: str) -> str:
     return ""
 
 
-def _csv(header: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+def _fields(names: Iterable[str]) -> list[str]:
+    """Texts as fields of a CSV file."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()
+    writer = csv.writer(text, lineterminator="")
+    fields = []
+    for name in names:
+        writer.writerow((name,))
+        fields.append(text.getvalue())
+        text.seek(0)
+        text.truncate()
+    return fields
+
+
+def _chosen(fields: list[str], which: Ints) -> Iterable[str]:
+    return map(fields.__getitem__, which.tolist())
+
+
+def _csv(header: Iterable[str], *columns: Iterable[str]) -> str:
+    """A table of columns of fields; many times faster than by `csv`."""
+    lines = [",".join(_fields(header)), *map(",".join, zip(*columns, strict=True))]
+    return "\n".join(lines) + "\n"

@@ -34,9 +34,22 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     parameters = proof.parameters
     settings = compared.settings
     bits = price_bits(proof.states, proof.bounds.lower)
-    times = times_of(compared)
-    truths, estimates = compared.labels.truths, compared.labels.estimates
     prices = estimate_prices(proof.states, proof.prices, proof.reduced, bits)
+    times, truths, estimates = (
+        [json.dumps(text, ensure_ascii=False) for text in texts]
+        for texts in (times_of(compared), compared.labels.truths, compared.labels.estimates)
+    )
+    lists = {
+        "prices": [
+            f"[{estimates[track]}, {times[step]}, {price}]"
+            for (track, step), price in sorted(prices.items())
+            if price
+        ],
+        "assignment": [
+            f"[{truths[i]}, {estimates[j]}, {times[first]}, {times[last]}, {weight}]"
+            for i, j, first, last, weight in _stretches(proof)
+        ],
+    }
     document = {
         "schema": verify_tgospa.SCHEMA,
         "version": __version__,
@@ -46,34 +59,29 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
             "switch_penalty": repr(parameters.switch_penalty),
             "distance": settings["distance"],
             "columns": list(compared.scene.columns),
-            **{name: _texts(settings[name]) for name in ("scale", "periodic") if name in settings},
+            **{
+                name: {column: repr(value) for column, value in _numbers(settings, name).items()}
+                for name in ("scale", "periodic")
+                if name in settings
+            },
         },
         "price_bits": bits,
         "weight_unit": ONE,
-        "prices": [
-            [estimates[track], times[step], price]
-            for (track, step), price in sorted(prices.items())
-            if price
-        ],
-        "assignment": [
-            [truths[truth], estimates[estimate], times[first], times[last], weight]
-            for truth, estimate, first, last, weight in _stretches(proof)
-        ],
         "sha256": {
             name: hashlib.sha256(text.encode()).hexdigest() for name, text in tables.items()
         },
         **(origin or {}),
     }
     document |= zip(("lower_bound", "upper_bound"), _claim(proof), strict=True)
-    return {"proof.json": _json(document), **tables}
+    return {"proof.json": _json(document, lists), **tables}
 
 
 def _claim(proof: Proof) -> list[str]:
     """The printed bounds of the total; wider by the rounding of distances that have no proven one.
 
-    Relative, (d / c)^p of a distance that is computed from a cost, in `proof_tables`; absolute, d of
-    boxes (a ratio near 1 taken from 1) and round a circle (a difference taken from the period), of
-    which an assignment has as many as the smaller side has states.
+    Relative, (d / c)^p of a distance that `proof_tables` computes from a cost; absolute, d of boxes
+    (a ratio near 1 taken from 1) and round a circle (a difference taken from the period), of which
+    an assignment has as many as the smaller side has states.
     """
     parameters, settings = proof.parameters, proof.compared.settings
     order, problem = parameters.order, proof.states.problem
@@ -83,11 +91,9 @@ def _claim(proof: Proof) -> list[str]:
         relative = order * 2.0**-49 + abs(math.log(least)) * 2.0**-52
     elif settings["distance"] == "iou":
         absolute = 2.0**-50
-    elif "periodic" in settings:
-        scale = settings.get("scale", {})
-        absolute = 2.0**-50 * sum(
-            period * scale.get(name, 1.0) for name, period in settings["periodic"].items()
-        )
+    else:
+        scales, periods = _numbers(settings, "scale"), _numbers(settings, "periodic")
+        absolute = 2.0**-50 * sum(periods[name] * scales.get(name, 1.0) for name in periods)
     pairs = min(len(side.step) for side in problem.sides)
     absolute *= pairs * order / parameters.cutoff
     scale = decimal.Decimal(parameters.cutoff) ** decimal.Decimal(order)
@@ -127,21 +133,18 @@ def _stretches(proof: Proof) -> Iterable[tuple[int, int, int, int, int]]:
     )
 
 
-def _texts(numbers: object) -> dict[str, str]:
-    """Numbers by name as texts that are read back as the same doubles."""
-    assert isinstance(numbers, Mapping)
-    return {name: repr(value) for name, value in numbers.items()}
+def _numbers(settings: Mapping[str, object], name: str) -> dict[str, float]:
+    """A setting that has a number for some columns."""
+    found = settings.get(name, {})
+    assert isinstance(found, Mapping)
+    return dict(found)
 
 
-def _json(document: Mapping[str, object]) -> str:
-    """A line for each price and stretch: it can be read, and compared line by line."""
-    parts = []
-    for name, value in sorted(document.items()):
-        if name in ("prices", "assignment") and value:
-            assert isinstance(value, list)
-            rows = ",\n  ".join(json.dumps(row, ensure_ascii=False) for row in value)
-            text = f"[\n  {rows}\n ]"
-        else:
-            text = json.dumps(value, sort_keys=True, ensure_ascii=False)
-        parts.append(f' "{name}": {text}')
-    return "{\n" + ",\n".join(parts) + "\n}\n"
+def _json(document: Mapping[str, object], lists: Mapping[str, Iterable[str]]) -> str:
+    """A line for each field, and for each element of the lists."""
+    texts = {
+        name: json.dumps(value, sort_keys=True, ensure_ascii=False)
+        for name, value in document.items()
+    }
+    texts |= {name: "[\n  " + ",\n  ".join(rows) + "\n ]" for name, rows in lists.items()}
+    return "{\n" + ",\n".join(f' "{name}": {texts[name]}' for name in sorted(texts)) + "\n}\n"

@@ -26,9 +26,6 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
         Of one evaluation, or of several classes.
     options : mapping of str to object
         How the files were read and compared: `EvaluationOptions` that are no defaults.
-
-    Raises
-    ------
     """
     files: dict[str, str] = {}
     for folder, part, origin in _parts(result):

@@ -42,6 +42,12 @@ class Files(Verb):
             multiple=True,
         ),
         Option(
+            "--proof",
+            "With -o, write the folder proof as well, from which anybody can check the value: "
+            "tgospa-eval verify DIR.",
+            section="Output",
+        ),
+        Option(
             "--curve",
             "Evaluate the steps up to each step as well: the normalised metric over time.",
             section="Output",

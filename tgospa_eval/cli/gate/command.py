@@ -27,6 +27,12 @@ class Gate(Verb):
             "Make the baseline, or replace it, and exit with 0.",
             section="Gate",
         ),
+        Option(
+            "--proof DIR",
+            "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
+            section="Gate",
+            type=PATH,
+        ),
         format_option("table", "json", "markdown"),
     ],
 )

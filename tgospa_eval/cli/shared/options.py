@@ -255,11 +255,6 @@ OUTPUT = (
         type=PATH,
     ),
     *PICTURE_OPTIONS,
-    _output(
-        "--proof",
-        "With -o, write the folder proof as well, from which anybody can check the value: "
-        "tgospa-eval verify DIR.",
-    ),
     _output("--force", "Write into a folder with other files in it."),
     CONFIG_FILE,
     QUIET,
@@ -295,11 +290,6 @@ GATE = (
         multiple=True,
     ),
     _gate("--junit FILE", "Write a JUnit XML report.", type=PATH),
-    _gate(
-        "--proof DIR",
-        "Write the proof of each value: to DIR/run, with --update-baseline to DIR/baseline.",
-        type=PATH,
-    ),
     _gate(
         "--github",
         "Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY names.",
