@@ -58,7 +58,7 @@ def power(a, b, exponent, bits):
         top, base = a**double.numerator << 2 * bits, b**double.numerator
         low = math.isqrt(top // base)
         return low, low + (low * low * base < top)
-    digits = 60 + (bits + 400 + abs(a.bit_length() - b.bit_length()) * math.ceil(exponent)) // 3
+    digits = 30 + (bits + max(a.bit_length() - b.bit_length(), 0) * math.ceil(exponent)) // 3
     with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         e = decimal.Decimal(float(exponent))  # exact
         value = (e * (decimal.Decimal(a) / b).ln()).exp() * 2**bits  # each step rounded correctly
@@ -216,9 +216,8 @@ def rounded(bounds):
     return [str(down.plus(bounds[0])), str(up.plus(bounds[1]))]
 
 
-def verify(folder):
+def verify(read):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
-    read = lambda name: pathlib.Path(folder, name).read_bytes()
     proof = json.loads(read("proof.json"))
     if proof["schema"] != SCHEMA:
         raise ValueError(f"the schema {proof['schema']!r} is not {SCHEMA!r}")
@@ -236,8 +235,9 @@ def main(arguments):
     if len(arguments) != 1:
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2
+    status = 0
     try:
-        text, status = verify(arguments[0]), 0
+        text = verify(lambda name: pathlib.Path(arguments[0], name).read_bytes())
     except Wrong as error:
         text, status = error, 1
     except DAMAGED as error:

@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from tgospa_eval.cli.shared.progress import run
@@ -77,8 +78,12 @@ def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
     """One line about a folder, and whether its claim holds."""
     stopwatch = Stopwatch()
     stopwatch.stage = "verify"
+
+    def read(name: str) -> bytes:
+        return Path(folder, name).read_bytes()
+
     try:
-        found = run(lambda: str(verify_tgospa.verify(folder)), stopwatch, show=True)
+        found = run(lambda: str(verify_tgospa.verify(read)), stopwatch, show=True)
         if files is not None:
             _check_tables(folder, files, stopwatch)
             found += "; the tables follow from the files"
