@@ -267,13 +267,14 @@ def _rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]
     slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
     spacing = float(np.spacing(largest))
     error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
-    if error <= ROUNDED_DIGIT * proof.breakdown.total:
+    total = proof.breakdown.total
+    if not ROUNDED_DIGIT * total < error < total:  # where all is rounding, the bounds say so
         return ()
     return (
         Notice(
             code="rounded-coordinates",
             text=f"coordinates up to {largest:.3g} are {spacing:.2g} apart as floating-point "
-            f"numbers: digit {math.ceil(-math.log10(error / proof.breakdown.total))} of the "
+            f"numbers: digit {math.ceil(-math.log10(error / total))} of the "
             "total may come from their rounding",
             remedy="coordinates with a nearby origin keep more digits",
         ),
