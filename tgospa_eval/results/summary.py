@@ -26,13 +26,19 @@ if TYPE_CHECKING:
 
 RESULT_SCHEMA = "tgospa-eval/result/1"
 
+BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
+NUMBERS = (*BRACKET, *PARTS)
+"""What every result has one number of."""
+
+SPLIT_PARTS = ("localisation_mean", "localisation_spread")
+"""Of those whose distance has such parts."""
+
 PUBLIC = (
-    *("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified"),
-    *("within_rounding", "localisation", "localisation_mean", "localisation_spread", "missed"),
-    *("false", "switch", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
+    *(*NUMBERS, *SPLIT_PARTS, "within_rounding"),
+    *("counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
-    *("to_dict", "to_json", "to_html", "save"),
+    *("metrics", "to_dict", "to_json", "to_html", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_worst"),
 )
 """What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
@@ -53,7 +59,7 @@ class Summary(Numbers, ABC):
 
     def to_dict(self) -> Json:
         """The JSON document as plain Python values."""
-        parts = {name: getattr(self, name) for name in ("localisation_mean", "localisation_spread")}
+        parts = {name: getattr(self, name) for name in SPLIT_PARTS}
         curve = {} if self.traced is None else {"curve": records(self.curve_table())}
         return {
             **({} if self.split is None else parts),
@@ -83,6 +89,23 @@ class Summary(Numbers, ABC):
             "version": self.version,
             "warnings": [notice.record() for notice in self.warnings],
             "files": self.files,
+        }
+
+    def metrics(self) -> dict[str, float]:
+        """The numbers as a flat dict of floats, for loggers of experiments.
+
+        Names are those of the JSON, with a dot between levels: ``tgospa``, ``total``,
+        ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
+        ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
+        ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
+        ``localisation_mean`` and ``localisation_spread``.
+        """
+        names = [*NUMBERS, *(() if self.split is None else SPLIT_PARTS)]
+        groups = {"counts": self.counts, "normalised": self.normalised}
+        return {name: float(getattr(self, name)) for name in names} | {
+            f"{group}.{name}": value
+            for group, found in groups.items()
+            for name, value in found.items()
         }
 
     def to_json(self) -> str:

@@ -486,6 +486,30 @@ def test_attributes_bear_the_names_of_the_json(sample: Result) -> None:
         assert attribute == value, name
 
 
+def test_metrics_are_flat_numbers_of_the_json(known: Result) -> None:
+    """Localisation 1 + 1 + 4; one miss and one false target, c^2/2 = 50 each; one switch, 4."""
+    found = known.metrics()
+    assert all(type(value) is float for value in found.values())
+    assert found.pop("relative_gap") < 1e-9
+    document = parse(known.to_json())
+    for path, value in found.items():
+        head, _, rest = path.partition(".")
+        assert value == (document[head][rest] if rest else document[head]), path
+    assert found == pytest.approx({
+        "tgospa": 110**0.5, "total": 110, "lower_bound": 110**0.5, "upper_bound": 110**0.5,
+        "certified": 1, "localisation": 6, "missed": 50, "false": 50, "switch": 4,
+        "counts.missed": 1, "counts.false": 1, "counts.switch": 1,
+        "normalised.tgospa": 27.5**0.5,
+    })  # fmt: skip
+    assert "metrics" in dir(known)
+
+
+def test_metrics_have_the_split_where_there_is_one() -> None:
+    points = Trajectories.from_array(np.zeros((2, 1, 2)))
+    found = evaluate(points, points, cutoff=1.0, distance="gaussian-wasserstein").metrics()
+    assert (found["localisation_mean"], found["localisation_spread"]) == (0.0, 0.0)
+
+
 def test_tables_are_frames(sample: Result) -> None:
     assert sample.per_step.columns.tolist() == ["t", *PARTS, "total"]
     assert len(sample.per_step) == 56
