@@ -1,5 +1,6 @@
 """Proof folders as users meet them: written with a result, checked again, by the script alone."""
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -74,6 +75,57 @@ def test_what_does_not_hold(invoke: Invoke, write: Write) -> None:
     answer = invoke("verify", "r", *QUICK)
     assert answer.status == 3
     assert "options of another version" in answer.err
+
+
+def test_names_and_times_of_all_kinds(invoke: Invoke, write: Write) -> None:
+    """Line ends in ids, times a few nanoseconds apart, classes like folders, or long."""
+    ids = ("'a\rb'", "'c\nd'", "' e'")
+    classes = ("..", ".", "日" * 100, "a/b", "")
+    rows = "".join(
+        f"{ids[k % 3]},2024-01-01T00:00:00.{100 * k:09d},{k},{name}\n".replace("'", '"')
+        for k, name in enumerate(classes * 2)
+    )
+    write("t.csv", f"id,t,x,class\n{rows}")
+    for options, many in ((("--by", "class"), len(classes)), ((), 1)):
+        # The second in place of the first.
+        assert invoke("t.csv", "t.csv", *options, "-o", "r", "--proof", "-q").status == 0
+        assert {path.name for path in Path().iterdir()} == {"t.csv", "r"}
+        answer = invoke("verify", "r", "t.csv", "t.csv")
+        assert (answer.status, answer.err) == (0, "")
+        assert answer.out.count("verified: 0 <= TGOSPA <= 0, 0 <= total <= 0; ") == many
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"distance": "euclid"}, "the parameter distance is 'euclid', must be 'mahalanobis'"),
+        ({"order": "3.0"}, "the parameter order is '3.0', must be '2.0'"),
+        ({"scale": {"x": "0.1"}}, "the parameter scale is {'x': '0.1'}, must be None"),
+        ({}, "a, b at t = 0 is 10.0, must be 3.0"),
+    ],
+)
+def test_parameters_and_distances_that_do_not_follow_from_the_files(
+    invoke: Invoke, write: Write, changes: dict[str, Any], message: str
+) -> None:
+    """A proof that holds, but of something else: no pair is near."""
+    files = write("t.csv", "id,t,x\na,0,0\n"), write("e.csv", "id,t,x\nb,0,3\n")
+    write("c.csv", "1\n")
+    metric = ("--distance", "mahalanobis", "--covariance", "c.csv", "-c", "10")
+    assert invoke(*files, *metric, "-o", "r", "--proof", "-q").status == 0
+    table, path = Path("r/proof/distances.csv"), Path("r/proof/proof.json")
+    table.write_text("truth,estimate,t,distance\n", encoding="utf-8")
+    proof = json.loads(path.read_text(encoding="utf-8"))
+    proof |= {
+        "lower_bound": "0",
+        "upper_bound": "9999",
+        "parameters": proof["parameters"] | changes,
+    }
+    proof["sha256"]["distances.csv"] = hashlib.sha256(table.read_bytes()).hexdigest()
+    path.write_text(json.dumps(proof), encoding="utf-8")
+    assert invoke("verify", "r").status == 0
+    answer = invoke("verify", "r", *files)
+    assert answer.status == 1
+    assert message in answer.err
 
 
 @pytest.mark.parametrize(

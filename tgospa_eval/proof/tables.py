@@ -60,13 +60,13 @@ def times_of(compared: Compared) -> list[str]:
     return [repr(moment) for moment in compared.moments.tolist()]
 
 
-def difference(name: str, one: str, other: str) -> str:
+def difference(name: str, one: str, other: str, cutoff: float) -> str:
     """Where two tables differ first, in words; empty if they are the same.
 
-    Distances are the same within TOLERANCE; a pair near the cutoff may be in one table alone.
+    Distances are the same within TOLERANCE; a pair at the cutoff may be in one table alone.
     """
     if name == "distances.csv":
-        return _difference_of_distances(one, other)
+        return _difference_of_distances(one, other, cutoff)
     for line, (a, b) in enumerate(itertools.zip_longest(one.split("\n"), other.split("\n")), 1):
         if a != b:
             return f"line {line} is {_shown(a)}, must be {_shown(b)}"
@@ -77,8 +77,8 @@ def _shown(line: str | None) -> str:
     return repr(line) if line else "missing"
 
 
-def _difference_of_distances(one: str, other: str) -> str:
-    """As of `difference`; a pair that is missing counts as just at the largest distance."""
+def _difference_of_distances(one: str, other: str, cutoff: float) -> str:
+    """As of `difference`; a pair that is missing counts as at the cutoff."""
     found, made = (
         {
             (truth, estimate, t): float(d)
@@ -86,9 +86,8 @@ def _difference_of_distances(one: str, other: str) -> str:
         }
         for text in (one, other)
     )
-    most = max((*found.values(), *made.values()), default=0.0)
     for pair in (*made, *found):
-        a, b = found.get(pair, most), made.get(pair, most)
+        a, b = found.get(pair, cutoff), made.get(pair, cutoff)
         if abs(a - b) > TOLERANCE * max(a, b):
             return f"{pair[0]}, {pair[1]} at t = {pair[2]} is {a!r}, must be {b!r}"
     return ""
@@ -97,11 +96,11 @@ def _difference_of_distances(one: str, other: str) -> str:
 def _fields(names: Iterable[str]) -> list[str]:
     """Texts as fields of a CSV file."""
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="")
+    writer = csv.writer(text)  # quotes what has a part of the end of its lines, \r\n
     fields = []
     for name in names:
         writer.writerow((name,))
-        fields.append(text.getvalue())
+        fields.append(text.getvalue().removesuffix("\r\n"))
         text.seek(0)
         text.truncate()
     return fields

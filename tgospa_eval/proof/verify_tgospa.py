@@ -22,8 +22,10 @@ from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
+STATES = ("truth.csv", "estimate.csv")
 MORE_BITS = 120  # of costs, beyond those of prices
-DAMAGED = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
+DAMAGED += csv.Error, RecursionError, MemoryError
 
 
 class Wrong(Exception):
@@ -32,7 +34,7 @@ class Wrong(Exception):
 
 def number(text):
     """The binary64 number nearest to a text."""
-    return Fraction(*float(text).as_integer_ratio())
+    return Fraction(float(text))
 
 
 def whole(value):
@@ -42,11 +44,14 @@ def whole(value):
     return value
 
 
-def read_table(read, proof, name):
-    """The rows of a table, which must be the one that was proven."""
+def read_table(read, proof, name, *header):
+    """The rows of a table, which must be the one that was proven and have these columns."""
     if hashlib.sha256(data := read(name)).hexdigest() != proof["sha256"][name]:
         raise Wrong(f"{name} was changed after the proof was written")
-    return list(csv.DictReader(io.StringIO(data.decode("utf-8"), newline="")))
+    top, *rows = csv.reader(io.StringIO(data.decode("utf-8"), newline=""), strict=True)
+    if top != list(header) or any(len(row) != len(header) for row in rows):
+        raise ValueError(f"{name} must have the columns {', '.join(header)}, in each row")
+    return rows
 
 
 def power(a, b, exponent, bits):
@@ -58,7 +63,7 @@ def power(a, b, exponent, bits):
         top, base = a**double.numerator << 2 * bits, b**double.numerator
         low = math.isqrt(top // base)
         return low, low + (low * low * base < top)
-    digits = 30 + (bits + max(a.bit_length() - b.bit_length(), 0) * math.ceil(exponent)) // 3
+    digits = 30 + (bits + max(a.bit_length() - b.bit_length() + 1, 0) * math.ceil(exponent)) // 3
     with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         e = decimal.Decimal(float(exponent))  # exact
         value = (e * (decimal.Decimal(a) / b).ln()).exp() * 2**bits  # each step rounded correctly
@@ -73,34 +78,35 @@ class Scene:
         given = proof["parameters"]
         self.kind, self.bits = given["distance"], whole(proof["price_bits"]) + MORE_BITS
         self.cutoff, self.order = number(given["cutoff"]), number(given["order"])
-        change = (number(given["switch_penalty"]) / self.cutoff).as_integer_ratio()
-        if self.cutoff <= 0 or self.order < 1 or change[0] < 0:
+        names, change = given["columns"], number(given["switch_penalty"]) / self.cutoff
+        scale = [number(given.get("scale", {}).get(name, 1)) for name in names]
+        turn = [s * number(given.get("periodic", {}).get(n, 0)) for n, s in zip(names, scale)]
+        if min(self.cutoff, *scale) <= 0 or min(change, *turn) < 0 or not 1 <= self.order <= 10**4:
             raise ValueError("parameters are out of range")
-        change = power(*change, self.order, self.bits)
-        self.change = change[0] // 2, -(-change[1] // 2)  # L, rounded down and up
-        tables = [read_table(read, proof, name) for name in ("truth.csv", "estimate.csv")]
-        moments = [row["t"] for table in tables for row in table]
+        self.change = power(*change.as_integer_ratio(), self.order, self.bits - 1)  # L
+        tables = [read_table(read, proof, name, "id", "t", *names) for name in STATES]
+        moments = [row[1] for table in tables for row in table]
         moments += [t for row in proof["assignment"] for t in row[2:4]]
-        self.times = sorted({*moments, *(t for _, t, _ in proof["prices"])}, key=number)
+        self.times = sorted({*moments, *(t for _, t, _ in proof["prices"])}, key=decimal.Decimal)
         self.step = {t: k for k, t in enumerate(self.times)}
-        names = given["columns"] if self.kind in CLOSED else []
         sides = [{}, {}]
         for side, table in zip(sides, tables):
-            for row in table:
-                side[row["id"], self.step[row["t"]]] = [number(row[name]) for name in names]
+            for name, t, *state in table:
+                side[name, self.step[t]] = [s * number(x) for s, x in zip(scale, state)]
         self.objects = sum(map(len, sides))
-        spelt = set(map(number, self.times))
+        spelt = set(map(decimal.Decimal, self.times))
         if self.objects < sum(map(len, tables)) or len(spelt) < len(self.times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
         self.near = collections.defaultdict(lambda: collections.defaultdict(list))
         if self.kind in CLOSED:
-            self._measure(sides, given, names)
+            self._measure(sides, turn)
         else:
-            for row in read_table(read, proof, "distances.csv"):
-                k, distance = self.step[row["t"]], number(row["distance"]) / self.cutoff
-                sides[0][row["truth"], k], sides[1][row["estimate"], k]  # both must exist
-                self._add(row["truth"], row["estimate"], k, *distance.as_integer_ratio(), 1)
+            header = ("truth", "estimate", "t", "distance")
+            for truth, estimate, t, d in read_table(read, proof, "distances.csv", *header):
+                k, ratio = self.step[t], number(d) / self.cutoff
+                sides[0][truth, k], sides[1][estimate, k]  # both must exist
+                self._add(truth, estimate, k, *ratio.as_integer_ratio(), 1)
         for costs in itertools.chain(*map(dict.values, self.near.values())):
             costs.sort()
             if any(one[0] == two[0] for one, two in itertools.pairwise(costs)):
@@ -111,23 +117,18 @@ class Scene:
         if whole(a) < b:
             self.near[truth][estimate].append((k, *power(a, b, self.order / root, self.bits)))
 
-    def _measure(self, sides, given, names):
+    def _measure(self, sides, turn):
         """All pairs of each step; points by cells as large as the cutoff."""
-        scale = [number(given.get("scale", {}).get(name, 1)) for name in names]
-        turn = [s * number(given.get("periodic", {}).get(n, 0)) for n, s in zip(names, scale)]
-        rows = [row for side in sides for row in side.values()]
-        for row in rows if any(s != 1 for s in scale) else ():
-            row[:] = [s * x for s, x in zip(scale, row)]
-        every = itertools.chain(turn, [self.cutoff], *rows)
+        every = itertools.chain(turn, [self.cutoff], *sides[0].values(), *sides[1].values())
         unit = max(x.denominator for x in every)  # powers of 2, as of all binary64 numbers
         cutoff, *turn = (int(x * unit) for x in (self.cutoff, *turn))
 
         def ratio(x, y):  # two integers, and what _add calls the root
             if self.kind == "iou":
-                ends = [min(x[n] + x[n + 2], y[n] + y[n + 2]) for n in (0, 1)]
-                wide, high = (max(end - max(x[n], y[n]), 0) for n, end in enumerate(ends))
-                union = whole(x[2]) * whole(x[3]) + whole(y[2]) * whole(y[3]) - wide * high
-                return (union - wide * high) * unit, union * cutoff, 1
+                (a, b, w, h), (e, f, v, g) = x, y
+                both = max(min(a + w, e + v) - max(a, e), 0) * max(min(b + h, f + g) - max(b, f), 0)
+                union = whole(w) * whole(h) + whole(v) * whole(g) - both
+                return (union - both) * unit, union * cutoff, 1
             apart = [abs(a - b) for a, b in zip(x, y)]
             if any(turn):
                 apart = [min(a % p, -a % p) if p else a for a, p in zip(apart, turn)]
@@ -201,7 +202,7 @@ def found_bounds(read, proof):
     """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
     scene = Scene(read, proof)
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
-    with decimal.localcontext(prec=60, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
+    with decimal.localcontext(prec=80, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
         scale = (order * cutoff.ln()).exp() / 2**scene.bits
         wide = 1 - decimal.Decimal("1e-45"), 1 + decimal.Decimal("1e-45")
@@ -213,7 +214,7 @@ def found_bounds(read, proof):
 def rounded(bounds):
     """Two bounds as texts of 17 digits, rounded outward."""
     down, up = (decimal.Context(17, way) for way in (decimal.ROUND_FLOOR, decimal.ROUND_CEILING))
-    return [str(down.plus(bounds[0])), str(up.plus(bounds[1]))]
+    return [str(down.plus(bounds[0] or 0)), str(up.plus(bounds[1] or 0))]
 
 
 def verify(read):
@@ -235,9 +236,8 @@ def main(arguments):
     if len(arguments) != 1:
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2
-    status = 0
     try:
-        text = verify(lambda name: pathlib.Path(arguments[0], name).read_bytes())
+        text, status = verify(lambda name: pathlib.Path(arguments[0], name).read_bytes()), 0
     except Wrong as error:
         text, status = error, 1
     except DAMAGED as error:

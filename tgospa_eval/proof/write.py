@@ -10,12 +10,13 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.problem.slots import changed
+from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.prices import estimate_prices, price_bits
 from tgospa_eval.proof.tables import proof_tables, times_of
 from tgospa_eval.proof.verify_tgospa import CLOSED
-from tgospa_eval.results.result import Proof
+from tgospa_eval.results.result import Compared, Proof
 
 
 def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
@@ -32,7 +33,6 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     compared = proof.compared
     tables = proof_tables(compared, proof.states.problem, proof.parameters)
     parameters = proof.parameters
-    settings = compared.settings
     bits = price_bits(proof.states, proof.bounds.lower)
     prices = estimate_prices(proof.states, proof.prices, proof.reduced, bits)
     times, truths, estimates = (
@@ -53,18 +53,7 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     document = {
         "schema": verify_tgospa.SCHEMA,
         "version": __version__,
-        "parameters": {
-            "cutoff": repr(parameters.cutoff),
-            "order": repr(parameters.order),
-            "switch_penalty": repr(parameters.switch_penalty),
-            "distance": settings["distance"],
-            "columns": list(compared.scene.columns),
-            **{
-                name: {column: repr(value) for column, value in _numbers(settings, name).items()}
-                for name in ("scale", "periodic")
-                if name in settings
-            },
-        },
+        "parameters": proof_parameters(compared, parameters),
         "price_bits": bits,
         "weight_unit": ONE,
         "sha256": {
@@ -74,6 +63,23 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     }
     document |= zip(("lower_bound", "upper_bound"), _claim(proof), strict=True)
     return {"proof.json": _json(document, lists), **tables}
+
+
+def proof_parameters(compared: Compared, parameters: Parameters) -> dict[str, object]:
+    """The parameters of the metric, as texts of the doubles used."""
+    settings = compared.settings
+    return {
+        "cutoff": repr(parameters.cutoff),
+        "order": repr(parameters.order),
+        "switch_penalty": repr(parameters.switch_penalty),
+        "distance": settings["distance"],
+        "columns": list(compared.scene.columns),
+        **{
+            name: {column: repr(value) for column, value in _numbers(settings, name).items()}
+            for name in ("scale", "periodic")
+            if name in settings
+        },
+    }
 
 
 def _claim(proof: Proof) -> list[str]:

@@ -349,6 +349,7 @@ def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | N
             with suppress(OSError):  # not empty
                 (path / folder).rmdir()
     for name in sorted(files, key=lambda name: name == kind.document):
+        (path / name).parent.mkdir(parents=True, exist_ok=True)  # if it has become empty
         os.replace(fresh / name, path / name)
     os.replace(fresh / manifest.NAME, path / manifest.NAME)
     return len(stale)

@@ -1,5 +1,6 @@
 """Proof folders of a result: one, or one for each class."""
 
+import hashlib
 import os
 from collections.abc import Mapping
 from urllib.parse import quote
@@ -15,6 +16,9 @@ FOLDER = "proof"
 
 NO_NAME = "%20"
 """Folder of objects without a class: no name is quoted so."""
+
+LONGEST = 200
+"""Characters of a name as that of a folder; file systems take 255 with the digest of the rest."""
 
 
 def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str]:
@@ -53,8 +57,13 @@ def _parts(result: Summary) -> list[tuple[str, Result, dict[str, object]]]:
 
 
 def folder_name(name: str) -> str:
-    """A name of the user's as that of a folder; different names stay different."""
-    return quote(name, safe=" ") or NO_NAME
+    """A name of the user's as that of a folder in a folder; different names stay different."""
+    text = quote(name, safe=" ")
+    if text.startswith("."):
+        text = f"%2E{text[1:]}"
+    if len(text) > LONGEST:
+        text = f"{text[:LONGEST]}%~{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    return text or NO_NAME
 
 
 def save(proof: Proof, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import csv
 import hashlib
 import json
 import sys
@@ -287,7 +288,44 @@ def test_a_distance_that_is_listed_twice_counts_once(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
-@pytest.mark.parametrize("damage", ["{", "[]", "{}", '{"schema": "tgospa-eval/proof/2"}', None])
+@pytest.mark.parametrize(
+    ("parameters", "table", "message"),
+    [
+        ({"distance": "manhattan", "periodic": {"y": "-9.0"}}, "", "out of range"),
+        ({"scale": {"y": "0.0"}}, "", "out of range"),
+        ({"scale": {"y": "-1.0"}}, "", "out of range"),
+        ({"switch_penalty": "-1.0"}, "", "out of range"),
+        ({"order": "1e60"}, "", "out of range"),
+        ({"columns": ["x"]}, "", "must have the columns id, t, x,"),
+        ({"columns": ["x", "x"]}, "", "must have the columns id, t, x, x,"),
+        ({}, "9,9,9.0,9.0,9.0\n", "in each row"),
+        ({}, '"9,9,9.0,9.0\n', "unexpected end of data"),
+        ({}, "9,0,9.0,9.0\n9,0.0,9.0,9.0\n", "spelt in two ways"),
+    ],
+)
+def test_what_is_no_metric_or_no_table_proves_nothing(
+    tmp_path: Path, parameters: Document, table: str, message: str
+) -> None:
+    """Each of these makes distances smaller, or hides rows, if it is read."""
+    truth = np.zeros((2, 1, 2))
+    document = write(evaluate(truth, truth + 1.0, 10, 2, 5), tmp_path)
+    path = tmp_path / "truth.csv"
+    path.write_text(path.read_text(encoding="utf-8") + table, encoding="utf-8")
+    document["sha256"]["truth.csv"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    document["parameters"] |= parameters
+    document |= {"lower_bound": "0", "upper_bound": "1e9"}
+    (tmp_path / "proof.json").write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises((ValueError, csv.Error), match=message):
+        verify(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        pytest.param("[" * 100_000, id="deep"),
+        *("{", "[]", "{}", '{"schema": "tgospa-eval/proof/2"}', None),
+    ],
+)
 def test_damaged_folders(
     proof: Document, tmp_path: Path, damage: str | None, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -14,9 +14,10 @@ from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.tables import difference, proof_tables
+from tgospa_eval.proof.write import proof_parameters
 from tgospa_eval.reports.proofs import FOLDER
 
 Files = tuple[str, str]
@@ -97,7 +98,7 @@ def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
 
 
 def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
-    """Whether the tables follow from the files with the options that the proof records.
+    """Whether tables and parameters follow from the files and the options that the proof records.
 
     Raises
     ------
@@ -106,10 +107,19 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
     """
     with open(os.path.join(folder, "proof.json"), encoding="utf-8") as file:
         proof = json.load(file)
-    made = run(lambda: _tables(files, proof, stopwatch), stopwatch, show=True)
+    prepared = run(lambda: _prepared(files, proof, stopwatch), stopwatch, show=True)
+    compared, parameters = prepared.compared, prepared.parameters
+    options, proven = proof_parameters(compared, parameters), proof["parameters"]
+    for name in sorted({*options, *proven}):
+        if proven.get(name) != options.get(name):
+            raise verify_tgospa.Wrong(
+                f"the parameter {name} is {proven.get(name)!r}, must be {options.get(name)!r} by "
+                "the recorded options"
+            )
+    made = proof_tables(compared, prepared.states.problem, parameters)
     for name, text in made.items():
         with open(os.path.join(folder, name), encoding="utf-8", newline="") as file:
-            problem = difference(name, file.read(), text)
+            problem = difference(name, file.read(), text, parameters.cutoff)
         if problem:
             raise verify_tgospa.Wrong(
                 f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
@@ -117,8 +127,8 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
             )
 
 
-def _tables(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> dict[str, str]:
-    """The tables as an evaluation of these files would write them."""
+def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> Prepared:
+    """What an evaluation of these files would solve."""
     options: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in proof["options"].items()
@@ -133,5 +143,4 @@ def _tables(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> dic
     if "class" in proof:
         truth, estimate = (side.of_class(proof["class"]) for side in sides)
         fitted = fit(truth, estimate, replace(request, distance=fitted.distance))
-    prepared = prepare(fitted, request, stopwatch=stopwatch)
-    return proof_tables(prepared.compared, prepared.states.problem, prepared.parameters)
+    return prepare(fitted, request, stopwatch=stopwatch)
