@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison.against import Against, against
 from tgospa_eval.comparison.runs import bracket_of, costs_of
+from tgospa_eval.evaluation.other_metrics import Others
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.records import Costs
 from tgospa_eval.results.records import PARTS, FileRecord, Time
@@ -32,8 +33,8 @@ class Outcome:
         The steps, as numbers and as they were read, and whether something exists there.
     finished, status : bool, str
         Whether the solver did what was asked, and how it ended.
-    input, against : dict, and Against or None
-        Rows and digests; per-step GOSPA.
+    input, against, others : dict, and Against and Others or None
+        Rows and digests; per-step GOSPA; other metrics.
     """
 
     bracket: Interval
@@ -47,9 +48,12 @@ class Outcome:
     status: str
     input: Mapping[str, FileRecord]
     against: Against | None = None
+    others: Others | None = None
 
 
-def outcome(result: Result, moments: Times, *, per_step: bool) -> Outcome:
+def outcome(
+    result: Result, moments: Times, *, per_step: bool, others: Others | None = None
+) -> Outcome:
     """What to keep of a result, so that the problem can go."""
     split = result.proof.breakdown
     return Outcome(
@@ -64,6 +68,7 @@ def outcome(result: Result, moments: Times, *, per_step: bool) -> Outcome:
         status=result.solver["status"],
         input=result.input,
         against=against(result) if per_step else None,
+        others=others,
     )
 
 

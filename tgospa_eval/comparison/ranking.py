@@ -20,6 +20,7 @@ from tgospa_eval.comparison.against import against_document, differences
 from tgospa_eval.comparison.brackets import EQUAL, equal, less, places
 from tgospa_eval.comparison.entrants import Entrant, durations
 from tgospa_eval.comparison.steps import joined, signs
+from tgospa_eval.evaluation.other_metrics import joined as joined_metrics
 from tgospa_eval.reports.records import (
     EstimateRecord,
     Metric,
@@ -104,7 +105,8 @@ def _entry(
         return float(np.mean([item.parts[part] for item in outcomes]))
 
     found = [against_document(item.against, order) for item in outcomes if item.against is not None]
-    return {
+    others = [item.others for item in outcomes if item.others is not None]
+    record: EstimateRecord = {
         "name": entrant.name,
         "paths": list(entrant.paths),
         "place": list(place),
@@ -138,6 +140,9 @@ def _entry(
         ],
         "per_step_gospa": cast("PerStepRecord", _means(found)) if found else None,
     }
+    if others:
+        record["with"] = joined_metrics(others)
+    return record
 
 
 def _means(found: Sequence[Mapping[str, object]]) -> dict[str, object]:

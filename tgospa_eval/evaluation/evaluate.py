@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
@@ -11,20 +12,20 @@ from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.distances import Distance, Pairs
+from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare
-from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
+from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Bounds, Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.results.records import FileInfo, SolverRecord, Timings
+from tgospa_eval.results.records import FileInfo, OtherMetrics, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -59,6 +60,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     time_tolerance: float = 0.0,
     grid: str = "union",
     curve: bool = False,
+    with_: str | Sequence[str] = (),
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -93,6 +95,9 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         Steps that count. Rows at other steps are left out, and counted in `Result.input`.
     curve : bool
         Whether to evaluate the steps up to each step as well, for `Result.curve`.
+    with_ : str or sequence of str
+        Other metrics to evaluate beside it, for `Result.with_`: ``"hota"``, ``"clear"``,
+        ``"identity"`` (these need the extra ``mot``), ``"gospa"``.
 
     Returns
     -------
@@ -123,6 +128,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
         unit=unit,
         curve=curve,
+        with_=chosen_metrics(with_),
         defaults=defaults,
     )
     fitted = fit(*sides, request)
@@ -174,7 +180,14 @@ def evaluate_fitted(
         Running clock with the time of reading.
     """
     prepared = prepare(sides, request, files=files, stopwatch=stopwatch)
-    return solve(prepared, request.solver, stopwatch, curve=request.curve)
+    others: OtherMetrics = {}
+    if request.with_:
+        from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # here: as the curve
+
+        effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
+        others = joined([other_metrics(prepared, request.with_, effort)])
+    result = solve(prepared, request.solver, stopwatch, curve=request.curve)
+    return replace(result, with_=others)
 
 
 def solve(

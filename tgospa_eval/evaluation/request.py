@@ -1,13 +1,20 @@
 """What is asked of an evaluation, whoever asks: a command line, a suite, or Python."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 
+from tgospa_eval.common.words import install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
+
+OF_TRACKEVAL = ("hota", "clear", "identity")
+OTHER_METRICS = (*OF_TRACKEVAL, "gospa")
+"""What can be evaluated beside TGOSPA, in the order in which it is shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +35,8 @@ class EvaluationRequest:
         Of the states, for printing.
     curve : bool
         Whether to evaluate the steps up to each step as well.
+    with_ : sequence of str
+        Other metrics beside it, of `OTHER_METRICS`.
     recorded : mapping of str to object
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str
@@ -45,6 +54,7 @@ class EvaluationRequest:
     time_matching: TimeMatching = field(default_factory=TimeMatching)
     unit: str | None = None
     curve: bool = False
+    with_: Sequence[str] = ()
     recorded: Mapping[str, object] = field(default_factory=dict)
     defaults: Sequence[str] = ()
 
@@ -68,3 +78,21 @@ def chosen_parameters(
     values = {name: defaults[name] if value is None else value for name, value in given.items()}
     unchosen = tuple(name for name, value in given.items() if value is None)
     return Parameters(order=order, **values), unchosen
+
+
+def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names of other metrics in our order; a text has them with commas.
+
+    Raises
+    ------
+    ConfigError
+        A name is not that of a metric, or the extra that it needs is not installed.
+    """
+    asked = [part.strip() for part in names.split(",")] if isinstance(names, str) else list(names)
+    for name in asked:
+        if name not in OTHER_METRICS:
+            raise ConfigError(f"--with {quoted(name)}: must be of {', '.join(OTHER_METRICS)}")
+    lacking = [name for name in OF_TRACKEVAL if name in asked]
+    if lacking and find_spec("trackeval") is None:
+        raise ConfigError(f"--with {','.join(lacking)}: needs the extra mot: {install('mot')}")
+    return tuple(name for name in OTHER_METRICS if name in asked)

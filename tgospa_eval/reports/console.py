@@ -1,11 +1,13 @@
 """The table for a terminal: 80 columns, no colour, plain ASCII but for the user's own words."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.words import sizes_in_words
+from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS, Time
 from tgospa_eval.results.summary import Summary
@@ -37,6 +39,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "worst": worst,
         "switches": _switches,
         "curve": _curve,
+        "others": _others,
         "footer": _footer,
     }
     return {name: list(map(visible, make(result))) for name, make in makers.items()}
@@ -158,6 +161,15 @@ def _curve(result: Summary) -> Iterator[str]:
     yield first_line
     for time, line in zip(times, lines, strict=True):
         yield from (line,) if first <= most else (f"  {time}", line)
+
+
+def _others(result: Summary) -> Iterator[str]:
+    if not result.with_:
+        return
+    found = other_table(result.with_)
+    rows = [(*row, f"  {beside}") for *row, beside in found.rows]
+    yield from map(clip, text_lines(replace(found, rows=rows)))
+    yield from wrap("".join(f"  {text}" for text in similarity(result.with_)), "  ")
 
 
 def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:

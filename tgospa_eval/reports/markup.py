@@ -5,6 +5,7 @@ from dataclasses import replace
 from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import headline
+from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.tables import Row, Table, latex_lines, markdown_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
@@ -25,6 +26,10 @@ def _table(result: Summary) -> Table:
     return Table(head=("cost", None, "share %", "count"), rows=rows)
 
 
+def _others(result: Summary) -> list[Table]:
+    return [other_table(result.with_)] if result.with_ else []
+
+
 def _title(result: Summary) -> tuple[str, str]:
     p = result.proof.parameters
     parameters = f"(c = {p.cutoff:g}, p = {p.order:g}, gamma = {p.switch_penalty:g})"
@@ -35,14 +40,17 @@ def markdown(result: Summary) -> str:
     """A Markdown table with the headline above it."""
     title, parameters = _title(result)
     warnings = [f"> {escape.markdown(str(notice))}" for notice in result.warnings]
-    lines = "\n".join(markdown_lines(_table(result)))
-    return "\n\n".join([f"**{escape.markdown(title)}** {parameters}", lines, *warnings]) + "\n"
+    tables = ["\n".join(markdown_lines(table)) for table in (_table(result), *_others(result))]
+    words = [*map(escape.markdown, similarity(result.with_)), *warnings]
+    return "\n\n".join([f"**{escape.markdown(title)}** {parameters}", *tables, *words]) + "\n"
 
 
 def latex(result: Summary) -> str:
     """A booktabs table with a comment that says how the number was proven."""
-    words = map(escape.latex_comment, [" ".join(_title(result)), *map(str, result.warnings)])
+    notes = (*map(str, result.warnings), *similarity(result.with_))
+    words = map(escape.latex_comment, [" ".join(_title(result)), *notes])
     table, head = _table(result), ("cost", None, "share (%)", "count")
     last, rows = len(table.rows), [*table.rows, ("TGOSPA", number(result.tgospa))]
     table = replace(table, head=head, rows=rows, ruled=(last - 1, last))
-    return "\n".join([*words, *latex_lines(table)]) + "\n"
+    lines = [line for each in (table, *_others(result)) for line in latex_lines(each)]
+    return "\n".join([*words, *lines]) + "\n"

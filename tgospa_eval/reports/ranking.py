@@ -7,6 +7,7 @@ from dataclasses import replace
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
+from tgospa_eval.reports.other_metrics import compared_table, direction, other_columns
 from tgospa_eval.reports.phrases import (
     SPLIT_NOTE,
     TO_RANK,
@@ -58,6 +59,7 @@ def estimates_document(document: RankingRecord) -> Document:
                 ],
             ),
             *_against_tables(document),
+            *_other_tables(document),
         ],
         notes=list(_notes(document)),
         warnings=[str(Notice(**record)) for record in document["warnings"]],
@@ -67,7 +69,7 @@ def estimates_document(document: RankingRecord) -> Document:
 def estimates_paper(document: RankingRecord) -> Document:
     """What goes into a paper: roots per step, RMS over runs."""
     page = estimates_document(document)
-    return replace(page, tables=[_normalised_table(document)], notes=())
+    return replace(page, tables=[_normalised_table(document), *_other_tables(document)], notes=())
 
 
 def estimates_columns(document: RankingRecord) -> Columns:
@@ -86,7 +88,7 @@ def estimates_columns(document: RankingRecord) -> Columns:
         for rule in RULES:
             names = ("switches", "halves", "total", "mean")
             table |= columns([step[rule] for step in steps], names, f"{rule}_")
-    return table
+    return table | other_columns([item.get("with", {}) for item in items])
 
 
 def pairs_columns(document: RankingRecord) -> Columns:
@@ -149,6 +151,8 @@ def _what(document: RankingRecord) -> str:
         return f"Ranking of {count} estimates; {TO_STUDY}"
     if document["estimates"][0]["per_step_gospa"] is not None:
         return f"TGOSPA beside per-step GOSPA for one estimate; {TO_RANK}"
+    if document["runs"] == 1:
+        return f"TGOSPA beside other metrics for one estimate; {TO_RANK}"
     return f"Mean over the runs of one estimate; {TO_RANK}"
 
 
@@ -252,6 +256,13 @@ def _against_tables(document: RankingRecord) -> Iterator[Table]:
     )
 
 
+def _other_tables(document: RankingRecord) -> Iterator[Table]:
+    items = document["estimates"]
+    return compared_table(
+        [item["name"] for item in items], [item.get("with", {}) for item in items]
+    )
+
+
 def _notes(document: RankingRecord) -> Iterator[str]:
     estimates = document["estimates"]
     for item in estimates:
@@ -274,6 +285,7 @@ def _notes(document: RankingRecord) -> Iterator[str]:
         yield name + sentence
     if estimates[0]["per_step_gospa"] is not None:
         yield TIES
+    yield from direction(estimates[0].get("with", {}))
 
 
 def _between(low: float, high: float, sign: str = "") -> str:

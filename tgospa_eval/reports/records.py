@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Literal, NotRequired, TypedDict
 
+from tgospa_eval.results.records import OtherMetrics
+
 Warnings = list[dict[str, str]]
 Rule = Literal["stone_soup", "mathworks"]
 
@@ -152,7 +154,11 @@ class PerStepRecord(TypedDict):
     mathworks: RuleRecord
 
 
-class EstimateRecord(Costs):
+Beside = TypedDict("Beside", {"with": NotRequired[OtherMetrics]})
+"""Of one estimate: other metrics, over all its runs."""
+
+
+class EstimateRecord(Costs, Beside):
     """One estimate, mean over its runs."""
 
     name: str

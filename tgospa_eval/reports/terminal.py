@@ -42,6 +42,7 @@ def report(result: Summary, encoding: str) -> str:
         "scale": map(Text, named["scale"]),
         "worst": map(Text, named["worst"]),
         "switches": map(Text, named["switches"]),
+        "others": map(Text, named["others"]),
         "footer": _dim(named["footer"]),
     }
     with console.capture() as captured:

@@ -20,6 +20,7 @@ from tgospa_eval.results.records import (
     Costs,
     FileRecord,
     Labels,
+    OtherMetrics,
     SolverRecord,
     Timings,
 )
@@ -58,6 +59,8 @@ class Numbers(ABC):
         What looks wrong, with `code`, `text` and `remedy`.
     files : dict
         Paths of truth and estimate as they were given; None of what was no file.
+    with_ : dict
+        Other metrics, those that were asked for: numbers by metric and name.
     """
 
     proof: Costs
@@ -72,6 +75,7 @@ class Numbers(ABC):
     traced: Curve | None = None
     warnings: tuple[Notice, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
+    with_: OtherMetrics = field(default_factory=dict)
 
     @cached_property
     def scale(self) -> float:

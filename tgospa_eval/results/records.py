@@ -74,6 +74,10 @@ class SolverRecord(TypedDict):
     history: list[dict[str, float]]
 
 
+OtherMetrics = Mapping[str, Mapping[str, float]]
+"""Numbers of other metrics, by metric and name; with the similarity that they compare."""
+
+
 class FileRecord(TypedDict):
     """The file of a side in the document of a result."""
 
@@ -124,6 +128,7 @@ class Timings(TypedDict):
     report: float
     total: float
     curve: NotRequired[float]
+    other_metrics: NotRequired[float]
     nanoseconds_per_state: NotRequired[float]
 
 

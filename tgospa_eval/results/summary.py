@@ -5,7 +5,7 @@ What draws and writes is imported when it is asked for.
 
 import math
 from abc import ABC
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -37,7 +37,7 @@ PUBLIC = (
     *(*NUMBERS, *SPLIT_PARTS, "within_rounding"),
     *("counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
-    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
+    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve", "with_"),
     *("metrics", "to_dict", "to_json", "to_html", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_worst"),
 )
@@ -64,6 +64,7 @@ class Summary(Numbers, ABC):
         return {
             **({} if self.split is None else parts),
             **curve,
+            **({"with": self.with_} if self.with_ else {}),
             "schema": RESULT_SCHEMA,
             "tgospa": self.tgospa,
             "total": self.total,
@@ -98,10 +99,15 @@ class Summary(Numbers, ABC):
         ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
         ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
-        ``localisation_mean`` and ``localisation_spread``.
+        ``localisation_mean`` and ``localisation_spread``; other metrics that were asked for as
+        ``with.hota.HOTA``.
         """
         names = [*NUMBERS, *(() if self.split is None else SPLIT_PARTS)]
-        groups = {"counts": self.counts, "normalised": self.normalised}
+        groups: dict[str, Mapping[str, float]] = {
+            "counts": self.counts,
+            "normalised": self.normalised,
+            **{f"with.{name}": numbers for name, numbers in self.with_.items()},
+        }
         return {name: float(getattr(self, name)) for name in names} | {
             f"{group}.{name}": value
             for group, found in groups.items()

@@ -8,7 +8,7 @@ from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option, option
-from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS
+from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS, WITH
 from tgospa_eval.cli.simulate.command import SCENARIOS
 from tgospa_eval.errors import ExitStatus
 
@@ -20,7 +20,7 @@ ELSEWHERE = {"solver", "epsilon", "by", "seed"}  # by: hidden, for it may come f
 
 OF_STUDIES = {"targets", "steps", "runs", "scenario", "area", "seed"}
 SHARED = [item for item in EVALUATION if item.key not in ELSEWHERE]
-OF_FILES = {"against", "unit", "by"} | {
+OF_FILES = {"against", "unit", "by", "with_"} | {
     str(item.name) for item in SHARED if item.section in ("Files", "Filters")
 }
 """Parameters that mean nothing in the other case."""
@@ -90,6 +90,7 @@ COMPARE_OUTPUT = (
         section="Output",
         type=PATH,
     ),
+    WITH,
     option("--by class", "", section="Filters", type=click.Choice(("class",)), hidden=True),
     option("--force", "Write into a folder with other files in it.", section="Output"),
     CONFIG_FILE,
@@ -115,6 +116,7 @@ def command(
       tgospa-eval compare 'run*/truth.csv' 'run*/a.csv' 'run*/b.csv'
       tgospa-eval compare truth.csv a.csv                         solvers
       tgospa-eval compare truth.csv a.csv --against per-step-gospa
+      tgospa-eval compare truth.csv a.csv b.csv --with hota,identity
       tgospa-eval compare --simulate -o study                     scaling study
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached, or
@@ -162,7 +164,7 @@ def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:
     """A ranking, or solvers on one pair; whether all did what was asked, and agree."""
     from tgospa_eval.cli.compare.files import is_pattern
 
-    if len(files) > 2 or options.per_step or any(map(is_pattern, files)):
+    if len(files) > 2 or options.beside or any(map(is_pattern, files)):
         from tgospa_eval.cli.compare.ranking import compare_estimates
 
         return compare_estimates(files[0], files[1:], options)

@@ -12,8 +12,10 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, Outcome, outcome
 from tgospa_eval.comparison.ranking import document
 from tgospa_eval.comparison.steps import StepCosts, steps_columns, steps_costs
+from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import solve
+from tgospa_eval.evaluation.other_metrics import other_metrics
 from tgospa_eval.plots.comparison import estimate_pictures
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.ranking import opposed, pairs_columns
@@ -113,6 +115,10 @@ def _outcomes(
             break
         with stopwatch.progress.part(path, done, count):
             prepared = pairs.prepared(truth, path, named=count > 1)
+            others = None
+            if pairs.settings.with_:
+                effort = Effort(jobs=solver.jobs, stopwatch=stopwatch)
+                others = other_metrics(prepared, pairs.settings.with_, effort)
             result = solve(prepared, solver, stopwatch)
-            found[k].append(outcome(result, prepared.moments, per_step=per_step))
+            found[k].append(outcome(result, prepared.moments, per_step=per_step, others=others))
     return found, cast("Metric", result.settings)

@@ -52,6 +52,11 @@ class CompareOptions(Values):
         """Whether per-step GOSPA is shown beside TGOSPA."""
         return self.against is not None
 
+    @property
+    def beside(self) -> bool:
+        """Whether anything is shown beside TGOSPA."""
+        return self.per_step or self.evaluation.with_ is not None
+
     def settings(self) -> Settings:
         """The records that the options ask for."""
         return make_settings(self.evaluation, self.output)

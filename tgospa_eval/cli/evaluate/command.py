@@ -5,7 +5,7 @@ from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb, words
 from tgospa_eval.cli.shared.option import PATH, Option
-from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT
+from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, WITH
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.errors import ExitStatus
 
@@ -34,6 +34,7 @@ class Files(Verb):
     params=[
         *EVALUATION,
         *OUTPUT,
+        WITH,
         Option(
             "--sweep NAME=VALUES",
             "Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values "
@@ -72,7 +73,7 @@ def command(
       tgospa-eval truth.csv estimate.csv -o results
       tgospa-eval truth.csv estimate.csv --columns id=track,t=time_s,x=px,y=py
       tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
-      tgospa-eval gt.txt results.txt --distance iou
+      tgospa-eval gt.txt results.txt --distance iou --with hota,clear,identity
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
@@ -85,6 +86,12 @@ def command(
     if "proof" in typed and (sweep or output.output is None):
         raise click.UsageError(
             f"--proof is for {'one evaluation' if sweep else 'the folder of -o'}"
+        )
+    if chosen.with_ is not None and (sweep or chosen.by):
+        raise click.UsageError(
+            "--with is for one evaluation, not for --sweep"
+            if sweep
+            else "--with takes all rows together, not --by class; choose one class by --class NAME"
         )
     from tgospa_eval.cli.evaluate.output import show
     from tgospa_eval.cli.evaluate.run import evaluate_files

@@ -201,6 +201,14 @@ UNIT = _output("--unit TEXT", "Unit of the states, printed beside values: m. No 
 
 EVALUATION = (*METRIC, *FILE_OPTIONS, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
 
+WITH = Option(
+    "--with NAMES",
+    "Other metrics beside TGOSPA: hota, clear (MOTA), identity (IDF1), which need the extra mot; "
+    "gospa, of each step by itself. Several with commas.",
+    name="with_",
+    section="Output",
+)
+
 CONFIG_FILE = Option(
     "--config FILE",
     "Read settings from a TOML file; the keys are the names of these options.",

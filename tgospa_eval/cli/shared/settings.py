@@ -9,7 +9,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Fitted, fit
-from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
+from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
 from tgospa_eval.problem.tgospa import Parameters
@@ -45,6 +45,8 @@ class Settings:
         Record of settings.
     curve : bool
         Whether the steps up to each step are asked for as well.
+    with_ : tuple of str
+        Other metrics beside it.
     """
 
     parameters: Parameters
@@ -57,6 +59,7 @@ class Settings:
     defaults: tuple[str, ...]
     solver: Solver
     curve: bool
+    with_: tuple[str, ...]
 
     @property
     def recorded(self) -> dict[str, object]:
@@ -161,6 +164,7 @@ class Settings:
             time_matching=self.time_matching,
             unit=self.unit,
             curve=self.curve,
+            with_=self.with_,
             recorded=self.recorded,
             defaults=self.defaults,
         )
@@ -234,6 +238,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         unit=options.unit,
         solver=_solver(options),
         curve=options.curve,
+        with_=() if options.with_ is None else chosen_metrics(options.with_),
     )
 
 

@@ -54,6 +54,7 @@ class EvaluationOptions(Values):
     time_limit: float | None = None
     jobs: int | None = None
     curve: bool = False
+    with_: str | None = None
     fix_cov: bool = False
     missing_cov: str = "error"
     mixed: str = "error"
@@ -77,7 +78,7 @@ class EvaluationOptions(Values):
         return {
             field.name: getattr(self, field.name)
             for field in fields(self)
-            if field.name not in ("jobs", "max_input", "curve", "sides")
+            if field.name not in ("jobs", "max_input", "curve", "with_", "sides")
             if getattr(self, field.name) != field.default
         }
 

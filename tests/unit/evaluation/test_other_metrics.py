@@ -1,0 +1,194 @@
+"""HOTA, CLEAR, Identity and per-step GOSPA: worked by hand, and by TrackEval alone."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from answer import Answer
+from trackeval.metrics import CLEAR, HOTA, Identity
+
+from tgospa_eval import evaluate
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation import request
+
+Write = Callable[[str, str], str]
+Invoke = Callable[..., Answer]
+
+TRUTH = "id,t,x\n" + "".join(f"1,{t},0\n" for t in (1, 2, 3, 4))
+ESTIMATE = "id,t,x\n7,1,0\n7,2,0\n8,3,0.46\n9,4,100\n"
+"""With c = 1 the similarities 1 - d / 2 of the one truth are 1, 1, 0.77, and 0 at the last step."""
+
+THREE, TWO = 15, 4
+"""Thresholds up to 0.75, where three states match; and from 0.80, where two do."""
+
+
+def known(write: Write, **options: Any) -> dict[str, Any]:
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    with_ = "gospa,identity,clear,hota"
+    result = evaluate(*paths, cutoff=1, order=1, switch_penalty=1, with_=with_, **options)
+    return json.loads(result.to_json())["with"]  # type: ignore[no-any-return]
+
+
+def test_clear_by_hand(write: Write) -> None:
+    """MOTA = 1 - (1 missed + 1 false + 1 switch) / 4; MOTP = mean similarity of the matches."""
+    found = known(write)["clear"]
+    assert (found["CLR_TP"], found["CLR_FN"], found["CLR_FP"], found["IDSW"]) == (3, 1, 1, 1)
+    assert found["MOTA"] == 1 - 3 / 4
+    assert found["MOTP"] == pytest.approx((1 + 1 + 0.77) / 3)
+    assert (found["MT"], found["PT"], found["ML"], found["Frag"]) == (0, 1, 0, 0)
+
+
+def test_identity_by_hand(write: Write) -> None:
+    """The truth is best given to 7, with two of four steps: IDF1 = 2 * 2 / (2 * 2 + 2 + 2)."""
+    found = known(write)["identity"]
+    assert (found["IDTP"], found["IDFN"], found["IDFP"]) == (2, 2, 2)
+    assert (found["IDF1"], found["IDP"], found["IDR"]) == (0.5, 0.5, 0.5)
+
+
+def test_hota_by_hand(write: Write) -> None:
+    """HOTA = root of DetA AssA at each threshold, then the mean over thresholds.
+
+    Three matches: DetA = 3 / (3 + 1 + 1). Of 7 there are 2 among 4 rows of truth or 7, of 8 is
+    1 of 4: AssA = (2 * 2/4 + 1/4) / 3 = 5/12. Two: DetA = 2 / (2 + 2 + 2), AssA = 2/4.
+    """
+    found = known(write)["hota"]
+
+    def mean(three: float, two: float) -> float:
+        return (THREE * three + TWO * two) / (THREE + TWO)
+
+    assert found["DetA"] == pytest.approx(mean(3 / 5, 1 / 3))
+    assert found["AssA"] == pytest.approx(mean(5 / 12, 1 / 2))
+    assert found["HOTA"] == pytest.approx(mean(math.sqrt(3 / 5 * 5 / 12), math.sqrt(1 / 3 * 1 / 2)))
+    assert found["LocA"] == pytest.approx(mean(2.77 / 3, 1))
+
+
+def test_gospa_by_hand(write: Write) -> None:
+    """Order 1: errors of 0.46, and c / 2 each for the missed and the false one."""
+    assert known(write)["gospa"] == pytest.approx(
+        {"localisation": 0.46, "missed": 0.5, "false": 0.5, "total": 1.46}
+    )
+
+
+@pytest.mark.parametrize("cutoff", ["0.5", "1"])
+def test_boxes_match_by_their_overlap_whatever_the_cutoff(
+    write: Write, invoke: Invoke, cutoff: str
+) -> None:
+    """Boxes of width 10 moved by 2 and by 5: IoU 8/12, which matches, and 5/15, which does not.
+
+    HOTA: up to 0.30 both match, and it is 1; up to 0.65 one of two, DetA = AssA = 1/3; then 0.
+    """
+    head = "id,t,left,top,width,height\n"
+    truth = write("t.csv", f"{head}1,1,0,0,10,10\n1,2,0,0,10,10\n")
+    estimate = write("e.csv", f"{head}7,1,2,0,10,10\n7,2,5,0,10,10\n")
+    answer = invoke(truth, estimate, "--distance", "iou", "-c", cutoff, "--format", "json", "-q",
+                    "--with", "hota,clear,identity")  # fmt: skip
+    found = json.loads(answer.out)["with"]
+    assert found["similarity"] == {"zero": 1, "threshold": 0.5}
+    assert found["clear"]["MOTP"] == pytest.approx(8 / 12)
+    assert (found["clear"]["MOTA"], found["identity"]["IDF1"]) == (1 - 2 / 2, 2 / 4)
+    assert found["hota"]["HOTA"] == pytest.approx((6 + 7 / 3) / 19)
+
+
+def scene(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Two sets of tracks with holes, (T, k, 2); one of each never exists."""
+    truth = rng.uniform(0, 20, (12, 5, 2))
+    estimate = np.concatenate((truth + rng.normal(0, 2, truth.shape), truth[:, :2]), axis=1)
+    for side in (truth, estimate):
+        side[rng.random(side.shape[:2]) < 0.3] = np.nan
+        side[:, 1] = np.nan
+    truth[5] = estimate[8] = np.nan
+    return truth, estimate
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_same_numbers_as_by_all_pairs(seed: int) -> None:
+    """What TrackEval makes of matrices of all distances, none of them searched for."""
+    sides, c = scene(np.random.default_rng(seed)), 3.0
+    there = [~np.isnan(side[:, :, 0]) for side in sides]
+    ids = [[np.cumsum(own.any(axis=0))[row] - 1 for row in own] for own in there]
+    data: dict[str, Any] = {
+        "num_timesteps": 12,
+        "gt_ids": ids[0],
+        "tracker_ids": ids[1],
+        "similarity_scores": [
+            np.maximum(0, 1 - np.linalg.norm(x[a][:, None] - y[b], axis=2) / (2 * c))
+            for x, y, a, b in zip(*sides, *there, strict=True)
+        ],
+    }
+    for name, own in zip(("gt", "tracker"), there, strict=True):
+        data |= {f"num_{name}_ids": own.any(axis=0).sum(), f"num_{name}_dets": own.sum()}
+    quiet = {"PRINT_CONFIG": False}
+    metrics = {"hota": HOTA(), "clear": CLEAR(quiet), "identity": Identity(quiet)}
+    found = evaluate(*sides, cutoff=c, switch_penalty=1, with_=tuple(metrics)).with_
+    for name, metric in metrics.items():
+        expected = metric.eval_sequence(data)
+        for field, value in found[name].items():
+            assert value == pytest.approx(np.mean(expected[field]), abs=1e-12), (name, field)
+
+
+def test_runs_are_joined_by_their_counts(tmp_path: Path, invoke: Invoke) -> None:
+    """4 states with three faults and 2 without: MOTA = 1 - 3/6, not the mean of 1/4 and 1."""
+    for run, truth, estimate in (("1", TRUTH, ESTIMATE), ("2", "id,t,x\n1,1,0\n1,2,0\n", None)):
+        folder = tmp_path / f"run{run}"
+        folder.mkdir()
+        (folder / "t.csv").write_text(truth, encoding="utf-8")
+        (folder / "a.csv").write_text(estimate or truth, encoding="utf-8")
+    args = ("compare", f"{tmp_path}/run*/t.csv", f"{tmp_path}/run*/a.csv", "-c", "1", "-p", "1",
+            "-g", "1", "-q", "--with", "clear,gospa,identity", "--format")  # fmt: skip
+    document = json.loads(invoke(*args, "json").out)
+    (item,) = document["estimates"]
+    assert item["with"]["clear"]["MOTA"] == 1 - 3 / 6
+    assert item["with"]["identity"]["IDF1"] == 2 * 4 / (2 * 4 + 2 + 2)
+    assert item["with"]["gospa"]["total"] == pytest.approx(1.46 / 2)
+    head, row = (line.split(",") for line in invoke(*args, "csv").out.splitlines())
+    assert float(row[head.index("clear_MOTA")]) == 0.5
+
+
+@pytest.mark.parametrize("form", ["table", "markdown", "latex"])
+def test_what_is_printed(write: Write, invoke: Invoke, form: str) -> None:
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    options = ("-c", "1", "-p", "1", "-g", "1", "-q", "--format", form)
+    plain = invoke(*paths, *options)
+    answer = invoke(*paths, *options, "--with", "clear,gospa")
+    assert (answer.status, plain.status) == (0, 0)
+    assert "MOTA" not in plain.out
+    for part in ("25.00", "MOTP 92.33", "GOSPA", "1.46", "d <= 1" if form != "markdown" else "d "):
+        assert part in answer.out
+    assert "HOTA" not in answer.out
+    ranked = invoke("compare", *paths, write("f.csv", TRUTH), *options, "--with", "clear,gospa")
+    assert [text in ranked.out for text in ("MOTA", "GOSPA", "IDF1")] == [True, True, False]
+
+
+def test_wrong_uses(write: Write, invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    for words, text in (
+        (["--with", "mota"], '--with "mota": must be of hota, clear, identity, gospa'),
+        (["--with", "hota", "--by", "class"], "choose one class by --class NAME"),
+        (["--with", "hota", "--sweep", "c=1,2"], "not for --sweep"),
+    ):
+        answer = invoke(*paths, *words)
+        assert answer.status == 2
+        assert text in answer.err
+    with pytest.raises(ConfigError, match=r'^with_ "x"'):
+        evaluate(*paths, with_=["x"])
+    monkeypatch.setattr(request, "find_spec", lambda _: None)
+    for verb in ([], ["compare"]):
+        answer = invoke(*verb, *paths, "--with", "clear,gospa,hota")
+        assert answer.status == 2
+        assert "--with hota,clear: needs the extra mot: " in answer.err
+        assert 'pip install "tgospa-eval[mot]"' in answer.err
+    assert invoke(*paths, "--with", "gospa").status == 0
+
+
+def test_empty_sides(write: Write) -> None:
+    """As TrackEval has it: nothing is missed, and nothing is found."""
+    truth, empty = write("t.csv", TRUTH), write("e.csv", "id,t,x\n")
+    result = evaluate(truth, empty, cutoff=1, with_=("clear", "hota", "identity"))
+    found = result.with_
+    assert result.metrics()["with.clear.CLR_FN"] == 4
+    assert found["clear"]["CLR_FN"] == found["identity"]["IDFN"] == 4
+    assert (found["hota"]["HOTA"], found["clear"]["MOTA"]) == (0, 0)

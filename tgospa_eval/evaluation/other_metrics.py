@@ -1,0 +1,181 @@
+"""Other metrics beside TGOSPA: HOTA, CLEAR (MOTA) and Identity (IDF1), and per-step GOSPA.
+
+The first three are computed by the classes of TrackEval, on similarities of the states of a step,
+
+    s = max(0, 1 - d / z),   z = 1 for boxes, where s is the IoU, and z = 2 c for all other states,
+
+as TrackEval has it for points. A pair matches for CLEAR and Identity where s >= 1/2: an IoU of 1/2,
+or d <= c. HOTA is the mean over the thresholds 0.05, 0.10, ..., 0.95 of s. They are no
+costs, and nothing of them is proven.
+"""
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+
+from tgospa_eval.distances import Effort, Pairs
+from tgospa_eval.distances.base import Sides
+from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.problem.gospa import per_step_gospa
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.results.records import OtherMetrics
+
+THRESHOLD = 0.5
+"""Similarity from which a pair matches, in CLEAR and Identity."""
+
+FIELDS = {
+    "hota": ("HOTA", "DetA", "AssA", "DetRe", "DetPr", "AssRe", "AssPr", "LocA"),
+    "clear": (
+        *("MOTA", "MOTP", "MODA", "CLR_Re", "CLR_Pr", "CLR_TP", "CLR_FN", "CLR_FP", "IDSW"),
+        *("MT", "PT", "ML", "Frag"),
+    ),
+    "identity": ("IDF1", "IDR", "IDP", "IDTP", "IDFN", "IDFP"),
+}
+"""What is kept of each metric, by the names of TrackEval; of arrays over thresholds the mean."""
+
+Found = Mapping[str, Any]
+"""What TrackEval returns of one sequence: numbers and arrays by name."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Others:
+    """Other metrics of one evaluation, in the form in which several can be joined.
+
+    Parameters
+    ----------
+    found : mapping
+        What TrackEval returned, by metric.
+    gospa : mapping of str to float, optional
+        Per-step GOSPA, summed: total, localisation, missed, false.
+    zero : float
+        Distance at which the similarity is 0.
+    """
+
+    found: Mapping[str, Found]
+    gospa: Mapping[str, float] | None
+    zero: float
+
+
+def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> Others:
+    """Metrics by name, of two sides as they are compared.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The problem; filters, grid and joined stamps hold for these metrics as well.
+    names : sequence of str
+        Of `evaluation.request.OTHER_METRICS`.
+    effort : Effort
+        How to search for pairs, and the clock.
+    """
+    cutoff = prepared.parameters.cutoff
+    zero = 1.0 if prepared.distance.name == "iou" else 2 * cutoff
+    asked = [name for name in names if name in FIELDS]
+    found = {}
+    with effort.stopwatch.span("other_metrics"):
+        if asked:
+            pairs = prepared_pairs(prepared.sides, zero, prepared.distance, effort)
+            data = _sequence(prepared.sides, pairs, zero)
+            found = {name: _metric(name).eval_sequence(data) for name in asked}
+        gospa = _gospa(prepared) if "gospa" in names else None
+    return Others(found=found, gospa=gospa, zero=zero)
+
+
+def joined(others: Sequence[Others]) -> OtherMetrics:
+    """The record of one evaluation, or of several as one.
+
+    Several are joined as TrackEval joins sequences: matches are counted over all of them, and what
+    is a ratio is one of these sums. Costs of GOSPA are means, as all costs of several runs are.
+    """
+    first = others[0]
+    record: dict[str, dict[str, float]] = {}
+    for name in first.found:
+        each = [other.found[name] for other in others]
+        every = each[0]
+        if len(each) > 1:
+            every = _metric(name).combine_sequences({str(k): item for k, item in enumerate(each)})
+        record[name] = {key: _plain(every[key]) for key in FIELDS[name]}
+    if first.gospa is not None:
+        costs = [other.gospa for other in others if other.gospa is not None]
+        record["gospa"] = {
+            key: float(np.mean([cost[key] for cost in costs])) for key in first.gospa
+        }
+    if first.found:
+        record["similarity"] = {"zero": first.zero, "threshold": THRESHOLD}
+    return record
+
+
+def _plain(value: Any) -> float:
+    """A number of Python: counts stay whole, of an array the mean."""
+    mean = np.mean(value) if np.ndim(value) else value
+    return int(mean) if float(mean).is_integer() and not np.ndim(value) else float(mean)
+
+
+def _gospa(prepared: Prepared) -> dict[str, float]:
+    problem, parameters = prepared.states.problem, prepared.parameters
+    scale = parameters.cutoff**parameters.order
+    step = per_step_gospa(problem)
+    parts = {"localisation": step.localisation, "missed": step.missed, "false": step.false}
+    return {
+        "total": scale * float(step.total.sum()),
+        **{name: scale * float(part.sum()) for name, part in parts.items()},
+    }
+
+
+def _metric(name: str) -> Any:
+    """The metric of TrackEval; it prints as it is imported where libraries are missing."""
+    with redirect_stdout(io.StringIO()):
+        from trackeval.metrics import CLEAR, HOTA, Identity  # here: of an extra
+    if name == "hota":
+        return HOTA()
+    make: Callable[[dict[str, object]], Any] = CLEAR if name == "clear" else Identity
+    return make({"THRESHOLD": THRESHOLD, "PRINT_CONFIG": False})
+
+
+class _Similarities(Sequence[Floats]):
+    """The matrix of each step, made when it is asked for: all of them together may be large."""
+
+    def __init__(self, sides: Sides, pairs: Pairs, zero: float) -> None:
+        steps = np.arange(len(sides[0].times) + 1)
+        self.starts = [np.searchsorted(side.step, steps) for side in sides]
+        self.first = np.searchsorted(pairs.truth_row, self.starts[0])
+        self.pairs, self.zero = pairs, zero
+
+    def __len__(self) -> int:
+        return len(self.first) - 1
+
+    @overload
+    def __getitem__(self, step: int) -> Floats: ...
+    @overload
+    def __getitem__(self, step: slice) -> "Sequence[Floats]": ...
+    def __getitem__(self, step: int | slice) -> "Floats | Sequence[Floats]":
+        if isinstance(step, slice):
+            return [self[k] for k in range(len(self))[step]]
+        near = slice(self.first[step], self.first[step + 1])
+        matrix = np.zeros([start[step + 1] - start[step] for start in self.starts])
+        row = self.pairs.truth_row[near] - self.starts[0][step]
+        column = self.pairs.estimate_row[near] - self.starts[1][step]
+        matrix[row, column] = 1 - self.pairs.distance[near] / self.zero
+        return matrix
+
+
+def _sequence(sides: Sides, pairs: Pairs, zero: float) -> dict[str, object]:
+    """One sequence as the metrics of TrackEval take it; tracks without a row do not count."""
+    similarities = _Similarities(sides, pairs, zero)
+    data: dict[str, object] = {
+        "num_timesteps": len(similarities),
+        "similarity_scores": similarities,
+    }
+    for name, side, start in zip(("gt", "tracker"), sides, similarities.starts, strict=True):
+        ids, track = np.unique(side.track, return_inverse=True)
+        data |= {
+            f"num_{name}_ids": len(ids),
+            f"num_{name}_dets": len(track),
+            f"{name}_ids": np.split(track, start[1:-1]),
+        }
+    return data

@@ -1,0 +1,95 @@
+"""Other metrics beside TGOSPA, as rows of tables. Knows no numbers but those of the document."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from tgospa_eval.common.figures import number
+from tgospa_eval.reports.tables import Row, Table
+from tgospa_eval.results.records import Columns, OtherMetrics
+
+PARTS = {
+    "hota": ("HOTA", ("DetA", "AssA", "LocA")),
+    "clear": ("MOTA", ("MOTP", "CLR_FN", "CLR_FP", "IDSW")),
+    "identity": ("IDF1", ("IDP", "IDR")),
+    "gospa": ("total", ("localisation", "missed", "false")),
+}
+"""Of each metric the value, and what stands beside it."""
+
+COMPARED = {
+    "hota": ("HOTA", "DetA", "AssA"),
+    "clear": ("MOTA", "MOTP", "IDSW"),
+    "identity": ("IDF1",),
+    "gospa": ("total",),
+}
+"""What a ranking shows of each."""
+
+SHORT = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
+COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
+COSTS = {"total", "localisation", "missed", "false"}
+LOW = {"IDSW", "total"}
+"""Of what is shown in a ranking: the lower the better, as TGOSPA; all else is the other way."""
+
+
+def other_table(found: OtherMetrics) -> Table:
+    """A row for each metric of one evaluation."""
+    rows: list[Row] = []
+    for name, (main, parts) in PARTS.items():
+        if name in found:
+            beside = ", ".join(f"{_short(part)} {_value(part, found[name])}" for part in parts)
+            best = "low" if main in LOW else "high"
+            rows.append((_short(main), _value(main, found[name]), best, beside))
+    return Table(head=("other metrics", "value", "best", None), rows=rows, align="lrrl")
+
+
+def similarity(found: OtherMetrics) -> Iterator[str]:
+    """What HOTA, MOTA and IDF1 compare, a sentence if there is one of them."""
+    if "similarity" not in found:
+        return
+    zero, threshold = found["similarity"]["zero"], found["similarity"]["threshold"]
+    matching = " and ".join(PARTS[name][0] for name in ("clear", "identity") if name in found)
+    text = "similarity 1 - d" + ("" if zero == 1 else f" / {number(zero)}")
+    if matching:
+        near = number(zero * (1 - threshold))
+        text += f"; for {matching} states match from {threshold:g}: d <= {near}"
+    yield text
+
+
+def compared_table(names: Sequence[str], found: Sequence[OtherMetrics]) -> Iterator[Table]:
+    """A row for each of several estimates, if they have other metrics."""
+    shown = [(key, part) for key, parts in COMPARED.items() if key in found[0] for part in parts]
+    if shown:
+        yield Table(
+            head=("others", *(_short(part) for _, part in shown)),
+            rows=[
+                (name, *(_value(part, record[key]) for key, part in shown))
+                for name, record in zip(names, found, strict=True)
+            ],
+        )
+
+
+def direction(found: OtherMetrics) -> Iterator[str]:
+    """Which of the columns of a ranking are the better the higher, and what they compare."""
+    shown = [part for key, parts in COMPARED.items() if key in found for part in parts]
+    for end, chosen in (("high", set(shown) - LOW), ("low", LOW.intersection(shown))):
+        if chosen:
+            yield f"best is {end}: {', '.join(_short(part) for part in shown if part in chosen)}"
+    yield from similarity(found)
+
+
+def other_columns(found: Sequence[OtherMetrics]) -> Columns:
+    """Every number, a column each."""
+    return {
+        f"{key}_{name}": [record[key][name] for record in found]
+        for key, record in found[0].items()
+        for name in record
+    }
+
+
+def _short(name: str) -> str:
+    return SHORT.get(name, name)
+
+
+def _value(name: str, numbers: Mapping[str, float]) -> str:
+    value = numbers[name]
+    if name in COSTS:
+        return number(value, 5)
+    return f"{value:,.0f}" if name in COUNTS else f"{100 * value:.2f} %"
