@@ -12,6 +12,8 @@ import pytest
 from browser import PATIENCE
 from checkout import SAMPLES
 
+from tgospa_eval import evaluate
+
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
 
@@ -75,6 +77,10 @@ def test_what_does_not_hold(invoke: Invoke, write: Write) -> None:
     answer = invoke("verify", "r", *QUICK)
     assert answer.status == 3
     assert "options of another version" in answer.err
+    evaluate(*QUICK).proof.save("p")
+    answer = invoke("verify", "p", *QUICK)
+    assert answer.status == 3
+    assert "p: does not say how the files were read" in answer.err
 
 
 def test_names_and_times_of_all_kinds(invoke: Invoke, write: Write) -> None:

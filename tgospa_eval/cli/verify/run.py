@@ -91,7 +91,7 @@ def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
     except verify_tgospa.Wrong as error:
         return f"{folder}: {error}", False
     except verify_tgospa.DAMAGED as error:
-        if isinstance(error, (ConfigError, InputError)):
+        if isinstance(error, (ConfigError, InputError, MemoryError)):
             raise
         raise InputError(f"{folder}: no whole proof: {type(error).__name__}: {error}") from None
     return f"{folder}: {found}", True
@@ -107,6 +107,11 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
     """
     with open(os.path.join(folder, "proof.json"), encoding="utf-8") as file:
         proof = json.load(file)
+    if "options" not in proof:
+        raise InputError(
+            f"{folder}: does not say how the files were read, as it was saved from Python; name no "
+            "files, or write it with --proof"
+        )
     prepared = run(lambda: _prepared(files, proof, stopwatch), stopwatch, show=True)
     compared, parameters = prepared.compared, prepared.parameters
     options, proven = proof_parameters(compared, parameters), proof["parameters"]
