@@ -4,28 +4,21 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, TypeAlias
 
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.gate.rules import PROVEN, SPLIT, Key, Value
-from tgospa_eval.results.records import PARTS, json_text
+from tgospa_eval.results.records import json_text
+from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
 SCHEMA = "tgospa-eval/baseline/1"
-ACCURACY = ("solver", "gap", "epsilon", "time_limit")
-"""Parameters that change the bracket and not the metric: those of two runs may differ."""
-
-NEUTRAL = ("unit", "decimal")
-"""Parameters that change neither: how the files are written, and what is printed."""
-
 BOUNDS = ("lower_bound", "upper_bound")
 MEASURED = (*PROVEN, *SPLIT)
 BASELINE_VALUES = (*MEASURED, *BOUNDS)
 MADE = "the JSON that --update-baseline makes"
-AGREE, ADD_UP = 1e-9, 1e-6
-"""Relative tolerances of values that are the same, and of parts that were summed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,9 +110,7 @@ def differences(entry: Entry, result: Summary) -> list[str]:
     """Why a result cannot be compared with an entry; empty if it can."""
     ours, theirs = _plain(result.parameters), entry.parameters
     found = [
-        f"{name} is {_shown(ours, name)}, in the baseline {_shown(theirs, name)}"
-        for name in sorted({*ours, *theirs} - {*ACCURACY, *NEUTRAL})
-        if ours.get(name) != theirs.get(name)
+        f"{name} is {own}, in the baseline {other}" for name, own, other in unlike(ours, theirs)
     ]
     if result.input["truth"]["sha256"] != entry.truth:
         found.append("the truth is not that of the baseline (sha256 of ids, times, states)")
@@ -130,10 +121,6 @@ def _plain(parameters: Mapping[str, object]) -> dict[str, object]:
     """As they come back from JSON."""
     plain: dict[str, object] = json.loads(json.dumps(parameters, allow_nan=False))
     return plain
-
-
-def _shown(parameters: Mapping[str, object], name: str) -> str:
-    return json.dumps(parameters[name], ensure_ascii=False) if name in parameters else "not set"
 
 
 def dump(baseline: Baseline) -> str:
@@ -170,7 +157,7 @@ def load(path: str) -> Baseline | None:
         raise ConfigError(f"{path}: not UTF-8 text; a baseline is JSON") from None
     _check_json(text, path)
     try:
-        document = json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
+        document = strict_json(text)
     except json.JSONDecodeError as error:
         line = (text.splitlines() or [""])[error.lineno - 1 : error.lineno]
         mark = " (a merge conflict)" if line and line[0].startswith(("<<<<<<<", "=======")) else ""
@@ -201,20 +188,6 @@ def _check_json(text: str, path: str) -> None:
     raise ConfigError(f"{path}: is no baseline but {what}; a baseline is {MADE}")
 
 
-def _no_number(text: str) -> NoReturn:
-    raise ValueError(f"{text} is no number of JSON; every value must be finite")
-
-
-def _once(pairs: list[tuple[str, object]]) -> Table:
-    """An object whose names are all different: JSON would take the last of two."""
-    found: Table = {}
-    for name, value in pairs:
-        if name in found:
-            raise ValueError(f"{quoted(name)} is there twice in one object; delete one")
-        found[name] = value
-    return found
-
-
 def _read(document: object, path: str) -> Baseline:
     table: Table = document if isinstance(document, dict) else {}
     schema = table.get("schema")
@@ -243,7 +216,9 @@ def _entry(table: Table, where: str) -> Entry:
         ]
         if missing:
             raise ConfigError(f"{about}: values.{missing[0]} is missing; {REMEDY}")
-        _agree(group, order, about)
+        wrong = contradiction(group, order)
+        if wrong is not None:
+            raise ConfigError(f"{about}: values contradict each other: {wrong}; {REMEDY}")
     values: dict[Key, float] = {}
     for name, group in groups.items():
         values |= {(path if name is None else (name, path)): v for path, v in group.items()}
@@ -280,39 +255,6 @@ def _values(table: Table, where: str) -> dict[str | None, dict[str, float]]:
         groups[name] = _flat(_table(classes, name, where), where, f"by_class.{name}.")
         groups[name] = {k[len(f"by_class.{name}.") :]: v for k, v in groups[name].items()}
     return groups
-
-
-def _agree(values: dict[str, float], order: object, where: str) -> None:
-    """Whether the values do not contradict each other, as after a careless merge.
-
-    Raises
-    ------
-    ConfigError
-        tgospa, its bounds, total and parts do not fit each other.
-    """
-    total = values["total"]
-    upper = values.get("upper_bound", values["tgospa"])
-    if not math.isclose(values["tgospa"], upper, rel_tol=AGREE):
-        wrong = "tgospa is not upper_bound"
-    elif values.get("lower_bound", 0.0) > upper:
-        wrong = "lower_bound is above upper_bound"
-    elif not _is_power(total, upper, order):
-        wrong = "total is not tgospa to the power of the order"
-    elif not math.isclose(sum(values[part] for part in PARTS), total, rel_tol=ADD_UP):
-        wrong = f"{', '.join(PARTS)} do not add up to total"
-    else:
-        return
-    raise ConfigError(f"{where}: values contradict each other: {wrong}; {REMEDY}")
-
-
-def _is_power(total: float, value: float, order: object) -> bool:
-    """Whether the total is the value to the power of the order, as far as that is a number."""
-    if isinstance(order, bool) or not isinstance(order, int | float):
-        return True  # which makes the pair not comparable
-    try:
-        return math.isclose(total, value**order, rel_tol=AGREE * max(order, 1), abs_tol=1e-300)
-    except (OverflowError, ZeroDivisionError):
-        return False
 
 
 def _flat(values: Table, where: str, prefix: str = "") -> dict[str, float]:

@@ -25,6 +25,9 @@ OF_FILES = {"against", "unit", "by", "with_"} | {
 }
 """Parameters that mean nothing in the other case."""
 
+OF_RESULTS = {"files", "format_", "output", "force", "config", "quiet"}
+"""Parameters that mean something where saved results are ranked."""
+
 _comparison = partial(Option, section="Comparison")
 _study = partial(Option, section="Scaling study")
 # Those that only this verb has are not read from settings files, which are those of all verbs.
@@ -108,12 +111,14 @@ def command(
 
     Two files, TRUTH ESTIMATE, are a comparison of solvers: bounds, errors, time and
     memory. Three or more, TRUTH A B, are a ranking: which estimate is proven to be
-    better, and by what. With a * in quotes files stand for several runs.
+    better, and by what. With a * in quotes files stand for several runs. Saved
+    results (folders of -o, or their result.json) are ranked as they are.
 
     \b
     Examples:
       tgospa-eval compare truth.csv a.csv b.csv c.csv             a ranking
       tgospa-eval compare 'run*/truth.csv' 'run*/a.csv' 'run*/b.csv'
+      tgospa-eval compare a/result.json b/result.json             saved results
       tgospa-eval compare truth.csv a.csv                         solvers
       tgospa-eval compare truth.csv a.csv --against per-step-gospa
       tgospa-eval compare truth.csv a.csv b.csv --with hota,identity
@@ -135,7 +140,8 @@ def command(
         )
     if simulate and files:
         raise click.UsageError(f"--simulate makes its scenes; {files[0]}: no files are read")
-    if not simulate and len(files) < 2:
+    is_saved = not simulate and _are_saved(files, typed)
+    if not simulate and not is_saved and len(files) < 2:
         raise click.UsageError(
             "files are missing; type tgospa-eval compare TRUTH A B to rank estimates, "
             "TRUTH ESTIMATE to compare solvers, or --simulate for a scaling study"
@@ -149,6 +155,10 @@ def command(
         from tgospa_eval.cli.compare.study import study_sizes
 
         fine = study_sizes(chosen, StudyOptions.of(options))
+    elif is_saved:
+        from tgospa_eval.cli.compare.saved import compare_saved
+
+        fine = compare_saved(files, chosen)
     else:
         if by and not chosen.output.quiet:
             from tgospa_eval.cli.shared.streams import print_notice
@@ -158,6 +168,22 @@ def command(
             )
         fine = _compare(files, chosen)
     ctx.exit(ExitStatus.DONE if fine else ExitStatus.NOT_REACHED)
+
+
+def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
+    """Whether saved results are to be ranked, with options that mean something there."""
+    from tgospa_eval.cli.compare.saved import are_saved
+
+    if not files or not are_saved(files):
+        return False
+    wrong = sorted(typed - OF_RESULTS)
+    if wrong:
+        name = "--" + wrong[0].removesuffix("_").replace("_", "-")
+        raise click.UsageError(
+            f"{name} needs the data, and {files[0]} is a saved result, ranked as it was evaluated; "
+            "name the files of truth and estimates instead"
+        )
+    return True
 
 
 def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:

@@ -8,6 +8,7 @@ from tgospa_eval.cli.compare.show import show
 from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, Outcome, outcome
 from tgospa_eval.comparison.ranking import document
@@ -28,6 +29,9 @@ OWN_STEPS = ("estimate", "common")
 
 Runs = Sequence[tuple[str, list[str]]]
 """The truth of each run, and its estimates."""
+
+Ranked = tuple[RankingRecord, dict[str, str], StepCosts]
+"""The document, tables by the names of their files, and the costs of the steps."""
 
 
 def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOptions) -> bool:
@@ -51,7 +55,7 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
     settings = options.checked_settings()
     stopwatch, quiet = Stopwatch(), options.output.quiet
 
-    def work() -> tuple[RankingRecord, dict[str, str], StepCosts]:
+    def work() -> Ranked:
         pairs = Pairs(settings, stopwatch, quiet=quiet)
         found, parameters = _outcomes(pairs, runs, solver, per_step=options.per_step)
         # If it was interrupted: the runs that are whole, or what there is of the first.
@@ -67,23 +71,38 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
                 "estimates are compared"
             )
         truths = [of_truth for of_truth, _ in runs[:whole]]
-        answer = document(entrants, truths, parameters, pairs.warnings)
-        best = answer["estimates"][0]["name"]
-        tables = {"per_step.csv": csv_text(steps_columns(entrants, best))}
-        return answer, tables, steps_costs(entrants)
+        return ranked(entrants, truths, parameters, pairs.warnings)
 
-    answer, tables, (times, costs) = run(work, stopwatch, show=not quiet)
+    return show_ranking(run(work, stopwatch, show=not quiet), options.output)
+
+
+def ranked(
+    entrants: Sequence[Entrant],
+    truths: Sequence[str],
+    parameters: Metric,
+    warnings: list[dict[str, str]],
+) -> Ranked:
+    """The document of a ranking, its tables, and the costs of the steps."""
+    answer = document(entrants, truths, parameters, warnings)
+    best = answer["estimates"][0]["name"]
+    tables = {"per_step.csv": csv_text(steps_columns(entrants, best))}
     if answer["pairs"]:
         tables["pairs.csv"] = csv_text(pairs_columns(answer))
-    ranked = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
-    show(answer, options.output, tables, lambda: estimate_pictures(ranked, times))
+    return answer, tables, steps_costs(entrants)
+
+
+def show_ranking(found: Ranked, output: OutputOptions) -> bool:
+    """Print and write a ranking; whether all evaluations did what was asked."""
+    answer, tables, (times, costs) = found
+    in_order = {item["name"]: costs[item["name"]] for item in answer["estimates"] if costs}
+    show(answer, output, tables, lambda: estimate_pictures(in_order, times))
     unfinished = [
         (path, made["status"])
         for item in answer["estimates"]
         for path, made in zip(item["paths"], item["runs"], strict=True)
         if not made["finished"]
     ]
-    for text in () if quiet else opposed(answer):
+    for text in () if output.quiet else opposed(answer):
         print_notice(text)
     for path, status in unfinished:
         print_notice(f"accuracy not reached: {path}: {status}")

@@ -61,10 +61,14 @@ class CompareOptions(Values):
         """The records that the options ask for."""
         return make_settings(self.evaluation, self.output)
 
-    def checked_settings(self) -> Settings:
-        """The same; the folder is looked at before any work is done."""
+    def check_folder(self) -> None:
+        """See that the folder can be written, before any work is done."""
         if self.output.output is not None:
             probe_folder(self.output.output, COMPARISON, force=self.output.force)
+
+    def checked_settings(self) -> Settings:
+        """The records that the options ask for; the folder can be written."""
+        self.check_folder()
         return self.settings()
 
     def make_solvers(self, names: str, temperatures: str = TEMPERATURES) -> list[Solver]:

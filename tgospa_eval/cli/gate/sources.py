@@ -12,9 +12,10 @@ from tgospa_eval.cli.shared.options import EVALUATION
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.gate.baseline import ACCURACY, Entry
+from tgospa_eval.gate.baseline import Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
 from tgospa_eval.gate.suite import Pair
+from tgospa_eval.results.saved import ACCURACY
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 

@@ -1,0 +1,262 @@
+"""Rankings of saved results: the same as of the files they were made from, or refused."""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from answer import Answer
+
+TRUTH = "id,t,x\n1,0,0\n1,1,0\n1,2,0\n"
+OPTIONS = ("-c", "5", "-g", "1", "-q")
+Write = Callable[[str, str], str]
+Invoke = Callable[..., Answer]
+Save = Callable[..., str]
+
+
+def track(*positions: float) -> str:
+    return "id,t,x\n" + "".join(f"7,{t},{x}\n" for t, x in enumerate(positions))
+
+
+@pytest.fixture
+def save(write: Write, invoke: Invoke) -> Save:
+    """Evaluate, and save the result in a folder."""
+
+    def save(folder: str, estimate: str, *options: str, truth: str = TRUTH) -> str:
+        paths = write("t.csv", truth), write(f"{folder.replace('/', '-')}.csv", estimate)
+        made = invoke(*paths, *OPTIONS, "-o", folder, *options)
+        assert made.status == 0, made.err
+        return folder
+
+    return save
+
+
+def ranking(invoke: Invoke, *arguments: str) -> Any:
+    answer = invoke("compare", *arguments, "-q", "--format", "json")
+    assert answer.status == 0, answer.err
+    return json.loads(answer.out)
+
+
+NAMES = ("paths", "truth", "warnings")
+
+
+def without_names(value: Any) -> Any:
+    """A document but for the names of files."""
+    if isinstance(value, dict):
+        return {name: without_names(item) for name, item in value.items() if name not in NAMES}
+    return [without_names(item) for item in value] if isinstance(value, list) else value
+
+
+def approximate(document: Any) -> Any:
+    """The same, numbers but for rounding."""
+
+    def rounded(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: rounded(item) for name, item in value.items()}
+        if isinstance(value, list):
+            return [rounded(item) for item in value]
+        return pytest.approx(value, rel=1e-12, abs=1e-12) if isinstance(value, float) else value
+
+    return rounded(without_names(document))
+
+
+def test_the_same_as_of_the_files(save: Save, invoke: Invoke, tmp_path: Path) -> None:
+    """Totals 12 and 1, and a miss of two steps, 12.5 each."""
+    tracks = {"bad": (2, 2, 2), "good": (0, 1, 0), "lost": (0,)}
+    for name, positions in tracks.items():
+        save(name, track(*positions))
+    (tmp_path / "good.json").write_bytes((tmp_path / "good" / "result.json").read_bytes())
+    found = ranking(invoke, "bad/result.json", "good", "lost", "-o", "saved")
+    files = [f"{name}.csv" for name in tracks]
+    asked = ranking(invoke, "t.csv", *files, "-c", "5", "-g", "1", "-o", "asked")
+    assert approximate(asked) == without_names(found)
+    assert found["warnings"][0]["text"].startswith("lost/result.json: only 33 % of the steps")
+    assert [item["total"] for item in found["estimates"]] == pytest.approx([1, 12, 25])
+    assert {path.name for path in Path("saved").iterdir()} == {
+        path.name for path in Path("asked").iterdir()
+    }
+    rows = [
+        list(csv.DictReader(io.StringIO(Path(folder, "per_step.csv").read_text(encoding="utf-8"))))
+        for folder in ("saved", "asked")
+    ]
+    assert rows[0] == rows[1]
+    shown = invoke("compare", "bad", "good", "lost", "-q").out
+    assert "Proven order by TGOSPA per step, best first: good, bad, lost" in shown
+    printed = ranking(invoke, "bad", "good.json")["estimates"]  # what --format json prints
+    assert [item["paths"] for item in printed] == [["good.json"], ["bad/result.json"]]
+
+
+def test_solvers_may_differ(save: Save, invoke: Invoke) -> None:
+    """A hot sinkhorn proves less, and equal data are equal all the same."""
+    save("cool", track(0, 2, 0), "--unit", "m")
+    save("hot", track(0, 2, 0), "--solver", "sinkhorn", "--epsilon", "0.5")
+    found = ranking(invoke, "cool", "hot")
+    assert found["pairs"][0]["verdict"] == "equal"
+    assert {"solver", "unit", "gap"} & found["parameters"].keys() == {"gap"}
+
+
+def test_runs(save: Save, invoke: Invoke) -> None:
+    """Errors 1 and 3 at one of three steps against 4: means of totals 5 and 16."""
+    for run, error in (("1", 1), ("2", 3)):
+        save(f"a/{run}", track(0, error, 0))
+        save(f"b/{run}", track(0, 4, 0))
+    for patterns in (("a/*", "b/*"), ("a/*/result.json", "b/*/result.json")):
+        found = ranking(invoke, *patterns)
+        assert [(e["name"], e["total"]) for e in found["estimates"]] == [
+            ("a", pytest.approx(5)), ("b", pytest.approx(16)),
+        ]  # fmt: skip
+        assert found["runs"] == 2
+    assert ranking(invoke, "a/*")["estimates"][0]["total"] == pytest.approx(5)
+    answer = invoke("compare", "a/*", "b/1")
+    assert (answer.status, answer.err) == (
+        2, "b/1: has no *, but other results have; it stands for the run\n",
+    )  # fmt: skip
+
+
+def test_times_are_ordered_whatever_they_are(save: Save, invoke: Invoke) -> None:
+    """One estimate has a false target between two steps of the truth, the other none."""
+    stamps = ["2026-01-01T00:00:00Z", "2026-01-01T00:00:00.5Z", "2026-01-01T01:00:01+01:00"]
+    truth = f"id,t,x\n1,{stamps[0]},0\n1,{stamps[2]},0\n"
+    save("a", truth.replace("0\n1", "1\n1"), truth=truth)
+    save("b", f"{truth}9,{stamps[1]},50\n", truth=truth)
+    found = ranking(invoke, "a", "b", "-o", "out")
+    assert found["steps"] == [3]
+    assert [item["total"] for item in found["estimates"]] == pytest.approx([1, 12.5])
+    rows = list(csv.DictReader(io.StringIO(Path("out/per_step.csv").read_text(encoding="utf-8"))))
+    assert [row["t"] for row in rows] == [*stamps[::2], *stamps]
+
+
+def test_empty_steps_count_as_in_a_ranking_of_files(save: Save, invoke: Invoke) -> None:
+    """Nothing is at step 3. A perfect step looks like it, but not beside one that errs there."""
+    truth = TRUTH + "1,3,\n"
+    save("unclear", track(1, 0, 1), truth=truth)
+    save("perfect", track(0, 0, 0), truth=truth)
+    save("clear", track(2, 2, 2), truth=truth)
+    assert ranking(invoke, "unclear", "perfect", "clear")["steps"] == [3]
+    answer = invoke("compare", "unclear", "perfect")
+    assert answer.status == 3
+    assert "unclear/result.json: does not say which of its steps are empty" in answer.err
+
+
+def test_perfect_estimates(save: Save, invoke: Invoke) -> None:
+    save("a", TRUTH)
+    save("b", TRUTH.replace("\n1,", "\n7,"))
+    found = ranking(invoke, "a", "b")
+    assert (found["steps"], found["pairs"][0]["verdict"]) == ([3], "equal")
+
+
+def test_sums_of_classes_are_ranked(save: Save, invoke: Invoke) -> None:
+    truth = "id,t,x,class\n1,0,0,car\n2,0,9,bike\n"
+    for name, place in (("a", 1), ("b", 2)):
+        save(name, truth.replace("1,0,0", f"1,0,{place}"), "--by", "class", truth=truth)
+    assert [e["total"] for e in ranking(invoke, "a", "b")["estimates"]] == pytest.approx([1, 4])
+
+
+def test_other_metrics_of_one_run(save: Save, invoke: Invoke) -> None:
+    """Per-step GOSPA, which needs no extra, for the others."""
+    for name in ("a/1", "b/1", "a/2"):
+        save(name, track(0, 1, 0), "--with", "gospa")
+    save("b/2", track(0, 2, 0))
+    own = json.loads(Path("a/1/result.json").read_text(encoding="utf-8"))["with"]
+    answer = invoke("compare", "a/1", "b/1", "--format", "json")
+    assert [item["with"] for item in json.loads(answer.out)["estimates"]] == [own, own]
+    assert "best is low: GOSPA" in invoke("compare", "a/1", "b/1").out
+    for results in (["a/2", "b/2"], ["a/*", "b/*"]):
+        answer = invoke("compare", *results, "--format", "json")
+        assert "with" not in json.loads(answer.out)["estimates"][0]
+        assert answer.err == "not shown: gospa; it needs a single run, and all results of it\n"
+
+
+def test_warnings_travel(save: Save, invoke: Invoke) -> None:
+    save("far", track(900, 900, 900))
+    save("near", track(1, 1, 1))
+    answer = invoke("compare", "far", "near", "-q", "--format", "latex")
+    assert answer.err.startswith("warning: far/result.json: no truth has an estimate within c = 5")
+    assert f"% {answer.err.splitlines()[0]}" in answer.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["moved"], 2, "moved/result.json: cannot be ranked with a/result.json: the truth is "),
+        (["wide"], 2, "a/result.json: cutoff is 6.0, there 5.0; switch_penalty is 2.0, there 1.0"),
+        (["a.csv"], 2, "a.csv: is no saved result, but a is; a saved result is the result.json of"),
+        (["none"], 2, "none: is no saved result, but a is"),
+        (["baseline.json"], 2, "baseline.json: is no saved result, but a is"),
+        (["./a"], 2, "a/result.json: is the same as "),
+        ([], 2, "a: is a single saved result; name those to rank it with"),
+        (["b", "--cutoff", "5"], 2, "--cutoff needs the data, and a is a saved result"),
+        (["b", "--against", "per-step-gospa"], 2, "--against needs the data"),
+        (["b", "-o", "a"], 2, "--output a: "),
+    ],
+)
+def test_what_cannot_be_ranked(
+    arguments: list[str], status: int, message: str, save: Save, write: Write, invoke: Invoke
+) -> None:
+    save("moved", track(0, 1, 0), truth=TRUTH.replace("1,2,0", "1,2,0.5"))
+    save("wide", track(0, 2, 0), "-c", "6", "-g", "2")
+    for name in ("a", "b"):
+        save(name, track(0, 1, 0))
+    write("baseline.json", '{"schema": "tgospa-eval/baseline/1"}')
+    answer = invoke("compare", "a", *arguments)
+    assert (answer.status, answer.out) == (status, "")
+    assert message in answer.err
+
+
+def test_grids_of_the_estimate_rank_nothing(save: Save, invoke: Invoke) -> None:
+    for name in ("a", "b"):
+        save(name, track(0, 1, 0), "--grid", "common")
+    answer = invoke("compare", "a", "b")
+    assert (answer.status, answer.out) == (2, "")
+    assert "a/result.json: made with --grid common, which gives each estimate" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda d: d.update(schema="tgospa-eval/result/9"),
+            'has the schema "tgospa-eval/result/9"',
+        ),
+        (lambda d: d.update(lower_bound=2.0), "values contradict each other: lower_bound is above"),
+        (lambda d: d.update(total=2.0), "per_step.total does not add up to total"),
+        (lambda d: d.update(upper_bound=float("nan")), "NaN is no number of JSON"),
+        (lambda d: d.update(missed=True), "missed is true: must be a number, finite and >= 0"),
+        (lambda d: d["normalised"].update(tgospa=9.0), "contradict each other: normalised.tgospa"),
+        (lambda d: d["normalised"].update(tgospa=0), "not as this program wrote it"),
+        (lambda d: d["counts"].update(false=10**400), "not as this program wrote it"),
+        (lambda d: d["parameters"].update(order=0), "contradict each other: normalised.tgospa or"),
+        (lambda d: d.pop("tgospa"), "'tgospa' is missing"),
+        (lambda d: d.update(per_step=[1]), "not as this program wrote it"),
+        (lambda d: d["per_step"].reverse(), "per_step: times are not in order"),
+        (lambda d: d["per_step"][1].update(t=None), "t of a step is neither number nor text"),
+        (lambda d: d["per_step"][1].update(t="noon"), "times of another kind"),
+        (lambda d: [s.update(t=f"day {s['t']}") for s in d["per_step"]], "not a time: "),
+        (lambda d: d.update(warnings=[{"code": 1}]), "not as this program wrote it"),
+    ],
+)
+def test_changed_results_are_refused(
+    change: Callable[[Any], Any], message: str, save: Save, invoke: Invoke
+) -> None:
+    for name in ("a", "b"):
+        path = Path(save(name, track(0, 1, 0)), "result.json")
+        document = json.loads(path.read_text(encoding="utf-8"))
+        change(document)
+        path.write_text(json.dumps(document), encoding="utf-8")
+    answer = invoke("compare", "a", "b")
+    assert (answer.status, answer.out) == (3, "")
+    assert message in answer.err
+
+
+def test_bounds_that_were_not_met_are_told(save: Save, invoke: Invoke, write: Write) -> None:
+    for name in ("a", "b"):
+        save(name, track(0, 1, 0))
+    path = Path("b/result.json")
+    text = path.read_text(encoding="utf-8").replace('"finished": true', '"finished": false')
+    path.write_text(text, encoding="utf-8")
+    answer = invoke("compare", "a", "b", "-q")
+    assert (answer.status, answer.err) == (4, "accuracy not reached: b/result.json: solved\n")
+    assert answer.out
