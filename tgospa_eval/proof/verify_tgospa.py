@@ -85,9 +85,9 @@ class Scene:
             raise ValueError("parameters are out of range")
         self.change = power(*change.as_integer_ratio(), self.order, self.bits - 1)  # L
         tables = [read_table(read, proof, name, "id", "t", *names) for name in STATES]
-        moments = [row[1] for table in tables for row in table]
-        moments += [t for row in proof["assignment"] for t in row[2:4]]
-        self.times = sorted({*moments, *(t for _, t, _ in proof["prices"])}, key=decimal.Decimal)
+        times = [row[1] for row in itertools.chain(*tables, proof["prices"])]
+        times += [t for row in proof["assignment"] for t in row[2:4]]
+        self.times = sorted(set(times), key=decimal.Decimal)
         self.step = {t: k for k, t in enumerate(self.times)}
         sides = [{}, {}]
         for side, table in zip(sides, tables):
@@ -129,12 +129,10 @@ class Scene:
                 both = max(min(a + w, e + v) - max(a, e), 0) * max(min(b + h, f + g) - max(b, f), 0)
                 union = whole(w) * whole(h) + whole(v) * whole(g) - both
                 return (union - both) * unit, union * cutoff, 1
-            apart = [abs(a - b) for a, b in zip(x, y)]
-            if any(turn):
-                apart = [min(a % p, -a % p) if p else a for a, p in zip(apart, turn)]
+            d = [min((a - b) % p, (b - a) % p) if p else abs(a - b) for a, b, p in zip(x, y, turn)]
             if self.kind == "euclidean":
-                return sum([a * a for a in apart]), cutoff * cutoff, 2
-            return (sum if self.kind == "manhattan" else max)(apart), cutoff, 1
+                return sum([a * a for a in d]), cutoff * cutoff, 2
+            return (sum if self.kind == "manhattan" else max)(d), cutoff, 1
 
         cells = [] if self.kind == "iou" else [n for n, p in enumerate(turn) if not p][:2]
         around, room = list(itertools.product((-1, 0, 1), repeat=len(cells))), {}
@@ -219,7 +217,8 @@ def rounded(bounds):
 
 def verify(read):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
-    proof = json.loads(read("proof.json"))
+    text = read("proof.json")  # an object with a name twice is none: which of the two counts?
+    proof = json.loads(text, object_pairs_hook=lambda o: dict(o) if len(dict(o)) == len(o) else 0)
     if proof["schema"] != SCHEMA:
         raise ValueError(f"the schema {proof['schema']!r} is not {SCHEMA!r}")
     totals, roots = found_bounds(read, proof)

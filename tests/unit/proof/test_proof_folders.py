@@ -319,6 +319,17 @@ def test_what_is_no_metric_or_no_table_proves_nothing(
         verify(tmp_path)
 
 
+def test_a_name_that_is_there_twice(proof: Document, tmp_path: Path) -> None:
+    """Who reads the first of two cutoffs takes the claim for another one."""
+    path = tmp_path / "proof.json"
+    text = path.read_text(encoding="utf-8")
+    for name in ('"cutoff": ', '"upper_bound": '):
+        assert text.count(name) == 1
+        path.write_text(text.replace(name, f'{name}"1e9", {name}'), encoding="utf-8")
+        assert verify_tgospa.main([str(tmp_path)]) == 3
+    assert proof == json.loads(text)
+
+
 @pytest.mark.parametrize(
     "damage",
     [
