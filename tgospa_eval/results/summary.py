@@ -109,7 +109,7 @@ class Summary(Numbers, ABC):
             **{f"with.{name}": numbers for name, numbers in self.with_.items()},
         }
         return {name: float(getattr(self, name)) for name in names} | {
-            f"{group}.{name}": value
+            f"{group}.{name}": float(value)
             for group, found in groups.items()
             for name, value in found.items()
         }
