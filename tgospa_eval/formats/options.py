@@ -33,6 +33,8 @@ class ReadOptions:
         ``"x=-50:50,y=0:100"``: rows inside these ranges, ends included; either end may be blank.
     by_class : bool
         The reading has the class of each row.
+    class_for : str
+        The option that `by_class` is of, for messages.
     covariance : bool
         Read covariances, if there are columns of such.
     fix_covariance : bool
@@ -66,6 +68,7 @@ class ReadOptions:
     classes: tuple[str, ...] | None = None
     region: str | None = None
     by_class: bool = False
+    class_for: str = "--by class"
     covariance: bool = False
     fix_covariance: bool = False
     missing_covariance: str = "error"

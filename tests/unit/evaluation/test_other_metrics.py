@@ -192,3 +192,65 @@ def test_empty_sides(write: Write) -> None:
     assert result.metrics()["with.clear.CLR_FN"] == 4
     assert found["clear"]["CLR_FN"] == found["identity"]["IDFN"] == 4
     assert (found["hota"]["HOTA"], found["clear"]["MOTA"]) == (0, 0)
+
+
+# --- what MOTChallenge leaves out -----------------------------------------------------------------
+
+MOT_TRUTH = """\
+1,1,0,0,10,10,1,1,1
+1,2,100,0,10,10,0,12,1
+1,3,200,0,10,10,1,7,1
+1,4,300,0,10,10,0,8,1
+1,5,303,0,10,10,1,1,1
+2,2,100,0,10,10,0,1,1
+"""
+MOT_RESULTS = """\
+1,21,1,0,10,10,0.9,-1,-1,-1
+1,22,101,0,10,10,0.9,-1,-1,-1
+1,23,204,0,10,10,0.9,-1,-1,-1
+1,24,302,0,10,10,0.9,-1,-1,-1
+2,22,101,0,10,10,0.9,-1,-1,-1
+"""
+"""22 is on a reflection, and then on a pedestrian that does not count; 23 is not near enough to the
+static person (an IoU of 6/14); 24 is nearer to the pedestrian 5 than to the distractor 4."""
+
+
+def test_preprocessing_by_hand(write: Write, invoke: Invoke, tmp_path: Path) -> None:
+    """Left out are 22 at the first step, and 3; 23, and 22 at the second step, are false."""
+    paths = write("gt.txt", MOT_TRUTH), write("results.txt", MOT_RESULTS)
+    options = ("--distance", "iou", "-c", "0.5", "-g", "0.5", "--with", "clear")
+    folder = str(tmp_path / "result")
+    args = (*paths, *options, "--preprocess", "motchallenge")
+    answer = invoke(*args, "--format", "json", "-o", folder, "--proof", "--pictures", "none")
+    found = json.loads(answer.out)
+    assert found["input"]["truth"]["left_out"] == {"not considered": 3, "preprocess": 1}
+    assert found["input"]["estimate"]["left_out"] == {"preprocess": 1}
+    assert "results.txt: 1 row left out by --preprocess" in answer.err
+    assert found["parameters"]["preprocess"] == "motchallenge"
+    assert found["counts"] == {"missed": 0, "false": 2, "switch": 0}
+    assert [found["with"]["clear"][f"CLR_{n}"] for n in ("TP", "FN", "FP")] == [2, 0, 2]
+    assert invoke("verify", folder, *paths).status == 0
+    ranked = json.loads(invoke("compare", *args, "--format", "json").out)
+    assert ranked["estimates"][0]["counts"] == found["counts"]
+    assert ranked["estimates"][0]["with"] == found["with"]
+    plain = json.loads(invoke(*paths, *options, "--format", "json").out)
+    assert plain["counts"] == {"missed": 1, "false": 3, "switch": 0}
+
+
+def test_wrong_uses_of_preprocessing(write: Write, invoke: Invoke) -> None:
+    mot = write("gt.txt", MOT_TRUTH)
+    table = write("t.csv", "id,t,left,top,width,height\n1,1,0,0,10,10\n")
+    bare = write("bare.txt", "1,1,0,0,10,10,1\n")
+    minus = write("minus.txt", "1,1,0,0,10,10,1,-1,-1\n")
+    boxes = write("boxes.csv", "id,t,left,top,width,height,class\n1,1,0,0,10,10,1\n")
+    for words, text in (
+        ([mot, mot], "choose --distance iou"),
+        ([mot, mot, "--distance", "iou", "--by", "class"], "not --by class"),
+        ([table, mot, "--distance", "iou"], "no column class for --preprocess"),
+        ([bare, mot, "--distance", "iou"], "no column class for --preprocess"),
+        ([minus, mot, "--distance", "iou"], "minus.txt has no classes"),
+        ([boxes, mot, "--distance", "iou"], "boxes.csv is read as csv"),
+    ):
+        answer = invoke(*words, "--preprocess", "motchallenge")
+        assert answer.status == (3 if "column" in text else 2)
+        assert text in answer.err

@@ -144,9 +144,14 @@ class Pairs:
         with self.stopwatch.span("read"):
             if self.last is None or self.last[0] != truth:
                 self.last = truth, self._read(truth, 0)
-            sides = self.last[1], self._read(estimate, 1)
+            sides: tuple[Reading, ...] = (self.last[1], self._read(estimate, 1))
         settings, paths = self.settings, (truth, estimate)
         settings.check(sides, paths)
+        if settings.preprocess:
+            sides = settings.preprocessed(sides, paths)
+            for path, side in zip(paths, sides, strict=True):
+                for notice in about(path, side):
+                    self._notify_once(notice)
         fitted, request = settings.fit(sides, paths)
         for notice in pair_notices(fitted, request, pixels=any(side.pixels for side in sides)):
             is_default = notice.text.startswith("default ") and not notice.code

@@ -11,7 +11,10 @@ from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_opti
 
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
-} - {"cutoff", "order", "switch-penalty", "by", "unit", "solver", "gap", "epsilon", "time-limit"}
+} - {
+    *("cutoff", "order", "switch-penalty", "by", "preprocess", "unit"),
+    *("solver", "gap", "epsilon", "time-limit"),
+}
 """What it has of the options of everything that evaluates."""
 
 _files = partial(

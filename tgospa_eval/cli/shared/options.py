@@ -159,6 +159,12 @@ FILTERS = (
         "One result for each class, and their sum. States of different classes are never matched.",
         type=click.Choice(("class",)),
     ),
+    _filters(
+        "--preprocess motchallenge",
+        "With boxes: leave out estimates that match a distractor, and truths that are no "
+        "pedestrians, as MOTChallenge 2016 and 2017 do before they evaluate.",
+        type=click.Choice(("motchallenge",)),
+    ),
 )
 
 SOLVER = (

@@ -47,6 +47,8 @@ class Settings:
         Whether the steps up to each step are asked for as well.
     with_ : tuple of str
         Other metrics beside it.
+    preprocess : str, optional
+        Rules of a benchmark by which rows are left out.
     """
 
     parameters: Parameters
@@ -60,6 +62,7 @@ class Settings:
     solver: Solver
     curve: bool
     with_: tuple[str, ...]
+    preprocess: str | None
 
     @property
     def recorded(self) -> dict[str, object]:
@@ -74,6 +77,7 @@ class Settings:
                 if options.classes and options.classes != self.reading.classes
             },
             **dict(self.reading.covariances()),
+            **({"preprocess": self.preprocess} if self.preprocess else {}),
         }
 
     def read(self, *paths: str, roles: tuple[str, ...] = ROLES) -> tuple[Reading, ...]:
@@ -97,7 +101,25 @@ class Settings:
         if faults:
             raise type(faults[0])(*dict.fromkeys(line for fault in faults for line in fault.args))
         self.check(tuple(sides), paths)
-        return tuple(sides)
+        return self.preprocessed(tuple(sides), paths) if roles == ROLES else tuple(sides)
+
+    def preprocessed(
+        self, sides: tuple[Reading, ...], paths: tuple[str, ...]
+    ) -> tuple[Reading, ...]:
+        """Both files without what the rules of a benchmark leave out, if that is asked for.
+
+        Raises
+        ------
+        ConfigError
+            The truth does not say what that is.
+        """
+        if self.preprocess is None or len(sides) < len(ROLES):
+            return sides
+        from tgospa_eval.evaluation.preprocess import preprocessed  # here: for boxes only
+
+        # As an estimate, of which nothing is left out by a flag.
+        everything = read(paths[0], self.each[0], "estimate", self.formats[0])
+        return preprocessed(sides, everything, (paths[0], paths[1]))
 
     def read_side(self, path: str, side: int, role: str, *, single: bool = False) -> Reading:
         """One file, the first or second; `single`: there is no other.
@@ -227,17 +249,26 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
     parameters, defaults = chosen_parameters(
         measure.named, options.order, options.cutoff, options.switch_penalty
     )
+    each = _each(reading, measure, options)
+    if options.preprocess:
+        if not measure.boxes:
+            raise ConfigError("--preprocess motchallenge: looks at boxes; choose --distance iou")
+        if options.by:
+            raise ConfigError("--preprocess motchallenge: leaves pedestrians alone, not --by class")
+        # Distractors are classes of the truth.
+        each = replace(each[0], by_class=True, class_for="--preprocess"), each[1]
     return Settings(
         parameters=parameters,
         defaults=defaults,
         measure=measure,
         time_matching=TimeMatching(tolerance=options.time_tolerance, grid=options.grid),
         reading=reading,
-        each=_each(reading, measure, options),
+        each=each,
         formats=(options.truth_format, options.estimate_format),
         unit=options.unit,
         solver=_solver(options),
         curve=options.curve,
+        preprocess=options.preprocess,
         with_=() if options.with_ is None else chosen_metrics(options.with_),
     )
 

@@ -47,6 +47,7 @@ class EvaluationOptions(Values):
     estimate_class: str | None = None
     region: str | None = None
     by: str | None = None
+    preprocess: str | None = None
     unit: str | None = None
     solver: str = "certified"
     gap: float = 1e-9

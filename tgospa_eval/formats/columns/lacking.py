@@ -73,7 +73,7 @@ def absent(
 
 def no_class(headers: Headers, options: ReadOptions, *, fixed: bool) -> str:
     """The message where there are no classes."""
-    option = "--class" if options.classes is not None else "--by class"
+    option = "--class" if options.classes is not None else options.class_for
     remedy = f"add it, or map it with {ask(headers.option, ['class=HEADER'])}"
     return (
         f"{headers.where}: no column class for {option} (found: {headers.shown}); "

@@ -1,0 +1,102 @@
+"""What MOTChallenge leaves out before it evaluates, in its benchmarks of 2016 and 2017.
+
+At each step boxes of the estimate are matched with all boxes of the truth, whatever their class and
+flag: one to one, the sum of their IoU is largest, and only pairs with an IoU of 1/2 or more count.
+A box that is matched with a distractor is left out. Of the truth the pedestrians remain whose flag
+is not 0. The rules, and the order of its steps, are those of TrackEval.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.common.words import counted
+from tgospa_eval.distances import DISTANCES, near_pairs
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats import Reading
+from tgospa_eval.formats.filters import Flags
+from tgospa_eval.tracks.alignment import TimeMatching, align
+
+PEDESTRIAN = "1"
+DISTRACTORS = ("2", "7", "8", "12")
+"""A person on a vehicle, a static person, a distractor, a reflection."""
+
+FARTHEST = 0.5 + 2.0**-51
+"""Distances below are of boxes that match; TrackEval allows for one rounding of an IoU of 1/2."""
+
+OPTION = "--preprocess motchallenge"
+
+
+def preprocessed(
+    sides: tuple[Reading, ...], everything: Reading, names: tuple[str, str]
+) -> tuple[Reading, Reading]:
+    """Truth and estimate as MOTChallenge evaluates them.
+
+    Parameters
+    ----------
+    sides : pair of Reading
+        Boxes; of the truth those whose flag is not 0, with their classes.
+    everything : Reading
+        All boxes of the truth, with their classes.
+    names : pair of str
+        Of the files, for messages.
+
+    Raises
+    ------
+    ConfigError
+        The truth does not say what is a distractor.
+    """
+    truth, estimate = sides
+    if everything.format != "motchallenge":
+        raise ConfigError(
+            f"{OPTION}: {names[0]} is read as {everything.format}; only MOTChallenge text says "
+            "which boxes are distractors"
+        )
+    if everything.klass is None:
+        raise ConfigError(f"{OPTION}: {names[0]} has no classes, column 8")
+    return (
+        _left(truth, _of_classes(truth, (PEDESTRIAN,))),
+        _left(estimate, ~_on_distractors(everything, estimate, names)),
+    )
+
+
+def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:
+    """Rows of these classes."""
+    assert reading.klass is not None
+    return np.isin(reading.klass, [k for k, name in enumerate(reading.classes) if name in names])
+
+
+def _on_distractors(everything: Reading, estimate: Reading, names: tuple[str, str]) -> Flags:
+    """Rows of the estimate that match a distractor."""
+    from scipy.optimize import linear_sum_assignment  # here: slow to import
+
+    aligned = align(everything.trajectories, estimate.trajectories, TimeMatching(), names)
+    pairs = near_pairs(aligned.truth, aligned.estimate, FARTHEST, DISTANCES["iou"])
+    wrong = _of_classes(everything, DISTRACTORS)
+    found = np.zeros(len(aligned.estimate.step), bool)
+    step = aligned.truth.step[pairs.truth_row]
+    for near in np.split(np.arange(len(step)), np.flatnonzero(np.diff(step)) + 1):
+        rows, row = np.unique(pairs.truth_row[near], return_inverse=True)
+        columns, column = np.unique(pairs.estimate_row[near], return_inverse=True)
+        overlap = np.zeros((len(rows), len(columns)))
+        overlap[row, column] = 1 - pairs.distance[near]
+        i, j = linear_sum_assignment(-overlap)
+        matched = overlap[i, j] > 0
+        found[columns[j[matched]]] = wrong[rows[i[matched]]]
+    return found
+
+
+def _left(reading: Reading, keep: Flags) -> Reading:
+    """The rows that stay, at the steps of the whole file, and how many do not."""
+    count = int(np.count_nonzero(~keep))
+    if not count:
+        return reading
+    whole, rows = reading.trajectories, np.flatnonzero(keep)
+    part = whole.chosen(rows, whole.step[rows], whole.times)
+    return replace(
+        reading,
+        trajectories=replace(part, labels=whole.labels),
+        klass=None if reading.klass is None else reading.klass[rows],
+        left_out={**reading.left_out, "preprocess": count},
+        notices=(*reading.notices, f"{counted(count, 'row')} left out by --preprocess"),
+    )
