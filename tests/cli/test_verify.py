@@ -41,7 +41,11 @@ def test_from_files_to_a_verdict(
     assert answer.status == 0
     lines = answer.out.splitlines()
     assert [line.partition(":")[0] for line in lines] == [f"r/proof{name}" for name in folders]
-    assert all(line.endswith("; the tables follow from the files") for line in lines)
+    assert all("; the tables follow from the files" in line for line in lines)
+    # A verdict on a part of the files says of which.
+    for option in ("--grid", "--time"):
+        assert all((f", {option} '" in line) == (option in options) for line in lines)
+    assert all((", class 'Car'" in line) == ("--by" in options) for line in lines)
     # Written anew, by another run.
     assert invoke(*files, *options, "-o", "r", "-q").status in (0, 4)
     assert not Path("r/proof").exists()

@@ -22,6 +22,12 @@ from tgospa_eval.reports.proofs import FOLDER
 
 Files = tuple[str, str]
 
+ROWS = (
+    *("columns", "truth_columns", "estimate_columns", "time_tolerance", "grid", "on_duplicate"),
+    *("time", "class_", "truth_class", "estimate_class", "region"),
+)
+"""Options that say which rows and columns of the files are in the tables: part of a verdict."""
+
 
 def program() -> str:
     """The text of the program that checks."""
@@ -86,8 +92,7 @@ def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
     try:
         found = run(lambda: str(verify_tgospa.verify(read)), stopwatch, show=True)
         if files is not None:
-            _check_tables(folder, files, stopwatch)
-            found += "; the tables follow from the files"
+            found += f"; the tables follow from the files{_check_tables(folder, files, stopwatch)}"
     except verify_tgospa.Wrong as error:
         return f"{folder}: {error}", False
     except verify_tgospa.DAMAGED as error:
@@ -97,8 +102,10 @@ def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
     return f"{folder}: {found}", True
 
 
-def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
+def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
     """Whether tables and parameters follow from the files and the options that the proof records.
+
+    Returns which rows are in them, in words; nothing if all are.
 
     Raises
     ------
@@ -130,6 +137,13 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> None:
                 f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
                 f"options: {problem}"
             )
+    chosen = [
+        f"--{name.strip('_').replace('_', '-')} {proof['options'][name]!r}"
+        for name in ROWS
+        if name in proof["options"]
+    ]
+    only = [f"class {proof['class']!r}"] if "class" in proof else []
+    return "".join(f", {part}" for part in (*only, *chosen))
 
 
 def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> Prepared:
