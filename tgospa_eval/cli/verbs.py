@@ -9,6 +9,7 @@ VERBS = {
     "inspect": ("inspect.command", "Show what is in the files, and what looks wrong."),
     "gate": ("gate.command", "Fail a CI job if the estimate got worse."),
     "compare": ("compare.command", "Rank several estimates, or compare solvers."),
+    "batch": ("batch.command", "Evaluate a whole benchmark or study."),
     "verify": ("verify.command", "Check the proof of a value, in exact integers."),
     "simulate": ("simulate.command", "Make a ground truth and an estimate to try it on."),
     "associate": ("sensors.associate", "Associate the states of two sensors."),

@@ -1,12 +1,11 @@
 """Suites: several pairs to judge, from a TOML file. Knows names of files, not their content."""
 
 import os
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from tgospa_eval.common import config
+from tgospa_eval.common import config, patterns
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
@@ -18,8 +17,6 @@ ONLY_PAIR = "pair"
 
 Table: TypeAlias = dict[str, object]
 """A table of TOML that was read."""
-
-_PLACEHOLDER = r"\{([A-Za-z_]\w*)\}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,10 +116,10 @@ def _pairs(
     """The pairs of one table: one, or one for each file that its pattern finds."""
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
-    words = list(dict.fromkeys(re.findall(_PLACEHOLDER, truth)))
+    words = patterns.fields(truth)
     name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in words)
     for text in (estimate, name):
-        unknown = [word for word in re.findall(_PLACEHOLDER, text) if word not in words]
+        unknown = [word for word in patterns.fields(text) if word not in words]
         if unknown:
             raise ConfigError(
                 f"{where}: {quoted(text)}: {{{unknown[0]}}} is not in {quoted(truth)}"
@@ -131,41 +128,19 @@ def _pairs(
     rules = dict(common[1])
     for key, own in _rules(table, where).items():
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
-    found = [{}] if not words else list(_matches(truth, folder))
+    found = [{}] if not words else list(patterns.matches(truth, folder))
     if not found:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(pattern)}"
         yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
     for values in found:
         yield Pair(
-            name=_fill(name, values) or ONLY_PAIR,
-            truth=os.path.join(folder, _fill(truth, values)),
-            estimate=os.path.join(folder, _fill(estimate, values)),
+            name=patterns.fill(name, values) or ONLY_PAIR,
+            truth=os.path.join(folder, patterns.fill(truth, values)),
+            estimate=os.path.join(folder, patterns.fill(estimate, values)),
             options=options,
             rules=rules,
         )
-
-
-def _matches(pattern: str, folder: str) -> Iterator[dict[str, str]]:
-    """What the placeholders stand for in each file that is like the pattern, sorted."""
-    import glob  # here: most gates have no patterns
-
-    parts = re.split(_PLACEHOLDER, pattern)  # text, word, text, word, ..., text
-    wild = "*".join(glob.escape(text) for text in parts[::2])
-    shape, seen = "", set()
-    for text, word in zip(parts[::2], (*parts[1::2], None), strict=True):
-        shape += re.escape(text.replace("\\", "/"))
-        if word is not None:
-            shape += f"(?P={word})" if word in seen else f"(?P<{word}>[^/]+)"
-            seen.add(word)
-    for path in sorted(glob.glob(wild, root_dir=folder or None)):
-        match = re.fullmatch(shape, path.replace("\\", "/"))
-        if match is not None:
-            yield match.groupdict()
-
-
-def _fill(text: str, values: Mapping[str, str]) -> str:
-    return re.sub(_PLACEHOLDER, lambda found: values[found[1]], text) if values else text
 
 
 def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -> Table:

@@ -6,7 +6,6 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.help import Verb, words
 from tgospa_eval.cli.shared.option import PATH, Option
 from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, WITH
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.errors import ExitStatus
 
 MANY = 8
@@ -77,6 +76,8 @@ def command(
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
+    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions  # here: not of help
+
     chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)
     source = ctx.get_parameter_source
     typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}

@@ -9,8 +9,9 @@ from click.core import ParameterSource
 
 from tgospa_eval._version import __version__
 from tgospa_eval.cli.evaluate.run import evaluate_files
-from tgospa_eval.cli.gate.sources import KNOWN, GateOptions, Given
+from tgospa_eval.cli.gate.sources import GateOptions, Given
 from tgospa_eval.cli.shared.interrupts import heard
+from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import emit, print_notice, print_raw
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.verbs import TYPED

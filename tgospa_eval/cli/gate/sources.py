@@ -8,9 +8,9 @@ from typing import Self
 import click
 from click.core import ParameterSource
 
-from tgospa_eval.cli.shared.options import EVALUATION
+from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION
+from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
-from tgospa_eval.common import config
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.baseline import Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
@@ -19,8 +19,6 @@ from tgospa_eval.results.saved import ACCURACY
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted
 
-BY_KEY = {item.key: item for item in EVALUATION}
-KNOWN = {key: item.is_flag for key, item in BY_KEY.items()}
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
@@ -97,29 +95,20 @@ class Given:
         """Whether it is from a configuration file."""
         return self.context.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
 
-    def typed(self, settings: Mapping[str, object], where: str) -> dict[str, object]:
-        """Settings as click would have made them, by parameter."""
-        values: dict[str, object] = {}
-        for key, value in config.settings_of(settings, where, KNOWN).items():
-            item = BY_KEY[key]
-            try:
-                values[str(item.name)] = item.type_cast_value(
-                    self.context, (value,) if item.multiple else value
-                )
-            except click.BadParameter as error:
-                raise ConfigError(f"{where}: {quoted(key)}: {error.message}") from None
-            except (ValueError, OverflowError) as error:
-                raise ConfigError(f"{where}: {quoted(key)}: {error}") from None
-        return values
-
     def resolve(self, pair: Pair, entry: Entry | None, path: str) -> Chosen:
         """The options of a pair."""
         own = {str(i.name): getattr(self.evaluation, str(i.name)) for i in EVALUATION}
-        given = {} if entry is None else self.typed(dict(entry.options), f"{path}, options")
+        given = (
+            {}
+            if entry is None
+            else typed_options(self.context, dict(entry.options), f"{path}, options")
+        )
         if given.get("covariance"):
             given["covariance"] = os.path.join(os.path.dirname(path), str(given["covariance"]))
         given |= {name: value for name, value in own.items() if self.weak(name)}
-        given |= self.typed(dict(pair.options), f"pair {quoted(pair.name)}, options")
+        given |= typed_options(
+            self.context, dict(pair.options), f"pair {quoted(pair.name)}, options"
+        )
         given |= {name: value for name, value in own.items() if self.strong(name)}
         return Chosen(options=EvaluationOptions.of(given), given=tuple(given))
 

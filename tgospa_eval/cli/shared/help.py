@@ -11,6 +11,7 @@ from tgospa_eval.cli.verbs import VERBS, load
 from tgospa_eval.text import clipped, listed, visible
 
 SECTIONS = (
+    "Batch",
     "Gate",
     "Comparison",
     "Scaling study",
@@ -37,6 +38,7 @@ VERB_WORDS = {
     "compare": "rank ranking diff versus vs bench benchmark study",
     "associate": "match assign pair fuse",
     "reduce": "downsample resample compress shrink",
+    "batch": "many all folder folders benchmark nightly sequences runs",
     "verify": "proof prove certificate certify audit recheck",
     "simulate": "sim generate gen make create demo synth example",
 }

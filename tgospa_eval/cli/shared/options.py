@@ -206,6 +206,9 @@ SOLVER = (
 UNIT = _output("--unit TEXT", "Unit of the states, printed beside values: m. No number changes.")
 
 EVALUATION = (*METRIC, *FILE_OPTIONS, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
+BY_KEY = {item.key: item for item in EVALUATION}
+KNOWN = {key: item.is_flag for key, item in BY_KEY.items()}
+"""Options of an evaluation by their names in a configuration file, and whether they are flags."""
 
 WITH = Option(
     "--with NAMES",

@@ -1,0 +1,62 @@
+"""Jobs over processes. The only module that knows an engine: loky, as joblib brings it.
+
+Only `submit` is used of it, and `as_completed` of its own futures.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from tgospa_eval.common.cores import cores
+
+J = TypeVar("J")
+R = TypeVar("R")
+
+AHEAD = 2
+"""Jobs that wait for each worker: more are lost with one that dies."""
+
+
+def spread(
+    work: Callable[[J], R], jobs: Sequence[J], workers: int | None, lost: Callable[[J], R]
+) -> Iterator[R]:
+    """Do the jobs in processes; answers come as they are ready.
+
+    A process that dies costs the jobs that were with it a second try, each in a process of its own;
+    what kills that as well is answered by `lost`.
+    """
+    from joblib.externals.loky import ProcessPoolExecutor, as_completed  # here: slow to import
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    count = min(workers or cores(), len(jobs)) or 1
+    waiting, suspects = list(reversed(jobs)), []
+    while waiting:
+        with ProcessPoolExecutor(max_workers=count, initializer=_quiet) as pool:
+            running: dict[Any, J] = {}
+            broken = False
+            while (waiting or running) and not broken:
+                while waiting and len(running) < AHEAD * count:
+                    job = waiting.pop()
+                    running[pool.submit(work, job)] = job
+                for future in as_completed(list(running)):
+                    job = running.pop(future)
+                    try:
+                        yield future.result()
+                    except BrokenProcessPool:
+                        suspects.append(job)
+                        broken = True
+                    if not broken:
+                        break
+    for job in suspects:
+        with ProcessPoolExecutor(max_workers=1, initializer=_quiet) as pool:
+            try:
+                yield pool.submit(work, job).result()
+            except BrokenProcessPool:
+                yield lost(job)
+
+
+def _quiet() -> None:
+    """A worker leaves Ctrl-C to the one who asked, and uses one thread."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

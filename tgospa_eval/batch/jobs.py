@@ -1,0 +1,198 @@
+"""What there is to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
+
+Knows paths and labels; no file of a recording is read.
+"""
+
+import csv
+import itertools
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from tgospa_eval.common import patterns
+from tgospa_eval.common.files import named
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
+
+LAYOUTS = {
+    "motchallenge": ("{sequence}/gt/gt.txt", "{tracker}/data/{sequence}.txt"),
+    "kitti": ("label_02/{sequence}.txt", "{tracker}/data/{sequence}.txt"),
+}
+"""Patterns of truth and estimates in the folders of a benchmark, as TrackEval has them."""
+
+PATHS = ("truth", "estimate")
+"""Columns of a manifest that are no label."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One evaluation.
+
+    Parameters
+    ----------
+    labels : mapping of str to str
+        What tells it from others: the values of the fields, or columns of the manifest.
+    truth, estimate : str
+        Paths.
+    options : mapping of str to str
+        Its own options, by their names on the command line.
+    """
+
+    labels: Mapping[str, str]
+    truth: str
+    estimate: str
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Its labels in a line."""
+        return "/".join(self.labels.values()) or self.estimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """All jobs, and what is missing among the files.
+
+    Parameters
+    ----------
+    jobs : tuple of Job
+        At least one truth and one estimate each that are there.
+    faults : tuple of str
+        Estimates without truth, truths without estimate, paths that can be understood in two ways.
+    """
+
+    jobs: tuple[Job, ...]
+    faults: tuple[str, ...] = ()
+
+
+def of_patterns(truth: str, estimate: str) -> Plan:
+    """A job for each file that is like the pattern of the estimates, with the truth of its values.
+
+    Raises
+    ------
+    ConfigError
+        No file is like a pattern, or the truth has a field that the estimates do not have.
+    """
+    own, theirs = patterns.fields(truth), patterns.fields(estimate)
+    unknown = [name for name in own if name not in theirs]
+    if unknown:
+        raise ConfigError(
+            f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
+        )
+    jobs, faults, with_estimate = [], [], set()
+    for path, values in patterns.found(estimate):
+        if patterns.is_ambiguous(estimate, path):
+            faults.append(f"{path}: the fields of {estimate} fit it in two ways")
+            continue
+        theirs_truth = patterns.fill(truth, values)
+        if not os.path.isfile(theirs_truth):
+            faults.append(f"{path}: there is no truth {theirs_truth}")
+            continue
+        with_estimate.add(tuple(values.values()))
+        jobs.append(Job(labels=values, truth=theirs_truth, estimate=path))
+    if not jobs and not faults:
+        raise ConfigError(f"--estimate {estimate}: no file is like this")
+    faults += _without_estimate(truth, estimate, [job.labels for job in jobs])
+    return Plan(jobs=tuple(jobs), faults=tuple(faults))
+
+
+def _without_estimate(truth: str, estimate: str, labels: list[Mapping[str, str]]) -> Iterator[str]:
+    """Truths for which a tracker, or whatever the other fields name, has no estimate."""
+    own = patterns.fields(truth)
+    others = [name for name in patterns.fields(estimate) if name not in own]
+    there = [dict(values) for values in patterns.matches(truth)] if own else [{}]
+    known = {tuple(values[name] for name in (*own, *others)) for values in labels}
+    groups = dict.fromkeys(tuple(values[name] for name in others) for values in labels)
+    for values, group in itertools.product(there, groups):
+        if (*(values[name] for name in own), *group) not in known:
+            path = patterns.fill(estimate, values | dict(zip(others, group, strict=True)))
+            yield f"{patterns.fill(truth, values)}: there is no estimate {path}"
+
+
+def of_layout(layout: str, truth: str, trackers: str, sequences: Collection[str] = ()) -> Plan:
+    """The jobs of the folders of a benchmark; of some sequences alone, if these are named."""
+    patterns_of = LAYOUTS[layout]
+    plan = of_patterns(
+        *(
+            os.path.join(folder, text)
+            for folder, text in zip((truth, trackers), patterns_of, strict=True)
+        )
+    )
+    if not sequences:
+        return plan
+    left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
+    missing = [f"sequence {name}: no tracker has it" for name in sorted(left)]
+    kept = [fault for fault in plan.faults if any(name in fault for name in sequences)]
+    return Plan(
+        jobs=tuple(job for job in plan.jobs if job.labels["sequence"] in sequences),
+        faults=(*kept, *missing),
+    )
+
+
+def read_sequences(path: str) -> list[str]:
+    """The names of a seqmap: one a line, below the heading ``name``."""
+    with named(path, InputError), open(path, encoding="utf-8") as file:
+        lines = [line.split(",")[0].split()[:1] for line in file.read().splitlines()]
+    names = [words[0] for words in lines if words]
+    return names[1:] if names[:1] == ["name"] else names
+
+
+def of_manifest(path: str, options: Collection[str]) -> Plan:
+    """The rows of a table with the columns truth and estimate; others are labels, or options.
+
+    Parameters
+    ----------
+    path : str
+        A CSV file; paths in it are relative to its folder.
+    options : collection of str
+        Names of options that columns may have.
+
+    Raises
+    ------
+    InputError
+        The file is missing or wrong.
+    """
+    with named(path, InputError), open(path, encoding="utf-8-sig", newline="") as file:
+        rows = list(csv.reader(file))
+    if not rows or any(name not in rows[0] for name in PATHS):
+        raise InputError(f"{path}, line 1: a manifest has the columns truth and estimate")
+    head, folder = rows[0], os.path.dirname(path)
+    if len(set(head)) < len(head):
+        raise InputError(f"{path}, line 1: a column is named twice")
+    jobs, faults = [], []
+    for line, row in enumerate(rows[1:], 2):
+        if not any(row):
+            continue
+        if len(row) != len(head):
+            raise InputError(f"{path}, line {line}: {len(row)} fields, the header has {len(head)}")
+        values = dict(zip(head, row, strict=True))
+        job = Job(
+            labels={name: text for name, text in values.items() if name not in (*PATHS, *options)},
+            truth=os.path.join(folder, values["truth"]),
+            estimate=os.path.join(folder, values["estimate"]),
+            options={name: text for name, text in values.items() if name in options and text},
+        )
+        absent = [name for name in (job.truth, job.estimate) if not os.path.isfile(name)]
+        faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
+        if not absent:
+            jobs.append(job)
+    _check_labels(path, jobs)
+    return Plan(jobs=tuple(jobs), faults=tuple(faults))
+
+
+def _check_labels(path: str, jobs: Iterable[Job]) -> None:
+    """Whether labels and options tell the jobs apart.
+
+    Raises
+    ------
+    InputError
+        They do not.
+    """
+    seen = set()
+    for job in jobs:
+        key = (*job.labels.items(), *job.options.items())
+        if key in seen:
+            raise InputError(
+                f"{path}: two rows are {quoted(job.name)}; a column tells them apart, such as run"
+            )
+        seen.add(key)

@@ -1,0 +1,173 @@
+"""The store of a batch: settings once, and a row for each job in parts that appear whole.
+
+A part is written beside and renamed, so whoever is killed leaves all that was finished before, and
+nothing half. Of several rows with one key the last that is done counts.
+"""
+
+import json
+import os
+import time
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.common.files import named
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEMA = "tgospa-eval/batch/1"
+SETTINGS = "batch.json"
+PARTS = "jobs"
+
+Row = dict[str, Any]
+"""What is stored of one job: plain values by column; labels begin with ``label.``."""
+
+
+class Store:
+    """A folder of results.
+
+    Parameters
+    ----------
+    folder : str
+        Where.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self.folder = Path(folder)
+        try:
+            import pyarrow  # noqa: F401  (here: the extra may be missing)
+        except ModuleNotFoundError:
+            raise ConfigError(f"batch needs the extra parquet: {install('parquet')}") from None
+
+    def open(self, settings: Mapping[str, Any]) -> None:
+        """Begin, or go on with the same settings.
+
+        Raises
+        ------
+        ConfigError
+            The folder has other files, or is a store with other settings.
+        """
+        path = self.folder / SETTINGS
+        with named(f"-o {self.folder}", ConfigError, "cannot be written"):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if not path.exists():
+                others = [name for name in os.listdir(self.folder) if not name.startswith(".")]
+                if others:
+                    raise ConfigError(
+                        f"-o {self.folder}: is not empty, and no batch; name another folder"
+                    )
+                (self.folder / PARTS).mkdir()
+                _write_whole(path, json.dumps(settings, indent=1, sort_keys=True) + "\n")
+                return
+        old = self.settings()
+        differing = [
+            f"{key} was {json.dumps(old.get(key))}, is {json.dumps(settings.get(key))}"
+            for key in sorted({*old, *settings} - {"version"})
+            if old.get(key) != settings.get(key)
+        ]
+        if differing:
+            raise ConfigError(
+                f"-o {self.folder}: holds a batch with other settings: {'; '.join(differing)}; "
+                "name another folder"
+            )
+
+    def settings(self) -> dict[str, Any]:
+        """What was evaluated, and how.
+
+        Raises
+        ------
+        InputError
+            The folder holds no batch.
+        """
+        path = self.folder / SETTINGS
+        with named(str(path), InputError):
+            settings: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            if settings.get("schema") != SCHEMA:
+                raise InputError(f"{path}: its schema is not {SCHEMA}")
+        return settings
+
+    def rows(self) -> "pd.DataFrame":
+        """The last row of each job, done before failed, in the order of labels.
+
+        Raises
+        ------
+        InputError
+            A part is damaged.
+        """
+        import pandas as pd
+
+        frames = []
+        for path in sorted((self.folder / PARTS).glob("part-*.parquet")):
+            with named(str(path), InputError):
+                frames.append(pd.read_parquet(path))
+        if not frames:
+            return pd.DataFrame(columns=["key", "status"])
+        rows = pd.concat(frames, ignore_index=True)
+        rows["_done"] = rows["status"] == "done"
+        rows = rows.sort_values(["_done", "finished"], kind="stable").drop_duplicates(
+            "key", keep="last"
+        )
+        labels = [name for name in rows.columns if name.startswith("label.")]
+        return rows.drop(columns="_done").sort_values(
+            labels or "key", kind="stable", ignore_index=True
+        )
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Store some rows, whole.
+
+        Raises
+        ------
+        ConfigError
+            They cannot be written.
+        """
+        import pandas as pd
+
+        if not rows:
+            return
+        path = self.folder / PARTS / f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
+        with named(f"-o {self.folder}", ConfigError, "cannot be written"):
+            beside = path.with_suffix(".new")
+            try:
+                pd.DataFrame(list(rows)).to_parquet(beside, index=False)
+                os.replace(beside, path)
+            finally:
+                beside.unlink(missing_ok=True)
+
+    @contextmanager
+    def locked(self, shard: tuple[int, int]) -> Iterator[None]:
+        """Keep other processes from the same jobs; those of other shards may write meanwhile.
+
+        Raises
+        ------
+        ConfigError
+            One is at work on them.
+        """
+        try:
+            import fcntl
+        except ImportError:  # not there on Windows
+            yield
+            return
+        number, count = shard
+        with named(f"-o {self.folder}", ConfigError, "cannot be written"):
+            whole = (self.folder / ".lock").open("a")
+            own = (self.folder / f".lock-{number}-of-{count}").open("a")
+        with whole, own:
+            try:
+                fcntl.flock(whole, (fcntl.LOCK_SH if count > 1 else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+                fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ConfigError(
+                    f"-o {self.folder}: another process is at work on it; wait, or name another"
+                ) from None
+            yield
+
+
+def _write_whole(path: Path, text: str) -> None:
+    beside = path.with_suffix(".new")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)

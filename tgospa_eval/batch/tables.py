@@ -1,0 +1,71 @@
+"""Tables of a batch: costs of jobs are added, never their roots.
+
+Of a group of jobs COMBINED is ``(sum of totals)^(1/p)``, per step ``(sum of totals / sum of
+steps)^(1/p)`` with the steps at which something exists, and RMS ``(mean of totals)^(1/p)``, which
+is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a sum are the sums of
+the bounds.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
+"""Jobs in which these differ are never added up."""
+
+SUMS = (
+    "total_lower", "total", "total_upper", *PARTS, *(f"counts.{name}" for name in COUNTED_PARTS),
+    "sizes.occupied",
+)  # fmt: skip
+
+
+def labels_of(rows: "pd.DataFrame") -> list[str]:
+    """Names of the labels."""
+    return [name.removeprefix("label.") for name in rows.columns if name.startswith("label.")]
+
+
+def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
+    """One row for each group of the jobs that have a value.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store.
+    by : sequence of str
+        Labels that make a group; parameters that differ make groups as well.
+
+    Raises
+    ------
+    ConfigError
+        There is no such label.
+    """
+    known = labels_of(rows)
+    unknown = [name for name in by if name not in known]
+    if unknown:
+        raise ConfigError(
+            f"--by {unknown[0]}: no such label; there are {', '.join(known) or 'none'}"
+        )
+    valued = rows[rows["status"] != "failed"] if len(rows) else rows
+    if not len(valued):
+        return valued
+    differing = [name for name in PARAMETERS if valued[name].nunique() > 1]
+    keys = [*(f"label.{name}" for name in by), *differing]
+    groups = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
+    summed = groups[list(SUMS)].sum()
+    summed["jobs"] = groups.size()
+    summed["open"] = summed["jobs"] - groups["certified"].sum().astype(int)
+    divisors: dict[str, Any] = {
+        "combined": 1.0,
+        "per_step": summed["sizes.occupied"],
+        "rms": summed["jobs"],
+    }
+    for name, divisor in divisors.items():
+        for end in ("", "_lower", "_upper"):
+            summed[name + end] = (summed["total" + end] / divisor) ** (1 / groups["order"].first())
+    summed = summed.reset_index(drop=not keys)
+    return summed.rename(columns={f"label.{name}": name for name in by})

@@ -1,0 +1,104 @@
+"""``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
+
+import click
+
+from tgospa_eval.cli.shared.help import Verb
+from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.options import (
+    CONFIG_FILE,
+    EVALUATION,
+    QUIET,
+    REPORT_FORMATS,
+)
+
+LAYOUTS = ("motchallenge", "kitti")
+
+
+def _batch(declaration: str, text: str, **settings: object) -> Option:
+    return Option(declaration, text, section="Batch", **settings)  # type: ignore[arg-type]
+
+
+@click.command(
+    "batch",
+    cls=Verb,
+    params=[
+        _batch(
+            "--truth PATTERN",
+            "Path of the truth, with fields: gt/{sequence}/gt/gt.txt.",
+            type=PATH,
+        ),
+        _batch(
+            "--estimate PATTERN",
+            "Paths of the estimates, with fields: runs/{tracker}/{sequence}.txt. Each file found "
+            "is a job.",
+            type=PATH,
+        ),
+        _batch(
+            "--layout NAME",
+            "Folders GT TRACKERS as a benchmark has them: motchallenge or kitti.",
+            type=click.Choice(LAYOUTS),
+        ),
+        _batch("--seqmap FILE", "Only the sequences in this file, of a --layout.", type=PATH),
+        _batch(
+            "-o, --output DIR", "The store: a folder that the same command goes on with.", type=PATH
+        ),
+        _batch("--allow-missing", "Go on where truths or estimates are missing."),
+        _batch("--retry-failed", "Try jobs again that failed before."),
+        _batch(
+            "--shard K/N",
+            "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
+        ),
+        _batch("--workers N", "Processes; by default as many as there are cores.", type=int),
+        _batch("--reports", "Write the result folder of each job, DIR/reports/LABELS."),
+        _batch("--proof", "With --reports: with the proof of each value."),
+        _batch(
+            "--by LABELS",
+            "Labels by which tables add up, with commas.",
+            show_default="the first",
+        ),
+        *(item for item in EVALUATION if item.key not in ("by", "jobs")),
+        Option(
+            "--format FORMAT",
+            "What to print: table, json, csv, markdown or latex.",
+            name="format_",
+            section="Output",
+            type=click.Choice(REPORT_FORMATS),
+            default="table",
+        ),
+        CONFIG_FILE,
+        QUIET,
+    ],
+)
+@click.argument("paths", type=PATH, nargs=-1)
+@click.pass_context
+def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) -> None:
+    """Evaluate many pairs of files: a benchmark, a Monte Carlo study, a nightly set.
+
+    The jobs come from patterns with fields, from a manifest (a CSV file with the
+    columns truth and estimate, labels, and options), or from the folders GT TRACKERS
+    of a --layout. Rows are stored as Parquet; what is done is never done again.
+
+    \b
+    Examples:
+      tgospa-eval batch --truth 'gt/{run}.csv' --estimate 'out/{tracker}/{run}.csv' \\
+          -c 10 -g 5 -o results
+      tgospa-eval batch manifest.csv -c 10 -g 5 -o results --workers 4
+      tgospa-eval batch --layout motchallenge gt trackers --distance iou -o results
+      tgospa-eval batch report results --by tracker
+
+    Exit status: 0 done, 2 wrong option or missing files, 3 bad manifest, 4 the accuracy
+    of some job was not reached, 5 some jobs failed.
+    """
+    from tgospa_eval.cli.batch.run import BatchOptions, report_batch, run_batch
+    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+
+    batch, output = BatchOptions.of(options), OutputOptions.of(options)
+    if paths[:1] == ("report",):
+        if len(paths) != 2:
+            raise click.UsageError("batch report takes one folder, a store")
+        report_batch(paths[1], batch, output)
+        return
+    if output.output is None:
+        raise click.UsageError("name the folder of the results with -o DIR")
+    chosen = EvaluationOptions.of({**options, "by": None})
+    ctx.exit(run_batch(ctx, paths, batch, chosen, output))

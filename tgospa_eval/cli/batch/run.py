@@ -1,0 +1,236 @@
+"""From the options of a batch to its store and tables."""
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import click
+
+from tgospa_eval._version import __version__
+from tgospa_eval.batch import engine, jobs
+from tgospa_eval.batch.jobs import Job, Plan
+from tgospa_eval.batch.store import SCHEMA, Row, Store
+from tgospa_eval.batch.tables import combined, labels_of
+from tgospa_eval.cli.batch.worker import Task, evaluate_job, key_of, lost_job
+from tgospa_eval.cli.shared.options import KNOWN
+from tgospa_eval.cli.shared.streams import emit, print_notice
+from tgospa_eval.cli.shared.typed import typed_options
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.common.words import counted
+from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.reports.batch import BATCH_REPORTS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FLUSH = 2.0
+"""Seconds after which rows are written: so much work a killed process loses at most."""
+
+SHOWN = 10
+"""Faults that are shown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchOptions(Values):
+    """What there is to do, and how to spread and tabulate it."""
+
+    truth: str | None = None
+    estimate: str | None = None
+    layout: str | None = None
+    seqmap: str | None = None
+    allow_missing: bool = False
+    retry_failed: bool = False
+    shard: str | None = None
+    workers: int | None = None
+    reports: bool = False
+    proof: bool = False
+    by: str | None = None
+
+
+def run_batch(
+    ctx: click.Context,
+    paths: tuple[str, ...],
+    batch: BatchOptions,
+    options: EvaluationOptions,
+    output: OutputOptions,
+) -> int:
+    """Do what is not done yet, and print the table; the exit status.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options, the manifest or the store; no job is begun then.
+    """
+    plan = _plan(paths, batch)
+    _check_missing(plan, batch)
+    store, shard = Store(str(output.output)), _shard(batch.shard)
+    settings = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "options": {name: _plain(value) for name, value in options.given.items()},
+        "jobs": {"paths": list(paths), "truth": batch.truth, "estimate": batch.estimate,
+                 "layout": batch.layout, "seqmap": batch.seqmap},
+    }  # fmt: skip
+    store.open(settings)
+    with store.locked(shard):
+        tasks = [_task(ctx, job, options, batch, output) for job in plan.jobs]
+        tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
+        before = store.rows()
+        stored = set(before["key"]) if len(before) else set()
+        if batch.retry_failed and len(before):
+            stored = set(before["key"][before["status"] != "failed"])
+        left = [task for task in tasks if task.key not in stored]
+        left.sort(key=_size, reverse=True)
+        if not output.quiet and len(left) < len(tasks):
+            print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
+        _work(left, store, batch.workers, quiet=output.quiet)
+    rows = store.rows()
+    wanted = {task.key for task in tasks}
+    rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
+    _print(rows, batch, output)
+    failed = rows[rows["status"] == "failed"] if len(rows) else rows
+    for name, message in zip(_names(failed), failed.get("message", ()), strict=True):
+        print_notice(f"{name}: {message}")
+    if len(failed):
+        return 5
+    opened = len(rows) and (rows["status"] == "open").any()
+    return ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
+
+
+def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> None:
+    """Print the table of what is stored.
+
+    Raises
+    ------
+    InputError
+        The folder holds no batch.
+    """
+    store = Store(folder)
+    store.settings()
+    _print(store.rows(), batch, output)
+
+
+def _plan(paths: tuple[str, ...], batch: BatchOptions) -> Plan:
+    """The jobs that the arguments name in one of three ways."""
+    if batch.layout:
+        if len(paths) != 2:
+            raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
+        sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
+        return jobs.of_layout(batch.layout, *paths, sequences)
+    if batch.truth and batch.estimate and not paths:
+        return jobs.of_patterns(batch.truth, batch.estimate)
+    if len(paths) == 1 and not (batch.truth or batch.estimate):
+        keys = [name.replace("-", "_") for name, flag in KNOWN.items() if not flag]
+        return jobs.of_manifest(paths[0], {*keys, *(key.replace("_", "-") for key in keys)})
+    raise ConfigError(
+        "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
+        "GT TRACKERS"
+    )
+
+
+def _check_missing(plan: Plan, batch: BatchOptions) -> None:
+    """List what is missing; without --allow-missing nothing is begun.
+
+    Raises
+    ------
+    ConfigError
+        Something is missing, or everything.
+    """
+    lines = [*plan.faults[:SHOWN]]
+    if len(plan.faults) > SHOWN:
+        lines.append(f"and {len(plan.faults) - SHOWN} more")
+    if plan.faults and not batch.allow_missing:
+        raise ConfigError(*lines, "nothing is begun; --allow-missing goes on with the others")
+    for text in lines:
+        print_notice(text)
+    if not plan.jobs:
+        raise ConfigError("there is no job")
+
+
+def _shard(text: str | None) -> tuple[int, int]:
+    """Number and count of the shards.
+
+    Raises
+    ------
+    ConfigError
+        It is no K/N.
+    """
+    try:
+        number, count = map(int, (text or "1/1").split("/"))
+    except ValueError:
+        number = count = 0
+    if not 1 <= number <= count:
+        raise ConfigError(f"--shard {text}: must be K/N with 1 <= K <= N, such as 3/16")
+    return number, count
+
+
+def _task(
+    ctx: click.Context,
+    job: Job,
+    options: EvaluationOptions,
+    batch: BatchOptions,
+    output: OutputOptions,
+) -> Task:
+    """A job with its own options and its key."""
+    own = typed_options(ctx, dict(job.options), f"job {job.name}") if job.options else {}
+    chosen = replace(options, jobs=1, **own)  # type: ignore[arg-type]
+    folder = None
+    if batch.reports:
+        parts = [quote(value, safe=" ") for value in job.labels.values()]
+        folder = os.path.join(str(output.output), "reports", *parts)
+    return Task(job=job, options=chosen, key=key_of(job, chosen), folder=folder, proof=batch.proof)
+
+
+def _size(task: Task) -> int:
+    """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
+    return sum(os.path.getsize(path) for path in (task.job.truth, task.job.estimate))
+
+
+def _work(tasks: list[Task], store: Store, workers: int | None, *, quiet: bool) -> None:
+    """Do the jobs, and store their rows every now and then, also when interrupted."""
+    pending: list[Row] = []
+    begin = flushed = shown = time.monotonic()
+    failed = 0
+    try:
+        for done, row in enumerate(engine.spread(evaluate_job, tasks, workers, lost_job), 1):
+            pending.append(row)
+            failed += row["status"] == "failed"
+            now = time.monotonic()
+            if now - flushed > FLUSH:
+                store.add(pending)
+                pending, flushed = [], now
+            if not quiet and now - shown > FLUSH:
+                shown = now
+                print_notice(_progress(done, len(tasks), failed, now - begin))
+    finally:
+        store.add(pending)
+
+
+def _progress(done: int, count: int, failed: int, seconds: float) -> str:
+    rate = done / seconds
+    return (
+        f"{done} of {count} jobs, {failed} failed, {rate:.3g} a second, "
+        f"{(count - done) / rate:.0f} s left"
+    )
+
+
+def _print(rows: "pd.DataFrame", batch: BatchOptions, output: OutputOptions) -> None:
+    known = labels_of(rows)
+    by = [name.strip() for name in batch.by.split(",")] if batch.by else known[:1]
+    table = combined(rows, by)
+    emit(BATCH_REPORTS[output.format_](rows, table, by), output.format_)
+
+
+def _names(rows: "pd.DataFrame") -> Iterator[str]:
+    """Jobs in words."""
+    labels = [f"label.{name}" for name in labels_of(rows)]
+    for _, row in rows.iterrows():
+        yield "/".join(str(row[name]) for name in labels) or str(row["estimate"])
+
+
+def _plain(value: Any) -> Any:
+    """As JSON gives it back."""
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,142 @@
+"""What a worker process does: one job, from its files to a row of the store."""
+
+import hashlib
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tgospa_eval._version import __version__
+from tgospa_eval.batch.jobs import Job
+from tgospa_eval.batch.store import Row
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.files import named
+from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A job with everything that a worker needs.
+
+    Parameters
+    ----------
+    job : Job
+        Paths and labels.
+    options : EvaluationOptions
+        Those of the batch with those of the job.
+    key : str
+        Of the row.
+    folder : str, optional
+        Where to write the result folder of the job.
+    proof : bool
+        Whether with its proof.
+    """
+
+    job: Job
+    options: EvaluationOptions
+    key: str
+    folder: str | None = None
+    proof: bool = False
+
+
+def key_of(job: Job, options: EvaluationOptions) -> str:
+    """A digest of what makes the row: both files, labels, options and the schema of a result.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read.
+    """
+    sha = hashlib.sha256()
+    parts = RESULT_SCHEMA, dict(job.labels), options.given
+    sha.update(json.dumps(parts, sort_keys=True, default=str).encode())
+    for path in (job.truth, job.estimate):
+        with named(path, InputError), open(path, "rb") as file:
+            sha.update(hashlib.file_digest(file, "sha256").digest())
+    return sha.hexdigest()
+
+
+def evaluate_job(task: Task) -> Row:
+    """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
+    from tgospa_eval.cli.evaluate.run import evaluate_files  # here: the parent does without
+
+    begin, job = time.monotonic(), task.job
+    try:
+        result, finished = evaluate_files(
+            job.truth, job.estimate, task.options, OutputOptions(quiet=True), lambda _: None
+        )
+        if task.folder is not None:
+            _write(result, task, task.folder)
+        row = {
+            **numbers(result),
+            "status": "done" if finished else "open",
+            "message": "" if finished else str(result.solver["status"]),
+            "warnings": json.dumps([notice.record() for notice in result.warnings]),
+        }
+    except TgospaError as error:
+        row = {"status": "failed", "message": " ".join(error.args)}
+    except MemoryError:
+        row = {"status": "failed", "message": "out of memory"}
+    return finished_row(task, row, time.monotonic() - begin)
+
+
+def lost_job(task: Task) -> Row:
+    """The row of a job whose process died, twice."""
+    return finished_row(task, {"status": "failed", "message": "its process died"}, 0.0)
+
+
+def finished_row(task: Task, row: Mapping[str, object], seconds: float) -> Row:
+    """With what every row has."""
+    return {
+        "key": task.key,
+        **{f"label.{name}": value for name, value in task.job.labels.items()},
+        "truth": task.job.truth,
+        "estimate": task.job.estimate,
+        **row,
+        "seconds": seconds,
+        "finished": time.time_ns(),
+        "version": __version__,
+    }
+
+
+def numbers(result: Summary) -> Row:
+    """The numbers of a result that tables are made of."""
+    parameters = result.proof.parameters
+    lower, upper = result.total_bounds
+    truth, estimates = result.objects
+    return {
+        "tgospa": result.tgospa,
+        "lower_bound": result.lower_bound,
+        "upper_bound": result.upper_bound,
+        "total": result.total,
+        "total_lower": lower,
+        "total_upper": upper,
+        "certified": result.certified,
+        **{name: getattr(result, name) for name in PARTS},
+        **{f"counts.{name}": value for name, value in result.counts.items()},
+        **{f"sizes.{name}": value for name, value in result.sizes.items()},
+        "sizes.occupied": int(result.occupied.sum()),
+        "sizes.truth_states": truth,
+        "sizes.estimate_states": estimates,
+        "cutoff": parameters.cutoff,
+        "order": parameters.order,
+        "switch_penalty": parameters.switch_penalty,
+        "distance": str(result.parameters["distance"]),
+    }
+
+
+def _write(result: Summary, task: Task, folder: str) -> None:
+    """The result folder of a job, without pictures, in place of an older one."""
+    from tgospa_eval.reports.files import result_texts
+    from tgospa_eval.reports.folders import RESULT, write_texts
+    from tgospa_eval.reports.proofs import FOLDER, proof_files
+
+    Path(folder).parent.mkdir(parents=True, exist_ok=True)
+    texts, _ = result_texts(result, (task.job.truth, task.job.estimate))
+    if task.proof:
+        files = proof_files(result, task.options.given)
+        texts |= {f"{FOLDER}/{name}": text for name, text in files.items()}
+    write_texts(texts, folder, RESULT, force=False)

@@ -1,0 +1,101 @@
+"""Tables of a batch as text, Markdown, LaTeX, CSV and JSON."""
+
+import json
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.words import counted
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.results.records import PARTS, json_text
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NARROW = 1e-9
+"""Relative width of a bracket below which one number is shown."""
+
+
+def document(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> Document:
+    """The table by groups, with what it is."""
+    failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
+    heads = [name for name in table.columns if name in by or name in _PARAMETERS]
+    return Document(
+        title=f"{counted(len(rows), 'job')}, {failed} failed",
+        lines=[],
+        tables=[
+            Table(
+                head=(*heads, "jobs", "combined", "per step", "RMS"),
+                rows=[
+                    (
+                        *(str(row[name]) for name in heads),
+                        str(row["jobs"]),
+                        *(_between(row, name) for name in ("combined", "per_step", "rms")),
+                    )
+                    for _, row in table.iterrows()
+                ],
+                align="l" * len(heads) + "rrrr",
+            ),
+            Table(
+                head=(*heads, "total", "local.", "missed", "false", "switch"),
+                rows=[
+                    (
+                        *(str(row[name]) for name in heads),
+                        number(row["total"], 5),
+                        *(number(row[name], 5) for name in PARTS),
+                    )
+                    for _, row in table.iterrows()
+                ],
+                align="l" * len(heads) + "rrrrr",
+            ),
+        ]
+        if len(table)
+        else [],
+        notes=[
+            "combined: (sum of the totals)^(1/p); per step: (that sum / steps)^(1/p); RMS: (mean "
+            "of the totals)^(1/p), as of Monte Carlo runs; no mean of roots is taken",
+        ],
+    )
+
+
+_PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
+
+
+def _between(row: "pd.Series[float]", name: str) -> str:
+    """A value, or its bracket where that is wide."""
+    lower, upper = float(row[f"{name}_lower"]), float(row[f"{name}_upper"])
+    if upper - lower <= NARROW * upper:
+        return number(float(row[name]))
+    return f"{number(lower)} to {number(upper)}"
+
+
+def _csv(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str:
+    del table, by
+    return csv_text({str(name): column.tolist() for name, column in rows.items()})
+
+
+def _json(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str:
+    return json_text(
+        {
+            "schema": "tgospa-eval/batch/1",
+            "by": list(by),
+            "groups": json.loads(table.to_json(orient="records", double_precision=15)),
+            "jobs": json.loads(rows.to_json(orient="records", double_precision=15)),
+        }
+    )
+
+
+def _as(write: Callable[[Document], str]) -> "Report":
+    return lambda rows, table, by: write(document(rows, table, by))
+
+
+Report = Callable[["pd.DataFrame", "pd.DataFrame", Sequence[str]], str]
+
+BATCH_REPORTS: dict[str, Report] = {
+    "table": _as(as_text),
+    "json": _json,
+    "csv": _csv,
+    "markdown": _as(as_markdown),
+    "latex": _as(as_latex),
+}
