@@ -4,6 +4,9 @@ Only `submit` is used of it, and `as_completed` of its own futures.
 """
 
 import os
+import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -11,6 +14,9 @@ from tgospa_eval.common.cores import cores
 
 J = TypeVar("J")
 R = TypeVar("R")
+
+BEAT = 1.0
+"""Seconds between looks at whether the parent is there."""
 
 AHEAD = 2
 """Jobs that wait for each worker: more are lost with one that dies."""
@@ -34,9 +40,12 @@ def spread(
             running: dict[Any, J] = {}
             broken = False
             while (waiting or running) and not broken:
-                while waiting and len(running) < AHEAD * count:
-                    job = waiting.pop()
-                    running[pool.submit(work, job)] = job
+                try:
+                    while waiting and len(running) < AHEAD * count:
+                        running[pool.submit(work, waiting[-1])] = waiting[-1]
+                        waiting.pop()
+                except BrokenProcessPool:
+                    broken = True
                 for future in as_completed(list(running)):
                     job = running.pop(future)
                     try:
@@ -55,8 +64,13 @@ def spread(
 
 
 def _quiet() -> None:
-    """A worker leaves Ctrl-C to the one who asked, and uses one thread."""
-    import signal
-
+    """A worker leaves Ctrl-C to the one who asked, uses one thread, and does not outlive it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(BEAT)
+    os._exit(1)

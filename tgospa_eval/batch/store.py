@@ -56,14 +56,17 @@ class Store:
         with named(f"-o {self.folder}", ConfigError, "cannot be written"):
             self.folder.mkdir(parents=True, exist_ok=True)
             if not path.exists():
-                others = [name for name in os.listdir(self.folder) if not name.startswith(".")]
-                if others:
+                if any(not name.startswith(".") for name in os.listdir(self.folder)):
                     raise ConfigError(
                         f"-o {self.folder}: is not empty, and no batch; name another folder"
                     )
-                (self.folder / PARTS).mkdir()
-                _write_whole(path, json.dumps(settings, indent=1, sort_keys=True) + "\n")
-                return
+                # Several shards may begin at once: all write the same, and who is later looks.
+                beside = self.folder / f".{SETTINGS}-{uuid.uuid4().hex}"
+                beside.write_text(
+                    json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
+                )
+                os.replace(beside, path)
+            (self.folder / PARTS).mkdir(exist_ok=True)
         old = self.settings()
         differing = [
             f"{key} was {json.dumps(old.get(key))}, is {json.dumps(settings.get(key))}"
@@ -92,7 +95,7 @@ class Store:
         return settings
 
     def rows(self) -> "pd.DataFrame":
-        """The last row of each job, done before failed, in the order of labels.
+        """One row for each job, done before failed and the last of these, in the order of labels.
 
         Raises
         ------
@@ -113,6 +116,9 @@ class Store:
             "key", keep="last"
         )
         labels = [name for name in rows.columns if name.startswith("label.")]
+        # A file that changed since has another key: its older row is one of the past.
+        same = [*labels, "truth", "estimate", "options"]
+        rows = rows.sort_values("finished", kind="stable").drop_duplicates(same, keep="last")
         return rows.drop(columns="_done").sort_values(
             labels or "key", kind="stable", ignore_index=True
         )
@@ -165,9 +171,3 @@ class Store:
                     f"-o {self.folder}: another process is at work on it; wait, or name another"
                 ) from None
             yield
-
-
-def _write_whole(path: Path, text: str) -> None:
-    beside = path.with_suffix(".new")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)

@@ -1,6 +1,5 @@
 """Tables of a batch as text, Markdown, LaTeX, CSV and JSON."""
 
-import json
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -80,10 +79,18 @@ def _json(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str
         {
             "schema": "tgospa-eval/batch/1",
             "by": list(by),
-            "groups": json.loads(table.to_json(orient="records", double_precision=15)),
-            "jobs": json.loads(rows.to_json(orient="records", double_precision=15)),
+            "groups": _records(table),
+            "jobs": _records(rows),
         }
     )
+
+
+def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
+    """The rows as plain values, None for what is not there."""
+    return [
+        {str(name): value for name, value in row.items() if value == value}
+        for row in frame.to_dict("records")
+    ]
 
 
 def _as(write: Callable[[Document], str]) -> "Report":

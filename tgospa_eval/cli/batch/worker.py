@@ -95,6 +95,7 @@ def finished_row(task: Task, row: Mapping[str, object], seconds: float) -> Row:
         **{f"label.{name}": value for name, value in task.job.labels.items()},
         "truth": task.job.truth,
         "estimate": task.job.estimate,
+        "options": json.dumps(dict(task.job.options), sort_keys=True),
         **row,
         "seconds": seconds,
         "finished": time.time_ns(),

@@ -1,0 +1,154 @@
+"""Batches as users meet them: a folder of runs to a table, again after faults."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from browser import PATIENCE
+
+Invoke = Callable[..., Any]
+
+PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
+RUNS = 4
+
+
+@pytest.fixture
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Some runs of two trackers: the error of tracker b is twice that of tracker a."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("gt", "out/a", "out/b"):
+        Path(folder).mkdir(parents=True)
+    for run in range(RUNS):
+        for name, error in (("gt", 0), ("out/a", 1), ("out/b", 2)):
+            rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
+            Path(name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+    return tmp_path
+
+
+def batch(invoke: Invoke, *arguments: str) -> Any:
+    """A batch of these runs to the folder r."""
+    return invoke("batch", *PATTERNS, "-o", "r", "--workers", "2", *arguments)
+
+
+def test_a_folder_of_runs(invoke: Invoke, runs: Path) -> None:
+    answer = batch(invoke, "--by", "tracker", "--format", "json")
+    assert answer.status == 0
+    document = json.loads(answer.out)
+    # Five steps with an error of 1 or 2 in each of four runs: totals of 20 and 80.
+    groups = document["groups"]
+    assert [(group["tracker"], group["jobs"]) for group in groups] == [("a", RUNS), ("b", RUNS)]
+    assert [group["total"] for group in groups] == pytest.approx([20.0, 80.0])
+    assert document["groups"][0]["combined"] == pytest.approx(20**0.5)
+    assert document["groups"][0]["rms"] == pytest.approx(5**0.5)
+    assert document["groups"][0]["per_step"] == pytest.approx(1.0)
+    parts = list(Path("r/jobs").iterdir())
+    again = batch(invoke, "--by", "tracker", "--format", "json")
+    assert again.out == answer.out
+    assert f"{2 * RUNS} jobs of {2 * RUNS} done before" in again.err
+    assert list(Path("r/jobs").iterdir()) == parts
+    report = invoke("batch", "report", "r", "--by", "run")
+    assert report.status == 0
+    assert report.out.startswith("8 jobs, 0 failed\n")
+
+
+def test_a_changed_file_is_evaluated_again(invoke: Invoke, runs: Path) -> None:
+    batch(invoke)
+    path = Path("out/a/0.csv")
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("1,0,1,0", "1,0,4,0"), encoding="utf-8"
+    )
+    answer = batch(invoke, "--by", "tracker", "--format", "json")
+    assert "7 jobs of 8 done before" in answer.err
+    assert json.loads(answer.out)["groups"][0]["total"] == pytest.approx(35.0)
+    assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
+
+
+def test_faults_are_rows(invoke: Invoke, runs: Path) -> None:
+    Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
+    Path("out/a/3.csv").unlink()
+    answer = batch(invoke)
+    assert (answer.status, answer.out) == (2, "")
+    assert "gt/3.csv: there is no estimate out/a/3.csv" in answer.err
+    assert not Path("r").exists()
+    answer = batch(invoke, "--allow-missing")
+    assert answer.status == 5
+    assert answer.out.startswith("7 jobs, 1 failed")
+    assert "b/2: out/b/2.csv, line 1: no column for position" in answer.err
+    Path("out/b/2.csv").write_text(
+        Path("out/b/1.csv").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    answer = batch(invoke, "--allow-missing")
+    assert answer.status == 0
+    assert "6 jobs of 7 done before" in answer.err
+
+
+def test_other_settings_are_refused(invoke: Invoke, runs: Path) -> None:
+    batch(invoke)
+    answer = batch(invoke, "-g", "3")
+    assert answer.status == 2
+    assert "holds a batch with other settings: options was" in answer.err
+
+
+def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Path) -> None:
+    Path("m.csv").write_text(
+        "truth,estimate,who,cutoff\ngt/0.csv,out/a/0.csv,a,10\ngt/0.csv,out/b/0.csv,b,1.5\n",
+        encoding="utf-8",
+    )
+    answer = invoke("batch", "m.csv", "-o", "r", "--reports", "--proof", "--format", "json")
+    assert answer.status == 0
+    assert [group["cutoff"] for group in json.loads(answer.out)["groups"]] == [10.0, 1.5]
+    assert invoke("verify", "r/reports/b", "gt/0.csv", "out/b/0.csv").status == 0
+
+
+def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
+    counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2, 3)]
+    assert counts == ["3", "3", "2"]
+    assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
+    assert "must be K/N" in batch(invoke, "--shard", "4/3").err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
+def test_killed_and_gone_on(invoke: Invoke, runs: Path, environment: dict[str, str]) -> None:
+    """What was stored before a kill -9 is not done again, and nothing is doubled."""
+    command = [sys.executable, "-m", "tgospa_eval", "batch", *PATTERNS, "-o", "r", "--workers", "1"]
+    for run in range(RUNS, 60):
+        for name in ("gt", "out/a", "out/b"):
+            text = Path(name, "0.csv").read_text(encoding="utf-8")
+            Path(name, f"{run}.csv").write_text(text, encoding="utf-8")
+    process = subprocess.Popen(command, env=environment, start_new_session=True)
+    until = time.monotonic() + PATIENCE
+    while not list(Path("r/jobs").glob("*.parquet")) and process.poll() is None:
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    stored = sum(len(pd.read_parquet(path)) for path in Path("r/jobs").glob("*.parquet"))
+    answer = invoke("batch", *PATTERNS, "-o", "r", "--workers", "2")
+    assert answer.status == 0
+    assert f"{stored} job" in answer.err
+    assert answer.out.startswith("120 jobs, 0 failed")
+    rows = pd.concat(pd.read_parquet(path) for path in Path("r/jobs").glob("*.parquet"))
+    assert len(rows) == rows["key"].nunique() == 120
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("batch", "-o", "r"), "name the jobs by --truth PATTERN --estimate PATTERN"),
+        (("batch", "m.csv"), "name the folder of the results with -o DIR"),
+        (("batch", "--layout", "kitti", "a", "-o", "r"), "takes two folders, GT TRACKERS"),
+        (("batch", "report"), "takes one folder, a store"),
+    ],
+)
+def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], message: str) -> None:
+    answer = invoke(*arguments)
+    assert answer.status == 2
+    assert message in answer.err
