@@ -16,6 +16,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.console import meaning, part_rows
+from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
@@ -66,6 +67,8 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         total=number(result.total),
         per_step=result.quantity(result.normalised["tgospa"]),
         classes=_classes(result),
+        others=other_table(result.with_).rows,
+        similarity=list(similarity(result.with_)),
         seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
         parameters=_flat(result.parameters),
         inputs={name: _flat(about) for name, about in result.input.items()},

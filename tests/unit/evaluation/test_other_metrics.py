@@ -163,6 +163,16 @@ def test_what_is_printed(write: Write, invoke: Invoke, form: str) -> None:
     assert [text in ranked.out for text in ("MOTA", "GOSPA", "IDF1")] == [True, True, False]
 
 
+def test_the_page_has_them(write: Write) -> None:
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    plain, page = (
+        evaluate(*paths, cutoff=1, order=1, switch_penalty=1, with_=names).to_html()
+        for names in ((), "clear")
+    )
+    row = '<tr><th scope="row">MOTA</th><td>25.00 %</td><td>high</td><td>MOTP 92.33 %, FN 1'
+    assert (row in page, "MOTA" in plain) == (True, False)
+
+
 def test_wrong_uses(write: Write, invoke: Invoke, monkeypatch: pytest.MonkeyPatch) -> None:
     paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     for words, text in (
