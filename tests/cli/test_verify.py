@@ -187,3 +187,16 @@ def test_large_coordinates_are_told(invoke: Invoke, write: Write) -> None:
     ][:1]
     assert warning["code"] == "rounded-coordinates"
     assert "1.2e-07 apart as floating-point numbers: digit 8 of the total" in warning["text"]
+
+
+def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> None:
+    rows = "".join(f"{name},{k},{k},0,{name}\n" for name in ("bus", "car") for k in range(3))
+    for name in ("t.csv", "e.csv"):
+        write(name, f"id,t,x,y,class\n{rows}")
+    assert invoke("t.csv", "e.csv", "--by", "class", "-o", "r", "--proof", "-q").status == 0
+    assert invoke("verify", "r", "t.csv", "e.csv").status == 0
+    for path in Path("r/proof/bus").iterdir():
+        path.unlink()
+    answer = invoke("verify", "r")
+    assert answer.status == 1
+    assert "r: there is no proof of the class 'bus'" in answer.err

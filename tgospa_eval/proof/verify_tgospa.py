@@ -227,7 +227,8 @@ def verify(read):
     if not (lower <= totals[0] and totals[1] <= upper):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
     given = "" if proof["parameters"]["distance"] in CLOSED else ", given the distances"
-    return f"verified{given}: {found}"
+    metric = ", ".join(f"{name} {value}" for name, value in proof["parameters"].items())
+    return f"verified{given}: {found}; {metric}"
 
 
 def main(arguments):

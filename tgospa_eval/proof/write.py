@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.distances.base import Settings
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
@@ -17,6 +18,9 @@ from tgospa_eval.proof.prices import estimate_prices, price_bits
 from tgospa_eval.proof.tables import proof_tables, times_of
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Compared, Proof
+
+NUMBERS = "scale", "periodic"
+"""Settings of a distance that have a number for some columns."""
 
 
 def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dict[str, str]:
@@ -76,8 +80,13 @@ def proof_parameters(compared: Compared, parameters: Parameters) -> dict[str, ob
         "columns": list(compared.scene.columns),
         **{
             name: {column: repr(value) for column, value in _numbers(settings, name).items()}
-            for name in ("scale", "periodic")
+            for name in NUMBERS
             if name in settings
+        },
+        **{
+            name: settings[name]
+            for name in Settings.__annotations__
+            if name in settings and name not in NUMBERS
         },
     }
 

@@ -49,7 +49,7 @@ def _parts(result: Summary) -> list[tuple[str, Result, dict[str, object]]]:
     """Folder, result, and what the proof says of where it comes from."""
     if isinstance(result, ByClass):
         return [
-            (f"{folder_name(name)}/", part, {"class": name})
+            (f"{folder_name(name)}/", part, {"class": name, "classes": list(result.results)})
             for name, part in result.results.items()
         ]
     assert isinstance(result, Result)

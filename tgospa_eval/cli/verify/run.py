@@ -4,6 +4,7 @@ import inspect
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,8 @@ def verify_folder(folder: str, files: Files | None) -> bool:
     InputError
         It is no proof folder, or a file is missing or damaged.
     """
-    verdicts = [_verdict(path, files) for path in _folders(folder)]
+    folders = _folders(folder)
+    verdicts = [*_missing_classes(folder, folders), *(_verdict(path, files) for path in folders)]
     for text, holds in verdicts:
         (emit if holds else print_notice)(f"{text}\n" if holds else text)
     return all(holds for _, holds in verdicts)
@@ -64,6 +66,20 @@ def _folders(folder: str) -> list[str]:
     raise InputError(
         f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes one"
     )
+
+
+def _missing_classes(folder: str, folders: list[str]) -> Iterator[tuple[str, bool]]:
+    """A line for each class that has no proof of its own, where classes were proven apart."""
+    if folders == [folder]:
+        return
+    there, needed = set(), set()
+    for path in folders:
+        with suppress(OSError, ValueError), open(os.path.join(path, "proof.json"), "rb") as file:
+            document = json.load(file)
+            there.add(document.get("class"))
+            needed.update(document.get("classes", ()))
+    for name in sorted(needed - there):
+        yield f"{folder}: there is no proof of the class {name!r}", False
 
 
 def _has_proof(path: str) -> bool:
