@@ -31,6 +31,26 @@ WIDE = {
 }
 """Functions whose settings, or arrays, are keywords with names that stay."""
 
+SAME: dict[str, set[str]] = {
+    # Choices of the command line, which are checked against their home by its own tests.
+    name: {"cli/shared/options.py", home}
+    for name, home in (
+        ("DISTANCES", "distances/__init__.py"),
+        ("GRIDS", "tracks/alignment.py"),
+        ("SOLVERS", "solvers/__init__.py"),
+    )
+} | {
+    "SCENARIOS": {"cli/simulate/command.py", "simulation/scenarios.py"},
+    "LAYOUTS": {"cli/batch/command.py", "batch/jobs.py"},
+    "_HOME": {"__init__.py", "distances/__init__.py"},
+    "SCHEMA": {
+        *("inspection.py", "gate/report.py", "gate/baseline.py", "comparison/log.py"),
+        *("comparison/__init__.py", "proof/verify_tgospa.py", "reports/manifest.py"),
+        "batch/store.py",
+    },
+}
+"""Constants of one meaning in several modules."""
+
 RETIRED = {
     "contest", "contested", "dearest", "hub", "laws", "offer", "remark", "remarks", "residual",
     "rough", "sheet", "sheets", "stamps", "crossing_price",
@@ -105,6 +125,23 @@ def names(tree: ast.Module) -> Iterator[str]:
         for field in ("id", "attr", "name", "arg"):
             if isinstance(name := getattr(node, field, None), str):
                 yield name
+
+
+def constants(tree: ast.Module) -> Iterator[str]:
+    """Names of the constants of a module."""
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for name in (each for target in targets if target for each in ast.walk(target)):
+            if isinstance(name, ast.Name) and name.id.isupper() and len(name.id) > 1:
+                yield name.id
+
+
+def test_a_constant_has_one_meaning() -> None:
+    homes: dict[str, set[str]] = {}
+    for file, (_, tree) in sources().items():
+        for name in constants(tree):
+            homes.setdefault(name, set()).add(file)
+    assert {name: files for name, files in homes.items() if len(files) > 1} | SAME == SAME
 
 
 def test_retired_words_are_not_in_names() -> None:

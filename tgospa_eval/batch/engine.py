@@ -15,7 +15,7 @@ from tgospa_eval.common.cores import cores
 J = TypeVar("J")
 R = TypeVar("R")
 
-BEAT = 1.0
+PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""
 
 AHEAD = 2
@@ -72,5 +72,5 @@ def _quiet() -> None:
 
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
-        time.sleep(BEAT)
+        time.sleep(PARENT_CHECK)
     os._exit(1)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SCHEMA = "tgospa-eval/batch/1"
-SETTINGS = "batch.json"
-PARTS = "jobs"
+SETTINGS_FILE = "batch.json"
+PART_FOLDER = "jobs"
 
 Row = dict[str, Any]
 """What is stored of one job: plain values by column; labels begin with ``label.``."""
@@ -52,7 +52,7 @@ class Store:
         ConfigError
             The folder has other files, or is a store with other settings.
         """
-        path = self.folder / SETTINGS
+        path = self.folder / SETTINGS_FILE
         with named(f"-o {self.folder}", ConfigError, "cannot be written"):
             self.folder.mkdir(parents=True, exist_ok=True)
             if not path.exists():
@@ -61,12 +61,12 @@ class Store:
                         f"-o {self.folder}: is not empty, and no batch; name another folder"
                     )
                 # Several shards may begin at once: all write the same, and who is later looks.
-                beside = self.folder / f".{SETTINGS}-{uuid.uuid4().hex}"
+                beside = self.folder / f".{SETTINGS_FILE}-{uuid.uuid4().hex}"
                 beside.write_text(
                     json.dumps(settings, indent=1, sort_keys=True) + "\n", encoding="utf-8"
                 )
                 os.replace(beside, path)
-            (self.folder / PARTS).mkdir(exist_ok=True)
+            (self.folder / PART_FOLDER).mkdir(exist_ok=True)
         old = self.settings()
         differing = [
             f"{key} was {json.dumps(old.get(key))}, is {json.dumps(settings.get(key))}"
@@ -87,7 +87,7 @@ class Store:
         InputError
             The folder holds no batch.
         """
-        path = self.folder / SETTINGS
+        path = self.folder / SETTINGS_FILE
         with named(str(path), InputError):
             settings: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if settings.get("schema") != SCHEMA:
@@ -105,7 +105,7 @@ class Store:
         import pandas as pd
 
         frames = []
-        for path in sorted((self.folder / PARTS).glob("part-*.parquet")):
+        for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
             with named(str(path), InputError):
                 frames.append(pd.read_parquet(path))
         if not frames:
@@ -135,7 +135,9 @@ class Store:
 
         if not rows:
             return
-        path = self.folder / PARTS / f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
+        path = (
+            self.folder / PART_FOLDER / f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
+        )
         with named(f"-o {self.folder}", ConfigError, "cannot be written"):
             beside = path.with_suffix(".new")
             try:

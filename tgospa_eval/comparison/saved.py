@@ -18,7 +18,7 @@ from tgospa_eval.results.saved import count_of, unlike
 from tgospa_eval.tracks.alignment import Times
 
 BESIDE = {"similarity": ("zero", "threshold")}
-SHOWN = {**COMPARED, **BESIDE}
+FIELDS_SHOWN = {**COMPARED, **BESIDE}
 """Names of the numbers of other metrics that a ranking shows, by metric."""
 
 Documents = Sequence[Json]
@@ -49,7 +49,7 @@ def shared_metrics(runs: Sequence[Documents]) -> tuple[list[OtherMetrics], list[
         name
         for name in first
         if all(name in found and found[name].keys() == first[name].keys() for found in each)
-        and first[name].keys() >= {*SHOWN.get(name, ())}
+        and first[name].keys() >= {*FIELDS_SHOWN.get(name, ())}
     ]
     left_out = sorted({name for found in each for name in found} - {*shared, *BESIDE})
     notices = [

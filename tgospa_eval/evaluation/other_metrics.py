@@ -28,7 +28,7 @@ from tgospa_eval.results.records import OtherMetrics
 THRESHOLD = 0.5
 """Similarity from which a pair matches, in CLEAR and Identity."""
 
-FIELDS = {
+METRIC_FIELDS = {
     "hota": ("HOTA", "DetA", "AssA", "DetRe", "DetPr", "AssRe", "AssPr", "LocA"),
     "clear": (
         *("MOTA", "MOTP", "MODA", "CLR_Re", "CLR_Pr", "CLR_TP", "CLR_FN", "CLR_FP", "IDSW"),
@@ -75,7 +75,7 @@ def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> O
     """
     cutoff = prepared.parameters.cutoff
     zero = 1.0 if prepared.distance.name == "iou" else 2 * cutoff
-    asked = [name for name in names if name in FIELDS]
+    asked = [name for name in names if name in METRIC_FIELDS]
     found = {}
     with effort.stopwatch.span("other_metrics"):
         if asked:
@@ -99,7 +99,7 @@ def joined(others: Sequence[Others]) -> OtherMetrics:
         every = each[0]
         if len(each) > 1:
             every = _metric(name).combine_sequences({str(k): item for k, item in enumerate(each)})
-        record[name] = {key: _plain(every[key]) for key in FIELDS[name]}
+        record[name] = {key: _plain(every[key]) for key in METRIC_FIELDS[name]}
     if first.gospa is not None:
         costs = [other.gospa for other in others if other.gospa is not None]
         record["gospa"] = {

@@ -21,10 +21,10 @@ PEDESTRIAN = "1"
 DISTRACTORS = ("2", "7", "8", "12")
 """A person on a vehicle, a static person, a distractor, a reflection."""
 
-FARTHEST = 0.5 + 2.0**-51
+FARTHEST_MATCH = 0.5 + 2.0**-51
 """Distances below are of boxes that match; TrackEval allows for one rounding of an IoU of 1/2."""
 
-OPTION = "--preprocess motchallenge"
+PREPROCESS = "--preprocess motchallenge"
 
 
 def preprocessed(
@@ -49,11 +49,11 @@ def preprocessed(
     truth, estimate = sides
     if everything.format != "motchallenge":
         raise ConfigError(
-            f"{OPTION}: {names[0]} is read as {everything.format}; only MOTChallenge text says "
+            f"{PREPROCESS}: {names[0]} is read as {everything.format}; only MOTChallenge text says "
             "which boxes are distractors"
         )
     if everything.klass is None:
-        raise ConfigError(f"{OPTION}: {names[0]} has no classes, column 8")
+        raise ConfigError(f"{PREPROCESS}: {names[0]} has no classes, column 8")
     return (
         _left(truth, _of_classes(truth, (PEDESTRIAN,))),
         _left(estimate, ~_on_distractors(everything, estimate, names)),
@@ -71,7 +71,7 @@ def _on_distractors(everything: Reading, estimate: Reading, names: tuple[str, st
     from scipy.optimize import linear_sum_assignment  # here: slow to import
 
     aligned = align(everything.trajectories, estimate.trajectories, TimeMatching(), names)
-    pairs = near_pairs(aligned.truth, aligned.estimate, FARTHEST, DISTANCES["iou"])
+    pairs = near_pairs(aligned.truth, aligned.estimate, FARTHEST_MATCH, DISTANCES["iou"])
     wrong = _of_classes(everything, DISTRACTORS)
     found = np.zeros(len(aligned.estimate.step), bool)
     step = aligned.truth.step[pairs.truth_row]

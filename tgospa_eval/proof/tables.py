@@ -10,7 +10,7 @@ from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Compared
 
-TOLERANCE = 1e-9
+DISTANCE_TOLERANCE = 1e-9
 """Of distances that are computed again, perhaps by another version of a library; relative."""
 
 
@@ -63,7 +63,7 @@ def times_of(compared: Compared) -> list[str]:
 def difference(name: str, one: str, other: str, cutoff: float) -> str:
     """Where two tables differ first, in words; empty if they are the same.
 
-    Distances are the same within TOLERANCE; a pair at the cutoff may be in one table alone.
+    Distances are the same within DISTANCE_TOLERANCE; a pair at the cutoff may be in one table.
     """
     if name == "distances.csv":
         return _difference_of_distances(one, other, cutoff)
@@ -88,7 +88,7 @@ def _difference_of_distances(one: str, other: str, cutoff: float) -> str:
     )
     for pair in (*made, *found):
         a, b = found.get(pair, cutoff), made.get(pair, cutoff)
-        if abs(a - b) > TOLERANCE * max(a, b):
+        if abs(a - b) > DISTANCE_TOLERANCE * max(a, b):
             return f"{pair[0]}, {pair[1]} at t = {pair[2]} is {a!r}, must be {b!r}"
     return ""
 

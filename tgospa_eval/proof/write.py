@@ -19,7 +19,7 @@ from tgospa_eval.proof.tables import proof_tables, times_of
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Compared, Proof
 
-NUMBERS = "scale", "periodic"
+COLUMN_NUMBERS = "scale", "periodic"
 """Settings of a distance that have a number for some columns."""
 
 
@@ -80,13 +80,13 @@ def proof_parameters(compared: Compared, parameters: Parameters) -> dict[str, ob
         "columns": list(compared.scene.columns),
         **{
             name: {column: repr(value) for column, value in _numbers(settings, name).items()}
-            for name in NUMBERS
+            for name in COLUMN_NUMBERS
             if name in settings
         },
         **{
             name: settings[name]
             for name in Settings.__annotations__
-            if name in settings and name not in NUMBERS
+            if name in settings and name not in COLUMN_NUMBERS
         },
     }
 

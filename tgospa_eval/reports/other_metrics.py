@@ -6,7 +6,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.reports.tables import Row, Table
 from tgospa_eval.results.records import Columns, OtherMetrics
 
-PARTS = {
+PARTS_SHOWN = {
     "hota": ("HOTA", ("DetA", "AssA", "LocA")),
     "clear": ("MOTA", ("MOTP", "CLR_FN", "CLR_FP", "IDSW")),
     "identity": ("IDF1", ("IDP", "IDR")),
@@ -22,7 +22,7 @@ COMPARED = {
 }
 """What a ranking shows of each."""
 
-SHORT = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
+SHORT_NAMES = {"CLR_FN": "FN", "CLR_FP": "FP", "localisation": "local.", "total": "GOSPA"}
 COUNTS = {"CLR_FN", "CLR_FP", "IDSW"}
 COSTS = {"total", "localisation", "missed", "false"}
 LOW = {"IDSW", "total"}
@@ -32,7 +32,7 @@ LOW = {"IDSW", "total"}
 def other_table(found: OtherMetrics) -> Table:
     """A row for each metric of one evaluation."""
     rows: list[Row] = []
-    for name, (main, parts) in PARTS.items():
+    for name, (main, parts) in PARTS_SHOWN.items():
         if name in found:
             beside = ", ".join(f"{_short(part)} {_value(part, found[name])}" for part in parts)
             best = "low" if main in LOW else "high"
@@ -45,7 +45,7 @@ def similarity(found: OtherMetrics) -> Iterator[str]:
     if "similarity" not in found:
         return
     zero, threshold = found["similarity"]["zero"], found["similarity"]["threshold"]
-    matching = " and ".join(PARTS[name][0] for name in ("clear", "identity") if name in found)
+    matching = " and ".join(PARTS_SHOWN[name][0] for name in ("clear", "identity") if name in found)
     text = "similarity 1 - d" + ("" if zero == 1 else f" / {number(zero)}")
     if matching:
         near = number(zero * (1 - threshold))
@@ -85,7 +85,7 @@ def other_columns(found: Sequence[OtherMetrics]) -> Columns:
 
 
 def _short(name: str) -> str:
-    return SHORT.get(name, name)
+    return SHORT_NAMES.get(name, name)
 
 
 def _value(name: str, numbers: Mapping[str, float]) -> str:

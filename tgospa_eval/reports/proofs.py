@@ -17,7 +17,7 @@ FOLDER = "proof"
 NO_NAME = "%20"
 """Folder of objects without a class: no name is quoted so."""
 
-LONGEST = 200
+LONGEST_NAME = 200
 """Characters of a name as that of a folder; file systems take 255 with the digest of the rest."""
 
 
@@ -61,8 +61,8 @@ def folder_name(name: str) -> str:
     text = quote(name, safe=" ")
     if text.startswith("."):
         text = f"%2E{text[1:]}"
-    if len(text) > LONGEST:
-        text = f"{text[:LONGEST]}%~{hashlib.sha256(name.encode()).hexdigest()[:16]}"
+    if len(text) > LONGEST_NAME:
+        text = f"{text[:LONGEST_NAME]}%~{hashlib.sha256(name.encode()).hexdigest()[:16]}"
     return text or NO_NAME
 
 

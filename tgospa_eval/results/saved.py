@@ -24,14 +24,14 @@ NEUTRAL = ("unit", "decimal")
 AGREE, ADD_UP = 1e-9, 1e-6
 """Relative tolerances of values that are the same, and of parts that were summed."""
 
-LARGEST = 1 << 32
+LARGEST_RESULT = 1 << 32
 """Bytes that no saved result has."""
 
-NAME = "result.json"
+RESULT_FILE = "result.json"
 """The result in a folder of ``-o``."""
 
 FAMILY = RESULT_SCHEMA.rpartition("/")[0] + "/"
-MADE = f"a saved result is the {NAME} of -o, or what --format json prints"
+MADE_BY = f"a saved result is the {RESULT_FILE} of -o, or what --format json prints"
 
 
 def unlike(
@@ -101,7 +101,7 @@ def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
 def saved_result(path: str) -> str | None:
     """The JSON of a result at a path, which may be its folder; None if there is none."""
     if os.path.isdir(path):
-        path = os.path.join(path, NAME)
+        path = os.path.join(path, RESULT_FILE)
     if not os.path.isfile(path):  # a pipe can be read once only
         return None
     with suppress(OSError), open(path, "rb") as file:  # who reads it says what is wrong
@@ -121,14 +121,14 @@ def read_result(path: str) -> Json:
         It is no result, or was changed by hand.
     """
     try:
-        document = strict_json(read_bytes(path, InputError, LARGEST).decode("utf-8-sig"))
+        document = strict_json(read_bytes(path, InputError, LARGEST_RESULT).decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: {error}; {MADE}") from None
+        raise InputError(f"{path}: {error}; {MADE_BY}") from None
     schema = document.get("schema") if isinstance(document, dict) else None
     if not isinstance(document, dict) or schema != RESULT_SCHEMA:
         raise InputError(
             f'{path}: has the schema {quoted(str(schema))}, this version reads "{RESULT_SCHEMA}"; '
-            f"{MADE}"
+            f"{MADE_BY}"
         )
     try:
         wrong = _fault(document)

@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 RESULT_SCHEMA = "tgospa-eval/result/1"
 
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
-NUMBERS = (*BRACKET, *PARTS)
+LOGGED = (*BRACKET, *PARTS)
 """What every result has one number of."""
 
 SPLIT_PARTS = ("localisation_mean", "localisation_spread")
 """Of those whose distance has such parts."""
 
 PUBLIC = (
-    *(*NUMBERS, *SPLIT_PARTS, "within_rounding"),
+    *(*LOGGED, *SPLIT_PARTS, "within_rounding"),
     *("counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve", "with_"),
@@ -102,7 +102,7 @@ class Summary(Numbers, ABC):
         ``localisation_mean`` and ``localisation_spread``; other metrics that were asked for as
         ``with.hota.HOTA``.
         """
-        names = [*NUMBERS, *(() if self.split is None else SPLIT_PARTS)]
+        names = [*LOGGED, *(() if self.split is None else SPLIT_PARTS)]
         groups: dict[str, Mapping[str, float]] = {
             "counts": self.counts,
             "normalised": self.normalised,

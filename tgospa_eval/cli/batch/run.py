@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 FLUSH = 2.0
 """Seconds after which rows are written: so much work a killed process loses at most."""
 
-SHOWN = 10
+FAULTS_SHOWN = 10
 """Faults that are shown."""
 
 
@@ -139,9 +139,9 @@ def _check_missing(plan: Plan, batch: BatchOptions) -> None:
     ConfigError
         Something is missing, or everything.
     """
-    lines = [*plan.faults[:SHOWN]]
-    if len(plan.faults) > SHOWN:
-        lines.append(f"and {len(plan.faults) - SHOWN} more")
+    lines = [*plan.faults[:FAULTS_SHOWN]]
+    if len(plan.faults) > FAULTS_SHOWN:
+        lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
     if plan.faults and not batch.allow_missing:
         raise ConfigError(*lines, "nothing is begun; --allow-missing goes on with the others")
     for text in lines:

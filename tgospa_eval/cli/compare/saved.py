@@ -14,7 +14,7 @@ from tgospa_eval.comparison.saved import other_parameters, other_truth, outcomes
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.records import Metric
 from tgospa_eval.results.records import Json
-from tgospa_eval.results.saved import MADE, read_result, saved_result
+from tgospa_eval.results.saved import MADE_BY, read_result, saved_result
 from tgospa_eval.text import quoted
 
 HEAD = ("files", "input", "parameters", "warnings", "with")
@@ -35,7 +35,7 @@ def are_saved(paths: Sequence[str]) -> bool:
     if not all(saved):
         other, one = paths[saved.index(False)], paths[saved.index(True)]
         raise ConfigError(
-            f"{other or quoted(other)}: is no saved result, but {one} is; {MADE}; name results "
+            f"{other or quoted(other)}: is no saved result, but {one} is; {MADE_BY}; name results "
             "alone, or the files of truth and estimates alone"
         )
     if len(paths) == 1 and not is_pattern(paths[0]):

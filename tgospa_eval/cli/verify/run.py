@@ -23,7 +23,7 @@ from tgospa_eval.reports.proofs import FOLDER
 
 Files = tuple[str, str]
 
-ROWS = (
+ROW_OPTIONS = (
     *("columns", "truth_columns", "estimate_columns", "time_tolerance", "grid", "on_duplicate"),
     *("time", "class_", "truth_class", "estimate_class", "region"),
 )
@@ -155,7 +155,7 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
             )
     chosen = [
         f"--{name.strip('_').replace('_', '-')} {proof['options'][name]!r}"
-        for name in ROWS
+        for name in ROW_OPTIONS
         if name in proof["options"]
     ]
     only = [f"class {proof['class']!r}"] if "class" in proof else []
