@@ -23,8 +23,6 @@ FILES_SEEN = 10_000
 
 FILES_SHOWN = 3
 SHAPES = 20
-SPELT = 8
-"""Sequences up to which a loop names them."""
 
 
 @dataclass(frozen=True)
@@ -119,33 +117,25 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
     name = names[0]
     yield _type(truth[name], estimate[name])
     if len(names) > 1:
-        yield from _loop(names, *best)
+        yield from _all(names, *best)
 
 
 def _type(truth: str, estimate: str) -> str:
     return f"type: tgospa-eval {shlex.quote(truth)} {shlex.quote(estimate)}"
 
 
-def _loop(names: list[str], truth: str, estimate: str) -> Iterator[str]:
+def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
     """What to type for all sequences; `{}` stands for the name in the two paths."""
-    safe = all(
-        text == shlex.quote(text) for text in (*names, truth.format(""), estimate.format(""))
+    sides = [side.format("{name}") for side in (truth, estimate)]
+    options = " ".join(
+        f"--{role} {shlex.quote(side)}"
+        for role, side in zip(("truth", "estimate"), sides, strict=True)
     )
-    sides = " ".join(f'"{side.format("$s")}"' for side in (truth, estimate))
-    if safe and len(names) <= SPELT:
-        yield f"for all {len(names)}: for s in {' '.join(names)}; do tgospa-eval {sides}; done"
-    elif safe:
-        before, after = truth.split("{}")
-        name = f"s=${{t#{before}}}; s=${{s%{after}}}"
-        yield (
-            f"for all {len(names)}: for t in {truth.format('*')}; do {name}; "
-            f"tgospa-eval {sides}; done"
-        )
-    pair = ", ".join(
-        f'{role} = "{side.format("{name}")}"'
-        for role, side in (("truth", truth), ("estimate", estimate))
+    yield f"for all {len(names)}: tgospa-eval batch {options} -o results"
+    yield (
+        "or judge all by a baseline: tgospa-eval gate --suite FILE, with [[pair]] "
+        f'truth = "{sides[0]}", estimate = "{sides[1]}"'
     )
-    yield f"or judge all by a baseline: tgospa-eval gate --suite FILE, with [[pair]] {pair}"
 
 
 def _shapes(place: tuple[str, tuple[str, ...]]) -> dict[str, dict[str, str]]:
