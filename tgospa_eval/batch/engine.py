@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from tgospa_eval.common.cores import cores
@@ -36,7 +37,7 @@ def spread(
     count = min(workers or cores(), len(jobs)) or 1
     waiting, suspects = list(reversed(jobs)), []
     while waiting:
-        with ProcessPoolExecutor(max_workers=count, initializer=_quiet) as pool:
+        with _pool(ProcessPoolExecutor, count) as pool:
             running: dict[Any, J] = {}
             broken = False
             while (waiting or running) and not broken:
@@ -56,11 +57,25 @@ def spread(
                     if not broken:
                         break
     for job in suspects:
-        with ProcessPoolExecutor(max_workers=1, initializer=_quiet) as pool:
+        with _pool(ProcessPoolExecutor, 1) as pool:
             try:
                 yield pool.submit(work, job).result()
             except BrokenProcessPool:
                 yield lost(job)
+
+
+@contextmanager
+def _pool(kind: Any, workers: int) -> Iterator[Any]:
+    """Processes that end at once when the work is broken off."""
+    # Of a pool that is broken off the process that looks after its locks would complain.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+    pool = kind(max_workers=workers, initializer=_quiet)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=True, kill_workers=True)
+        raise
+    pool.shutdown(wait=True)
 
 
 def _quiet() -> None:

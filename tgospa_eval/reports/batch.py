@@ -71,7 +71,12 @@ def _between(row: "pd.Series[float]", name: str) -> str:
 
 def _csv(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str:
     del table, by
-    return csv_text({str(name): column.tolist() for name, column in rows.items()})
+    return csv_text(
+        {
+            str(name): [value if value == value else None for value in column.tolist()]
+            for name, column in rows.items()
+        }
+    )
 
 
 def _json(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str:

@@ -48,7 +48,11 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             "--shard K/N",
             "Only every N-th job, from the K-th: for N processes on one store, as in a job array.",
         ),
-        _batch("--workers N", "Processes; by default as many as there are cores.", type=int),
+        _batch(
+            "--workers N",
+            "Processes; by default as many as there are cores.",
+            type=click.IntRange(1),
+        ),
         _batch("--reports", "Write the result folder of each job, DIR/reports/LABELS."),
         _batch("--proof", "With --reports: with the proof of each value."),
         _batch(
