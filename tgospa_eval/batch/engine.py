@@ -43,7 +43,8 @@ def spread(
             while (waiting or running) and not broken:
                 try:
                     while waiting and len(running) < AHEAD * count:
-                        running[pool.submit(work, waiting[-1])] = waiting[-1]
+                        with _uninterrupted():
+                            running[pool.submit(work, waiting[-1])] = waiting[-1]
                         waiting.pop()
                 except BrokenProcessPool:
                     broken = True
@@ -59,7 +60,9 @@ def spread(
     for job in suspects:
         with _pool(ProcessPoolExecutor, 1) as pool:
             try:
-                yield pool.submit(work, job).result()
+                with _uninterrupted():
+                    answer = pool.submit(work, job)
+                yield answer.result()
             except BrokenProcessPool:
                 yield lost(job)
 
@@ -78,8 +81,21 @@ def _pool(kind: Any, workers: int) -> Iterator[Any]:
     pool.shutdown(wait=True)
 
 
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _quiet() -> None:
-    """A worker leaves Ctrl-C to the one who asked, uses one thread, and does not outlive it."""
+    """A worker uses one thread, and does not outlive the one who asked."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
     threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
