@@ -16,6 +16,7 @@ from answer import Answer
 from browser import PATIENCE, Browser
 from checkout import SAMPLES
 from hypothesis import HealthCheck, settings
+from proven import proven as proven  # a fixture of all tests
 
 import tgospa_eval
 

@@ -9,6 +9,8 @@ from strategies import ORDERS, SWITCH, pairs_of_sets, sets
 
 from tgospa_eval import evaluate
 
+pytestmark = pytest.mark.usefixtures("proven")  # every value has a proof
+
 C = 2.0
 GAMMA = st.sampled_from([0.05, 0.5, 1.0, 3.0])
 

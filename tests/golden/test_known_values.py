@@ -10,6 +10,8 @@ from by_hand import N, tracks
 
 from tgospa_eval import evaluate
 
+pytestmark = pytest.mark.usefixtures("proven")  # every value has a proof
+
 PARTS = ("localisation", "missed", "false", "switch")
 
 

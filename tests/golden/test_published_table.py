@@ -12,6 +12,8 @@ from checkout import DOCS
 
 from tgospa_eval import evaluate
 
+pytestmark = pytest.mark.usefixtures("proven")  # every value has a proof
+
 PAGE = DOCS / "theory" / "published-table.md"
 BOX = (100.0, 100.0, 10.0, 20.0)
 

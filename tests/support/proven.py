@@ -1,4 +1,7 @@
-"""Every golden value has a proof that a third party can check."""
+"""Evaluations of which every result goes through a proof folder that a third party could check.
+
+A test file that uses the fixture `proven` has all its values proven.
+"""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -9,7 +12,7 @@ from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.write import proof_texts
 
 
-def proven(evaluate: Callable[..., Any]) -> Callable[..., Any]:
+def proving(evaluate: Callable[..., Any]) -> Callable[..., Any]:
     """An evaluation whose result goes through a proof folder, as its files would be written."""
 
     def evaluated(*arguments: Any, **options: Any) -> Any:
@@ -21,9 +24,9 @@ def proven(evaluate: Callable[..., Any]) -> Callable[..., Any]:
     return evaluated
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _proven(request: pytest.FixtureRequest) -> Iterator[None]:
+@pytest.fixture(scope="module")
+def proven(request: pytest.FixtureRequest) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         if hasattr(request.module, "evaluate"):
-            patch.setattr(request.module, "evaluate", proven(request.module.evaluate))
+            patch.setattr(request.module, "evaluate", proving(request.module.evaluate))
         yield
