@@ -52,7 +52,7 @@ NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
 """They take longer than what most tests are about; tests/unit/plots draws them."""
 
 
-NEEDS = {"chromium": "browser", "environment": "process"}
+NEEDS = {"chromium": "browser", "environment": "process", "unmeasured": "process"}
 """Marks that follow from the fixtures of a test."""
 
 
@@ -82,6 +82,12 @@ def environment() -> dict[str, str]:
     """An environment for a process: without settings of ours, with an encoding that is known."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith("TGOSPA_EVAL_")}
     return kept | {"PYTHONIOENCODING": "utf-8"} | NO_PICTURES
+
+
+@pytest.fixture
+def unmeasured(environment: dict[str, str]) -> dict[str, str]:
+    """The same where coverage is not measured: that imports modules, and writes a file."""
+    return {k: v for k, v in environment.items() if not k.startswith("COVERAGE")}
 
 
 @pytest.fixture

@@ -334,7 +334,7 @@ OTHER_DISTANCES = (
 
 
 def test_a_small_evaluation_imports_little(
-    environment: dict[str, str], quickstart: Pair, tmp_path: Path
+    unmeasured: dict[str, str], quickstart: Pair, tmp_path: Path
 ) -> None:
     code = (
         "import sys\nfrom tgospa_eval.cli import main\n"
@@ -343,7 +343,7 @@ def test_a_small_evaluation_imports_little(
     )
     done = subprocess.run(
         [sys.executable, "-c", code],
-        capture_output=True, text=True, env=environment, check=True, cwd=tmp_path,
+        capture_output=True, text=True, env=unmeasured, check=True, cwd=tmp_path,
     )  # fmt: skip
     modules = set(done.stderr.splitlines()[-1].split())
     assert "numpy" in modules

@@ -155,10 +155,10 @@ def _full() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 
 
-def test_a_study_on_a_full_disk(tmp_path: Path, environment: dict[str, str]) -> None:
+def test_a_study_on_a_full_disk(tmp_path: Path, unmeasured: dict[str, str]) -> None:
     command = [sys.executable, "-m", "tgospa_eval", *STUDY, "-o", "study"]
     done = subprocess.run(
-        command, cwd=tmp_path, env=environment, preexec_fn=_full, capture_output=True,
+        command, cwd=tmp_path, env=unmeasured, preexec_fn=_full, capture_output=True,
         text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stdout) == (2, "")
