@@ -105,7 +105,7 @@ def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Pat
     answer = invoke("batch", "m.csv", "-o", "r", "--reports", "--proof", "--format", "json")
     assert answer.status == 0
     assert [group["cutoff"] for group in json.loads(answer.out)["groups"]] == [10.0, 1.5]
-    assert invoke("verify", "r/reports/b", "gt/0.csv", "out/b/0.csv").status == 0
+    assert invoke("verify", "r/reports/b/cutoff=1.5", "gt/0.csv", "out/b/0.csv").status == 0
 
 
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
@@ -152,3 +152,35 @@ def test_wrong_usage(invoke: Invoke, arguments: tuple[str, ...], message: str) -
     answer = invoke(*arguments)
     assert answer.status == 2
     assert message in answer.err
+
+
+def test_what_is_wrong_is_said_before_any_work(invoke: Invoke, runs: Path) -> None:
+    for more, message in (
+        (("--proof",), "--proof is for the folders of --reports"),
+        (("--by", "colour"), "--by colour: no such label; there are tracker, run"),
+    ):
+        answer = batch(invoke, *more)
+        assert (answer.status, answer.out) == (2, "")
+        assert message in answer.err
+        assert not Path("r").exists()
+
+
+def test_reports_that_are_asked_for_later_are_written(invoke: Invoke, runs: Path) -> None:
+    batch(invoke)
+    for more, folder in (((), "r/reports/a/0"), (("--proof",), "r/reports/a/0/proof")):
+        answer = batch(invoke, "--reports", *more)
+        assert answer.status == 0
+        assert answer.out.startswith("8 jobs, 0 failed")
+        assert Path(folder).is_dir()
+    assert "8 jobs of 8 done before" in batch(invoke, "--reports", "--proof").err
+
+
+def test_names_of_folders_stay_in_the_store(invoke: Invoke, runs: Path) -> None:
+    Path("m.csv").write_text(
+        "truth,estimate,who,cutoff\ngt/0.csv,out/a/0.csv,..,10\ngt/0.csv,out/a/0.csv,..,2\n",
+        encoding="utf-8",
+    )
+    assert invoke("batch", "m.csv", "-o", "r", "--reports").status == 0
+    found = [path.relative_to("r/reports") for path in Path("r/reports").rglob("result.json")]
+    assert len(found) == 2
+    assert {path.name for path in Path().iterdir()} == {"gt", "out", "m.csv", "r"}

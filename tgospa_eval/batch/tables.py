@@ -6,7 +6,7 @@ is that of Monte Carlo runs (docs/reference/batch.md). Bounds travel: those of a
 the bounds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.errors import ConfigError
@@ -29,6 +29,21 @@ def labels_of(rows: "pd.DataFrame") -> list[str]:
     return [name.removeprefix("label.") for name in rows.columns if name.startswith("label.")]
 
 
+def check_labels(by: Sequence[str], known: Collection[str]) -> None:
+    """Whether there are labels of these names.
+
+    Raises
+    ------
+    ConfigError
+        There is no such label.
+    """
+    unknown = [name for name in by if name not in known]
+    if unknown:
+        raise ConfigError(
+            f"--by {unknown[0]}: no such label; there are {', '.join(known) or 'none'}"
+        )
+
+
 def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
     """One row for each group of the jobs that have a value.
 
@@ -44,12 +59,7 @@ def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
     ConfigError
         There is no such label.
     """
-    known = labels_of(rows)
-    unknown = [name for name in by if name not in known]
-    if unknown:
-        raise ConfigError(
-            f"--by {unknown[0]}: no such label; there are {', '.join(known) or 'none'}"
-        )
+    check_labels(by, labels_of(rows))
     valued = rows[rows["status"] != "failed"] if len(rows) else rows
     if not len(valued):
         return valued

@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
 
 import click
 
@@ -13,7 +12,7 @@ from tgospa_eval._version import __version__
 from tgospa_eval.batch import engine, jobs
 from tgospa_eval.batch.jobs import Job, Plan
 from tgospa_eval.batch.store import SCHEMA, Row, Store
-from tgospa_eval.batch.tables import combined, labels_of
+from tgospa_eval.batch.tables import check_labels, combined, labels_of
 from tgospa_eval.cli.batch.worker import Task, evaluate_job, key_of, lost_job
 from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import emit, print_notice
@@ -22,6 +21,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Valu
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.reports.batch import BATCH_REPORTS
+from tgospa_eval.reports.proofs import folder_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,6 +49,11 @@ class BatchOptions(Values):
     proof: bool = False
     by: str | None = None
 
+    @property
+    def groups(self) -> list[str]:
+        """The labels of --by."""
+        return [name.strip() for name in self.by.split(",")] if self.by else []
+
 
 def run_batch(
     ctx: click.Context,
@@ -64,8 +69,11 @@ def run_batch(
     TgospaError
         Something is wrong with options, the manifest or the store; no job is begun then.
     """
+    if batch.proof and not batch.reports:
+        raise ConfigError("--proof is for the folders of --reports")
     plan = _plan(paths, batch)
     _check_missing(plan, batch)
+    check_labels(batch.groups, {name: None for job in plan.jobs for name in job.labels})
     store, shard = Store(str(output.output)), _shard(batch.shard)
     settings = {
         "schema": SCHEMA,
@@ -82,7 +90,12 @@ def run_batch(
         stored = set(before["key"]) if len(before) else set()
         if batch.retry_failed and len(before):
             stored = set(before["key"][before["status"] != "failed"])
-        left = [task for task in tasks if task.key not in stored]
+        failed = set(before["key"][before["status"] == "failed"]) if len(before) else set()
+        left = [
+            task
+            for task in tasks
+            if task.key not in stored or not (task.is_written or task.key in failed)
+        ]
         left.sort(key=_size, reverse=True)
         if not output.quiet and len(left) < len(tasks):
             print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
@@ -91,10 +104,10 @@ def run_batch(
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
     _print(rows, batch, output)
-    failed = rows[rows["status"] == "failed"] if len(rows) else rows
-    for name, message in zip(_names(failed), failed.get("message", ()), strict=True):
+    wrong = rows[rows["status"] == "failed"] if len(rows) else rows
+    for name, message in zip(_names(wrong), wrong.get("message", ()), strict=True):
         print_notice(f"{name}: {message}")
-    if len(failed):
+    if len(wrong):
         return 5
     opened = len(rows) and (rows["status"] == "open").any()
     return ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
@@ -179,7 +192,8 @@ def _task(
     chosen = replace(options, jobs=1, **own)  # type: ignore[arg-type]
     folder = None
     if batch.reports:
-        parts = [quote(value, safe=" ") for value in job.labels.values()]
+        parts = [folder_name(value) for value in job.labels.values()]
+        parts += [f"{key}={folder_name(value)}" for key, value in job.options.items()]
         folder = os.path.join(str(output.output), "reports", *parts)
     return Task(job=job, options=chosen, key=key_of(job, chosen), folder=folder, proof=batch.proof)
 
@@ -219,7 +233,7 @@ def _progress(done: int, count: int, failed: int, seconds: float) -> str:
 
 def _print(rows: "pd.DataFrame", batch: BatchOptions, output: OutputOptions) -> None:
     known = labels_of(rows)
-    by = [name.strip() for name in batch.by.split(",")] if batch.by else known[:1]
+    by = batch.groups or known[:1]
     table = combined(rows, by)
     emit(BATCH_REPORTS[output.format_](rows, table, by), output.format_)
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +12,8 @@ from tgospa_eval._version import __version__
 from tgospa_eval.batch.jobs import Job
 from tgospa_eval.batch.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.common.files import named
-from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.errors import TgospaError
+from tgospa_eval.reports.proofs import FOLDER, proof_files
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
 
@@ -41,20 +42,23 @@ class Task:
     folder: str | None = None
     proof: bool = False
 
+    @property
+    def is_written(self) -> bool:
+        """Whether what is asked for beside the row is there."""
+        parts = (FOLDER,) if self.proof else ()
+        return self.folder is None or Path(self.folder, *parts).is_dir()
+
 
 def key_of(job: Job, options: EvaluationOptions) -> str:
     """A digest of what makes the row: both files, labels, options and the schema of a result.
 
-    Raises
-    ------
-    InputError
-        A file cannot be read.
+    A file that cannot be read counts as nothing; the job will say so.
     """
     sha = hashlib.sha256()
     parts = RESULT_SCHEMA, dict(job.labels), options.given
     sha.update(json.dumps(parts, sort_keys=True, default=str).encode())
     for path in (job.truth, job.estimate):
-        with named(path, InputError), open(path, "rb") as file:
+        with suppress(OSError), open(path, "rb") as file:
             sha.update(hashlib.file_digest(file, "sha256").digest())
     return sha.hexdigest()
 
@@ -80,6 +84,9 @@ def evaluate_job(task: Task) -> Row:
         row = {"status": "failed", "message": " ".join(error.args)}
     except MemoryError:
         row = {"status": "failed", "message": "out of memory"}
+    except Exception as error:  # of ours: the other jobs go on
+        fault = f"{type(error).__name__}: {error}"
+        row = {"status": "failed", "message": f"{fault}: please report this as a bug"}
     return finished_row(task, row, time.monotonic() - begin)
 
 
@@ -133,7 +140,6 @@ def _write(result: Summary, task: Task, folder: str) -> None:
     """The result folder of a job, without pictures, in place of an older one."""
     from tgospa_eval.reports.files import result_texts
     from tgospa_eval.reports.folders import RESULT, write_texts
-    from tgospa_eval.reports.proofs import FOLDER, proof_files
 
     Path(folder).parent.mkdir(parents=True, exist_ok=True)
     texts, _ = result_texts(result, (task.job.truth, task.job.estimate))
