@@ -14,10 +14,10 @@ from typing import cast
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.brackets import EQUAL, equal, less, places
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import SCHEMA
 from tgospa_eval.comparison.against import against_document, differences
-from tgospa_eval.comparison.brackets import EQUAL, equal, less, places
 from tgospa_eval.comparison.entrants import Entrant, durations
 from tgospa_eval.comparison.steps import joined, signs
 from tgospa_eval.evaluation.other_metrics import joined as joined_metrics

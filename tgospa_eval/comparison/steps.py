@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tgospa_eval.comparison.brackets import EQUAL
+from tgospa_eval.common.brackets import EQUAL
 from tgospa_eval.comparison.entrants import Entrant, Outcome
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.records import RULES

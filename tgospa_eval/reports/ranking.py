@@ -1,12 +1,12 @@
 """A ranking of estimates, or one beside per-step GOSPA, as a document and as tables."""
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
+from tgospa_eval.reports.order import ORDERS, PROOFS, best_of, order_in_words, place_in_words
 from tgospa_eval.reports.other_metrics import compared_table, direction, other_columns
 from tgospa_eval.reports.phrases import (
     SPLIT_NOTE,
@@ -19,16 +19,6 @@ from tgospa_eval.reports.phrases import (
 from tgospa_eval.reports.records import RULES, EstimateRecord, PairRecord, RankingRecord
 from tgospa_eval.reports.tables import Document, Table
 from tgospa_eval.results.records import PARTS, Columns
-
-ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
-"""Verdicts as the tables have them."""
-
-PROOFS = {
-    "less": "proven: the upper bound of the one is below the lower bound of the other",
-    "equal": "equal: the same data, or proven to differ by less than 1e-9 of the value",
-    "not separated": "open: the bounds of both overlap",
-}
-"""What the verdicts mean."""
 
 TIES = (
     "where assignments of a step cost the same, SciPy's is taken, with the objects in the order of "
@@ -110,38 +100,12 @@ def _order(document: RankingRecord) -> str:
         value = _between(item["lower_bound"], item["tgospa"])
         mean = "" if document["runs"] == 1 else f", of the mean total of {document['runs']} runs"
         return f"{item['name']}: TGOSPA = {value}{unit}{mean}"
-    names = [item["name"] for item in estimates]
-    verdicts = {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]}
-    groups = [names[:1]]
-    for pair in itertools.pairwise(names):
-        if verdicts[pair] == "equal":
-            groups[-1].append(pair[1])
-        else:
-            groups.append([pair[1]])
-    proven = {
-        **dict.fromkeys(itertools.combinations(names, 2), "less"),
-        **{pair: "equal" for group in groups for pair in itertools.combinations(group, 2)},
-    }
-    if verdicts == proven and len(groups) == 1:
-        return f"Proven to be equal by TGOSPA per step: {' = '.join(names)}"
-    if verdicts == proven:
-        order = ", ".join(map(" = ".join, groups))
-        return f"Proven order by TGOSPA per step, best first: {order}"
-    best = _best(document)
-    if best:
-        return (
-            f"Proven best by TGOSPA per step: {' = '.join(names[k] for k in best)}; the order of "
-            "the others is not proven throughout"
-        )
-    tied = [name for name, item in zip(names, estimates, strict=True) if item["place"][0] == 1]
-    return f"No estimate is proven best by TGOSPA per step: it may be any of {', '.join(tied)}"
-
-
-def _best(document: RankingRecord) -> list[int]:
-    """Which estimates are proven to be better than all others, or equal to such."""
-    places = [item["place"] for item in document["estimates"]]
-    best = [k for k, place in enumerate(places) if place == [1, 1]]
-    return best if len(best) < len(places) else []
+    return order_in_words(
+        "TGOSPA per step",
+        [item["name"] for item in estimates],
+        [(item["place"][0], item["place"][1]) for item in estimates],
+        {(pair["first"], pair["second"]): pair["verdict"] for pair in document["pairs"]},
+    )
 
 
 def _what(document: RankingRecord) -> str:
@@ -189,7 +153,11 @@ def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table
             )
             for item in document["estimates"]
         ],
-        bold=frozenset((row, k) for row in _best(document) for k in range(2 + places)),
+        bold=frozenset(
+            (row, k)
+            for row in best_of([item["place"] for item in document["estimates"]])
+            for k in range(2 + places)
+        ),
     )
 
 
@@ -295,12 +263,9 @@ def _between(low: float, high: float, sign: str = "") -> str:
 
 
 def _place(item: EstimateRecord, pairs: list[PairRecord]) -> str:
-    """The range of places that are possible, or the only one, with = if it is shared."""
     best, worst = item["place"]
-    if best < worst:
-        return f"{best}-{worst}"
     shared = any(
         pair["verdict"] == "equal" and item["name"] in (pair["first"], pair["second"])
         for pair in pairs
     )
-    return f"{best}=" if shared else f"{best}"
+    return place_in_words(best, worst, shared=shared)

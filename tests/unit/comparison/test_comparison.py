@@ -13,9 +13,9 @@ from answer import Answer
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tgospa_eval.common.brackets import equal, excess, less, narrowest, overlap, places
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison import runs, solvers
-from tgospa_eval.comparison.brackets import equal, excess, less, narrowest, overlap, places
 from tgospa_eval.comparison.runs import Run, called
 from tgospa_eval.comparison.solvers import Comparison
 from tgospa_eval.errors import SolverError
