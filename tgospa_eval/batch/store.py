@@ -8,11 +8,12 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.batch.per_step import STEP_FOLDER, STEPS, StoredSteps, read_steps, step_table
 from tgospa_eval.common.files import named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
@@ -25,7 +26,10 @@ SETTINGS_FILE = "batch.json"
 PART_FOLDER = "jobs"
 
 Row = dict[str, Any]
-"""What is stored of one job: plain values by column; labels begin with ``label.``."""
+"""What is stored of one job: plain values by column; labels begin with ``label.``.
+
+Its `StepCosts`, where they are stored, are at `STEPS`.
+"""
 
 
 class Store:
@@ -131,20 +135,39 @@ class Store:
         ConfigError
             They cannot be written.
         """
-        import pandas as pd
+        import pyarrow.parquet as pq
 
         if not rows:
             return
-        path = (
-            self.folder / PART_FOLDER / f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
-        )
+        name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
+        steps = step_table(rows)
+        # First, so that no job is known whose steps are not there.
+        if steps is not None:
+            self._write(STEP_FOLDER, name, lambda path: pq.write_table(steps, path))
+        plain = [{key: value for key, value in row.items() if key != STEPS} for row in rows]
+        self._write(PART_FOLDER, name, lambda path: _frame(plain).to_parquet(path, index=False))
+
+    def _write(self, folder: str, name: str, write: Callable[[Path], None]) -> None:
+        """Write a part beside its place, and rename it."""
+        path = self.folder / folder / name
         with named(f"-o {self.folder}", ConfigError, "cannot be written"):
+            path.parent.mkdir(exist_ok=True)
             beside = path.with_suffix(".new")
             try:
-                pd.DataFrame(list(rows)).to_parquet(beside, index=False)
+                write(beside)
                 os.replace(beside, path)
             finally:
                 beside.unlink(missing_ok=True)
+
+    def steps(self, rows: "pd.DataFrame") -> StoredSteps | None:
+        """The steps of the jobs of these rows; None if none has any.
+
+        Raises
+        ------
+        InputError
+            A part is damaged.
+        """
+        return read_steps(self.folder / STEP_FOLDER, rows)
 
     @contextmanager
     def locked(self, shard: tuple[int, int]) -> Iterator[None]:
@@ -173,3 +196,9 @@ class Store:
                     f"-o {self.folder}: another process is at work on it; wait, or name another"
                 ) from None
             yield
+
+
+def _frame(rows: Sequence[Row]) -> "pd.DataFrame":
+    import pandas as pd
+
+    return pd.DataFrame(list(rows))

@@ -94,6 +94,13 @@ STUDY = Kind(
     log="runs.jsonl",
     opens=("report.md",),
 )
+BATCH = Kind(
+    name="batch",
+    document="report.html",
+    names=("report.html", "curve.csv"),
+    log="batch.json",
+    opens=("report.html",),
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,7 +40,10 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
         ),
         _batch("--seqmap FILE", "Only the sequences in this file, of a --layout.", type=PATH),
         _batch(
-            "-o, --output DIR", "The store: a folder that the same command goes on with.", type=PATH
+            "-o, --output DIR",
+            "The store: a folder that the same command goes on with. Of batch report: where to "
+            "write its files.",
+            type=PATH,
         ),
         _batch("--allow-missing", "Go on where truths or estimates are missing."),
         _batch("--retry-failed", "Try jobs again that failed before."),
@@ -55,12 +58,22 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
         ),
         _batch("--reports", "Write the result folder of each job, DIR/reports/LABELS."),
         _batch("--proof", "With --reports: with the proof of each value."),
+        _batch("--per-step", "Store the costs of each step as well, for curves over time."),
+        _batch(
+            "--curve",
+            "With --per-step: also evaluate the steps up to each step, as evaluate --curve does.",
+        ),
         _batch(
             "--by LABELS",
             "Labels by which tables add up, with commas.",
             show_default="the first",
         ),
         *(item for item in EVALUATION if item.key not in ("by", "jobs")),
+        Option(
+            "--force",
+            "Write curves and report.html over files that no batch wrote.",
+            section="Output",
+        ),
         Option(
             "--format FORMAT",
             "What to print: table, json, csv, markdown or latex.",

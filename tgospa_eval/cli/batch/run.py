@@ -11,8 +11,10 @@ import click
 from tgospa_eval._version import __version__
 from tgospa_eval.batch import engine, jobs
 from tgospa_eval.batch.jobs import Job, Plan
+from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
 from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, combined, labels_of
+from tgospa_eval.cli.batch.files import write_batch
 from tgospa_eval.cli.batch.worker import Task, evaluate_job, key_of, lost_job
 from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import emit, print_notice
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 
 FLUSH = 2.0
 """Seconds after which rows are written: so much work a killed process loses at most."""
+
+MOST_HELD = 200_000
+"""Steps that are kept in memory until they are written, about 30 MB."""
 
 FAULTS_SHOWN = 10
 """Faults that are shown."""
@@ -47,6 +52,7 @@ class BatchOptions(Values):
     workers: int | None = None
     reports: bool = False
     proof: bool = False
+    per_step: bool = False
     by: str | None = None
 
     @property
@@ -71,6 +77,8 @@ def run_batch(
     """
     if batch.proof and not batch.reports:
         raise ConfigError("--proof is for the folders of --reports")
+    if options.curve and not (batch.per_step or batch.reports):
+        raise ConfigError("--curve is for --per-step, or for the folders of --reports")
     plan = _plan(paths, batch)
     _check_missing(plan, batch)
     check_labels(batch.groups, {name: None for job in plan.jobs for name in job.labels})
@@ -86,16 +94,7 @@ def run_batch(
     with store.locked(shard):
         tasks = [_task(ctx, job, options, batch, output) for job in plan.jobs]
         tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
-        before = store.rows()
-        stored = set(before["key"]) if len(before) else set()
-        if batch.retry_failed and len(before):
-            stored = set(before["key"][before["status"] != "failed"])
-        failed = set(before["key"][before["status"] == "failed"]) if len(before) else set()
-        left = [
-            task
-            for task in tasks
-            if task.key not in stored or not (task.is_written or task.key in failed)
-        ]
+        left = list(_left(tasks, store.rows(), retry_failed=batch.retry_failed))
         left.sort(key=_size, reverse=True)
         if not output.quiet and len(left) < len(tasks):
             print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
@@ -104,6 +103,8 @@ def run_batch(
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
     _print(rows, batch, output)
+    if shard == (1, 1):  # of others more is to come
+        write_batch(store, rows, _groups(rows, batch), output, lenient=True)
     wrong = rows[rows["status"] == "failed"] if len(rows) else rows
     for name, message in zip(_names(wrong), wrong.get("message", ()), strict=True):
         print_notice(f"{name}: {message}")
@@ -114,16 +115,20 @@ def run_batch(
 
 
 def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> None:
-    """Print the table of what is stored.
+    """Print the table of what is stored, and write its files to the folder of -o.
 
     Raises
     ------
     InputError
         The folder holds no batch.
+    ConfigError
+        The files cannot be written.
     """
     store = Store(folder)
     store.settings()
-    _print(store.rows(), batch, output)
+    rows = store.rows()
+    _print(rows, batch, output)
+    write_batch(store, rows, _groups(rows, batch), output, lenient=False)
 
 
 def _plan(paths: tuple[str, ...], batch: BatchOptions) -> Plan:
@@ -195,7 +200,28 @@ def _task(
         parts = [folder_name(value) for value in job.labels.values()]
         parts += [f"{key}={folder_name(value)}" for key, value in job.options.items()]
         folder = os.path.join(str(output.output), "reports", *parts)
-    return Task(job=job, options=chosen, key=key_of(job, chosen), folder=folder, proof=batch.proof)
+    return Task(
+        job=job,
+        options=chosen,
+        key=key_of(job, chosen),
+        folder=folder,
+        proof=batch.proof,
+        per_step=batch.per_step,
+    )
+
+
+def _left(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
+    """What is not done, and what lacks something that is asked for beside its row."""
+    numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
+    found = before.reindex(columns=["key", "status", *numbers])
+    found[numbers] = found[numbers].astype(float).fillna(0.0)
+    rows = {row["key"]: row for row in found.to_dict("records")}
+    for task in tasks:
+        row = rows.get(task.key)
+        if row is None or (retry_failed and row["status"] == "failed"):
+            yield task
+        elif row["status"] != "failed" and not (task.is_written and task.has_steps(row)):
+            yield task.keeping(row)
 
 
 def _size(task: Task) -> int:
@@ -207,15 +233,16 @@ def _work(tasks: list[Task], store: Store, workers: int | None, *, quiet: bool) 
     """Do the jobs, and store their rows every now and then, also when interrupted."""
     pending: list[Row] = []
     begin = flushed = shown = time.monotonic()
-    failed = 0
+    failed = held = 0
     try:
         for done, row in enumerate(engine.spread(evaluate_job, tasks, workers, lost_job), 1):
             pending.append(row)
             failed += row["status"] == "failed"
+            held += len(row.get(STEPS) or ())
             now = time.monotonic()
-            if now - flushed > FLUSH:
+            if now - flushed > FLUSH or held > MOST_HELD:
                 store.add(pending)
-                pending, flushed = [], now
+                pending, flushed, held = [], now, 0
             if not quiet and now - shown > FLUSH:
                 shown = now
                 print_notice(_progress(done, len(tasks), failed, now - begin))
@@ -232,10 +259,14 @@ def _progress(done: int, count: int, failed: int, seconds: float) -> str:
 
 
 def _print(rows: "pd.DataFrame", batch: BatchOptions, output: OutputOptions) -> None:
-    known = labels_of(rows)
-    by = batch.groups or known[:1]
+    by = _groups(rows, batch)
     table = combined(rows, by)
     emit(BATCH_REPORTS[output.format_](rows, table, by), output.format_)
+
+
+def _groups(rows: "pd.DataFrame", batch: BatchOptions) -> list[str]:
+    """The labels of --by, or the first."""
+    return batch.groups or labels_of(rows)[:1]
 
 
 def _names(rows: "pd.DataFrame") -> Iterator[str]:

@@ -3,13 +3,15 @@
 import hashlib
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.batch.jobs import Job
+from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
 from tgospa_eval.batch.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.errors import TgospaError
@@ -34,6 +36,8 @@ class Task:
         Where to write the result folder of the job.
     proof : bool
         Whether with its proof.
+    per_step : bool
+        Whether the costs of its steps are stored.
     """
 
     job: Job
@@ -41,12 +45,28 @@ class Task:
     key: str
     folder: str | None = None
     proof: bool = False
+    per_step: bool = False
 
     @property
     def is_written(self) -> bool:
-        """Whether what is asked for beside the row is there."""
+        """Whether the folder that is asked for is there."""
         parts = (FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
+
+    def keeping(self, row: Mapping[Hashable, Any]) -> "Task":
+        """The same with the steps that a row of it has, for a new one takes its place."""
+        curve = self.options.curve or bool(row[STORED_CURVE])
+        return replace(
+            self,
+            per_step=self.per_step or row[STORED_STEPS] > 0,
+            options=replace(self.options, curve=curve),
+        )
+
+    def has_steps(self, row: Mapping[Hashable, Any]) -> bool:
+        """Whether its row has the steps that are asked for."""
+        if not self.per_step or not row["sizes.steps"] > 0:
+            return True
+        return row[STORED_STEPS] > 0 and (bool(row[STORED_CURVE]) or not self.options.curve)
 
 
 def key_of(job: Job, options: EvaluationOptions) -> str:
@@ -76,6 +96,7 @@ def evaluate_job(task: Task) -> Row:
             _write(result, task, task.folder)
         row = {
             **numbers(result),
+            **_steps(result, per_step=task.per_step),
             "status": "done" if finished else "open",
             "message": "" if finished else str(result.solver["status"]),
             "warnings": json.dumps([notice.record() for notice in result.warnings]),
@@ -134,6 +155,14 @@ def numbers(result: Summary) -> Row:
         "switch_penalty": parameters.switch_penalty,
         "distance": str(result.parameters["distance"]),
     }
+
+
+def _steps(result: Summary, *, per_step: bool) -> Row:
+    """The steps, where they are asked for, and what the row says of them."""
+    if not per_step:
+        return {STORED_STEPS: 0, STORED_CURVE: False}
+    steps = StepCosts.of(result)
+    return {STEPS: steps, **steps.stored}
 
 
 def _write(result: Summary, task: Task, folder: str) -> None:

@@ -1,0 +1,86 @@
+"""Curves over the steps of many runs, as records, and as CSV and JSON."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.results.records import Columns, Json, records
+
+CurveKind = Literal["step", "growing"]
+
+CURVE_KINDS: Mapping[CurveKind, str] = {
+    "step": "RMS of single steps",
+    "growing": "RMS per step of the steps so far",
+}
+"""(mean of the costs of step k)^(1/p); (mean of total(k) / n(k))^(1/p), evaluated up to k."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RmsCurve:
+    """One curve: of K steps of the runs of a group.
+
+    Parameters
+    ----------
+    group : mapping of str to str
+        Labels of the group, and parameters where those differ.
+    kind : str
+        One of `CURVE_KINDS`.
+    times : list of str or None
+        Each step as it was read; None where runs differ.
+    runs : list of int
+        How many runs have the step.
+    rms : list of float
+        Value, in state units.
+    bounds : pair of lists of float, optional
+        Proven bounds of the value; None for single steps, whose costs are of one assignment.
+    band : pair of lists of float or None
+        Percentile interval over the runs; None where there are too few.
+    """
+
+    group: Mapping[str, str]
+    kind: CurveKind
+    times: Sequence[str | None]
+    runs: Sequence[int]
+    rms: Sequence[float]
+    bounds: tuple[Sequence[float], Sequence[float]] | None
+    band: tuple[Sequence[float | None], Sequence[float | None]]
+
+    @property
+    def name(self) -> str:
+        """The group in a line."""
+        return "/".join(self.group.values())
+
+    def table(self) -> Columns:
+        """A row for each step."""
+        lower, upper = self.bounds or ([None] * len(self.rms),) * 2
+        return {
+            "step": list(range(1, len(self.rms) + 1)),
+            "t": list(self.times),
+            "runs": list(self.runs),
+            "rms": list(self.rms),
+            "lower_bound": list(lower),
+            "upper_bound": list(upper),
+            "band_low": list(self.band[0]),
+            "band_high": list(self.band[1]),
+        }
+
+
+def curves_csv(curves: Sequence[RmsCurve]) -> str:
+    """All curves in one table."""
+    table: Columns = {}
+    for curve in curves:
+        own = curve.table()
+        size = len(curve.rms)
+        labels = {name: [value] * size for name, value in curve.group.items()}
+        for name, column in (labels | {"curve": [curve.kind] * size} | own).items():
+            table.setdefault(name, []).extend(column)
+    return csv_text(table)
+
+
+def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
+    """All curves, each with its points."""
+    return [
+        {"by": dict(curve.group), "curve": curve.kind, "points": records(curve.table())}
+        for curve in curves
+    ]
