@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from browser import PATIENCE
+from checkout import SAMPLES
 
 Invoke = Callable[..., Any]
 
@@ -184,3 +185,26 @@ def test_names_of_folders_stay_in_the_store(invoke: Invoke, runs: Path) -> None:
     found = [path.relative_to("r/reports") for path in Path("r/reports").rglob("result.json")]
     assert len(found) == 2
     assert {path.name for path in Path().iterdir()} == {"gt", "out", "m.csv", "r"}
+
+
+def test_sample_benchmark_ranks_two_trackers_without_options(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folders = [str(SAMPLES / "batch" / "mot" / name) for name in ("gt", "trackers")]
+    layout = ("batch", "--layout", "motchallenge")
+    answer = invoke(*layout, *folders, "-o", "r", "--format", "json")
+    assert answer.status == 0
+    totals = {group["tracker"]: group["total"] for group in json.loads(answer.out)["groups"]}
+    assert totals["careful"] < totals["eager"]
+    assert "boxes are compared by their centres (x, y); overlap: --distance iou" in answer.err
+    assert "default c = 10 and gamma = 2; choose with --cutoff and --switch-penalty" in answer.err
+    each = invoke("batch", "report", "r", "--by", "sequence,tracker", "--format", "json").out
+    found = {(g["sequence"], g["tracker"]): g["total"] for g in json.loads(each)["groups"]}
+    assert found["SIM-02", "eager"] < found["SIM-02", "careful"]
+    answer = invoke(*folders)
+    assert answer.status == 3
+    assert f"for all: tgospa-eval {' '.join((*layout, *folders))} -o results" in answer.err
+    answer = invoke(*layout, *map(os.path.dirname, folders), "-o", "other")
+    assert (answer.status, Path("other").exists()) == (2, False)
+    assert f"name {folders[0]}\n" in answer.err

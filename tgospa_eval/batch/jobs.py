@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from tgospa_eval.common import patterns
 from tgospa_eval.common.files import named
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.text import quoted
+from tgospa_eval.text import listed, quoted
 
 LAYOUTS = {
     "motchallenge": ("{sequence}/gt/gt.txt", "{tracker}/data/{sequence}.txt"),
@@ -22,6 +22,9 @@ LAYOUTS = {
 
 PATHS = ("truth", "estimate")
 """Columns of a manifest that are no label."""
+
+NEARBY_LEVELS = 2
+"""Folders above and below a wrong one where the right one is looked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +68,22 @@ class Plan:
     faults: tuple[str, ...] = ()
 
 
-def of_patterns(truth: str, estimate: str) -> Plan:
+def of_patterns(
+    truth: str,
+    estimate: str,
+    folders: tuple[str, str] = ("", ""),
+    sequences: Collection[str] = (),
+) -> Plan:
     """A job for each file that is like the pattern of the estimates, with the truth of its values.
+
+    Parameters
+    ----------
+    truth, estimate : str
+        Patterns.
+    folders : pair of str
+        Below which the patterns hold; braces in these names are no fields.
+    sequences : collection of str
+        If there are any, only files with these values of the field ``sequence``.
 
     Raises
     ------
@@ -79,54 +96,93 @@ def of_patterns(truth: str, estimate: str) -> Plan:
         raise ConfigError(
             f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
         )
-    jobs, faults, with_estimate = [], [], set()
-    for path, values in patterns.found(estimate):
+    jobs, faults = [], []
+    for path, values in patterns.found(estimate, folders[1]):
+        if sequences and values["sequence"] not in sequences:
+            continue
+        whole = os.path.join(folders[1], path)
         if patterns.is_ambiguous(estimate, path):
-            faults.append(f"{path}: the fields of {estimate} fit it in two ways")
+            faults.append(f"{whole}: the fields of {estimate} fit it in two ways")
             continue
-        theirs_truth = patterns.fill(truth, values)
+        theirs_truth = os.path.join(folders[0], patterns.fill(truth, values))
         if not os.path.isfile(theirs_truth):
-            faults.append(f"{path}: there is no truth {theirs_truth}")
+            faults.append(f"{whole}: there is no truth {theirs_truth}")
             continue
-        with_estimate.add(tuple(values.values()))
-        jobs.append(Job(labels=values, truth=theirs_truth, estimate=path))
-    if not jobs and not faults:
+        jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
+    if not jobs and not faults and not sequences:
         raise ConfigError(f"--estimate {estimate}: no file is like this")
-    faults += _without_estimate(truth, estimate, [job.labels for job in jobs])
+    for values, other in _without_estimate(truth, estimate, folders[0], jobs):
+        if not sequences or values["sequence"] in sequences:
+            paths = patterns.fill(truth, values), patterns.fill(estimate, other)
+            lone, lacking = map(os.path.join, folders, paths)
+            faults.append(f"{lone}: there is no estimate {lacking}")
     return Plan(jobs=tuple(jobs), faults=tuple(faults))
 
 
-def _without_estimate(truth: str, estimate: str, labels: list[Mapping[str, str]]) -> Iterator[str]:
-    """Truths for which a tracker, or whatever the other fields name, has no estimate."""
+def _without_estimate(
+    truth: str, estimate: str, folder: str, jobs: Collection[Job]
+) -> Iterator[tuple[dict[str, str], dict[str, str]]]:
+    """Values of truths for which a tracker, or what other fields name, has no estimate, and its."""
     own = patterns.fields(truth)
     others = [name for name in patterns.fields(estimate) if name not in own]
-    there = [dict(values) for values in patterns.matches(truth)] if own else [{}]
-    known = {tuple(values[name] for name in (*own, *others)) for values in labels}
-    groups = dict.fromkeys(tuple(values[name] for name in others) for values in labels)
+    there = [dict(values) for values in patterns.matches(truth, folder)] if own else [{}]
+    known = {tuple(job.labels[name] for name in (*own, *others)) for job in jobs}
+    groups = dict.fromkeys(tuple(job.labels[name] for name in others) for job in jobs)
     for values, group in itertools.product(there, groups):
         if (*(values[name] for name in own), *group) not in known:
-            path = patterns.fill(estimate, values | dict(zip(others, group, strict=True)))
-            yield f"{patterns.fill(truth, values)}: there is no estimate {path}"
+            yield values, values | dict(zip(others, group, strict=True))
 
 
 def of_layout(layout: str, truth: str, trackers: str, sequences: Collection[str] = ()) -> Plan:
-    """The jobs of the folders of a benchmark; of some sequences alone, if these are named."""
-    patterns_of = LAYOUTS[layout]
-    plan = of_patterns(
-        *(
-            os.path.join(folder, text)
-            for folder, text in zip((truth, trackers), patterns_of, strict=True)
-        )
-    )
-    if not sequences:
-        return plan
+    """The jobs of the folders of a benchmark; of some sequences alone, if these are named.
+
+    Raises
+    ------
+    ConfigError
+        A folder is not laid out so; the message names the one above or below that is.
+    """
+    shapes, folders = LAYOUTS[layout], (truth, trackers)
+    wrong = [
+        _elsewhere(layout, shape, folder)
+        for shape, folder in zip(shapes, folders, strict=True)
+        if next(patterns.found(shape, folder), None) is None
+    ]
+    if wrong:
+        raise ConfigError(*wrong)
+    plan = of_patterns(*shapes, folders, sequences)
     left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
-    missing = [f"sequence {name}: no tracker has it" for name in sorted(left)]
-    kept = [fault for fault in plan.faults if any(name in fault for name in sequences)]
-    return Plan(
-        jobs=tuple(job for job in plan.jobs if job.labels["sequence"] in sequences),
-        faults=(*kept, *missing),
-    )
+    missing = [f"sequence {name}: no tracker has it, with a truth" for name in sorted(left)]
+    return Plan(jobs=plan.jobs, faults=(*plan.faults, *missing))
+
+
+def layout_of(truth: str, trackers: str) -> str | None:
+    """The layout that two folders have, if it is one of these."""
+    for layout, shapes in LAYOUTS.items():
+        if all(
+            next(patterns.found(shape, folder), None)
+            for shape, folder in zip(shapes, (truth, trackers), strict=True)
+        ):
+            return layout
+    return None
+
+
+def _elsewhere(layout: str, shape: str, folder: str) -> str:
+    """What to say of a folder that is not laid out so: which one near it is."""
+    text = f"{folder}: has no {shape}, which --layout {layout} looks for"
+    if not os.path.isdir(folder):
+        return f"{folder}: {'is a file' if os.path.exists(folder) else 'no such folder'}"
+    for level in range(1, NEARBY_LEVELS + 1):
+        above = os.path.normpath(os.path.join(folder, *[os.pardir] * level))
+        inner = [f"{{inner{k}}}" for k in range(level)]
+        below = {
+            os.path.join(folder, *(values[name[1:-1]] for name in inner))
+            for _, values in patterns.found("/".join((*inner, shape)), folder)
+        }
+        is_above = next(patterns.found(shape, above), None) is not None
+        near = [*([above] if is_above else []), *sorted(below)]
+        if near:
+            return f"{text}; name {'one of ' if len(near) > 1 else ''}{listed(near, 3)}"
+    return text
 
 
 def read_sequences(path: str) -> list[str]:
@@ -134,7 +190,10 @@ def read_sequences(path: str) -> list[str]:
     with named(path, InputError), open(path, encoding="utf-8") as file:
         lines = [line.split(",")[0].split()[:1] for line in file.read().splitlines()]
     names = [words[0] for words in lines if words]
-    return names[1:] if names[:1] == ["name"] else names
+    names = names[1:] if names[:1] == ["name"] else names
+    if not names:
+        raise InputError(f"{path}: names no sequence; a seqmap has one a line")
+    return names
 
 
 def of_manifest(path: str, options: Collection[str]) -> Plan:

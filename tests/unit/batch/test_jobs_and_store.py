@@ -60,6 +60,66 @@ def test_layout_and_seqmap(tree: Path, write: Write) -> None:
     assert (job.truth, job.estimate) == (
         os.path.join("g", "s2/gt/gt.txt"), os.path.join("t", "a/data/s2.txt")
     )  # fmt: skip
+    with pytest.raises(InputError, match="names no sequence"):
+        jobs.read_sequences(write("map.txt", "name\n"))
+
+
+def touch(*names: str) -> None:
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).touch()
+
+
+def test_a_seqmap_keeps_what_is_missing_of_other_sequences_out(tree: Path) -> None:
+    touch("g/s1/gt/gt.txt", "g/s1-DPM/gt/gt.txt", "t/a/data/s1.txt", "t/b/data/s1-DPM.txt")
+    assert jobs.of_layout("motchallenge", "g", "t", ["s1"]).faults == ()
+    plan = jobs.of_layout("motchallenge", "g", "t", ["s1-DPM", "s1", "s7"])
+    assert len(plan.jobs) == 2
+    lone = os.path.join("g", "s1-DPM/gt/gt.txt"), os.path.join("t", "a/data/s1-DPM.txt")
+    assert f"{lone[0]}: there is no estimate {lone[1]}" in plan.faults
+    assert plan.faults[-1] == "sequence s7: no tracker has it, with a truth"
+
+
+def test_layout_of_kitti_as_trackeval_has_it(tree: Path, write: Write) -> None:
+    touch(
+        "gt/kitti/kitti_2d_box_train/label_02/0000.txt",
+        "gt/kitti/kitti_2d_box_train/label_02/0001.txt",
+        "trackers/kitti/kitti_2d_box_train/CIWT/data/0000.txt",
+        "trackers/kitti/kitti_2d_box_train/CIWT/data/0001.txt",
+        "trackers/kitti/kitti_2d_box_train/CIWT/car_summary.txt",
+    )
+    seqmap = write("evaluate_tracking.seqmap.training", "0000 empty 000000 000154\n")
+    folders = (f"{side}/kitti/kitti_2d_box_train" for side in ("gt", "trackers"))
+    (job,) = jobs.of_layout("kitti", *folders, jobs.read_sequences(seqmap)).jobs
+    assert dict(job.labels) == {"tracker": "CIWT", "sequence": "0000"}
+
+
+@pytest.mark.parametrize(
+    ("truth", "trackers", "name"),
+    [
+        ("data", "data/MOT17-train", "data/gt/MOT17-train"),
+        ("data/gt", "trackers/MOT17-train", "data/gt/MOT17-train"),
+        ("data/gt/MOT17-train/s1", "trackers/MOT17-train", "data/gt/MOT17-train"),
+        ("data/gt/MOT17-train", "trackers", "one of trackers/MOT17-train, trackers/MOT20-train"),
+        ("data/gt/MOT17-train", "trackers/MOT17-train/a/data", "trackers/MOT17-train"),
+    ],
+)
+def test_the_right_level_of_a_layout_is_named(
+    tree: Path, truth: str, trackers: str, name: str
+) -> None:
+    touch("data/gt/MOT17-train/s1/gt/gt.txt", "data/gt/seqmaps/MOT17-train.txt")
+    touch("trackers/MOT17-train/a/data/s1.txt", "trackers/MOT20-train/{a}/data/s1.txt")
+    with pytest.raises(ConfigError) as caught:
+        jobs.of_layout("motchallenge", truth, trackers)
+    assert f"which --layout motchallenge looks for; name {name}" in str(caught.value)
+
+
+def test_folders_of_a_layout_that_are_not_there_or_have_braces(tree: Path) -> None:
+    touch("{x}/s/gt/gt.txt", "[t]/{a}/data/s.txt")
+    (job,) = jobs.of_layout("motchallenge", "{x}", "[t]").jobs
+    assert dict(job.labels) == {"tracker": "{a}", "sequence": "s"}
+    with pytest.raises(ConfigError, match=r"^none: no such folder$"):
+        jobs.of_layout("motchallenge", "none", "[t]")
 
 
 def test_manifest(tree: Path, write: Write) -> None:

@@ -1,7 +1,9 @@
 """Every scenario and every error does what its page says; the same seed gives the same bytes."""
 
 import re
+import runpy
 import shlex
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -394,5 +396,17 @@ def test_sample_data_is_made_by_its_commands(invoke, tmp_path: Path, command: st
 
 def test_all_sample_data_has_its_command() -> None:
     folders = {path.name for path in (ROOT / "sample_data").iterdir() if path.is_dir()}
-    folders.remove("gate")  # judges the others
+    folders -= {"gate", "batch"}  # judges the others, has a script
     assert {Path(command.split()[2]).name for command in commands()} == folders
+
+
+def test_sample_data_of_batch_is_made_by_its_script(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = ROOT / "sample_data" / "batch" / "make.py"
+    monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])
+    runpy.run_path(str(script), run_name="__main__")
+    made = [path.relative_to(tmp_path) for path in tmp_path.rglob("*.*") if path.is_file()]
+    assert len(made) == 3 * 3 + 8 * 3
+    for path in made:
+        assert (tmp_path / path).read_bytes() == (script.parent / path).read_bytes()

@@ -91,6 +91,9 @@ def run_batch(
                  "layout": batch.layout, "seqmap": batch.seqmap},
     }  # fmt: skip
     store.open(settings)
+    if not output.quiet:
+        for text in _about_defaults(options, boxes=batch.layout is not None):
+            print_notice(text)
     with store.locked(shard):
         tasks = [_task(ctx, job, options, batch, output) for job in plan.jobs]
         tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
@@ -161,11 +164,32 @@ def _check_missing(plan: Plan, batch: BatchOptions) -> None:
     if len(plan.faults) > FAULTS_SHOWN:
         lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
     if plan.faults and not batch.allow_missing:
-        raise ConfigError(*lines, "nothing is begun; --allow-missing goes on with the others")
+        some = "; --seqmap FILE takes the sequences in that file alone" if batch.layout else ""
+        raise ConfigError(
+            *lines, f"nothing is begun; --allow-missing goes on with the others{some}"
+        )
     for text in lines:
         print_notice(text)
     if not plan.jobs:
         raise ConfigError("there is no job")
+
+
+def _about_defaults(options: EvaluationOptions, *, boxes: bool) -> Iterator[str]:
+    """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
+    from tgospa_eval.distances import DISTANCES  # here: the command line does without
+
+    if boxes and options.distance == "euclidean" and not options.columns:
+        yield "boxes are compared by their centres (x, y); overlap: --distance iou"
+    given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
+    values = zip(given, DISTANCES[options.distance].defaults, strict=True)
+    used = {name: value for name, value in values if given[name] is None}
+    if used:
+        shown = " and ".join(
+            f"{letter} = {used[name]:g}"
+            for name, letter in (("cutoff", "c"), ("switch-penalty", "gamma"))
+            if name in used
+        )
+        yield f"default {shown}; choose with {' and '.join(f'--{name}' for name in used)}"
 
 
 def _shard(text: str | None) -> tuple[int, int]:

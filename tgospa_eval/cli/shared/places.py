@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
+from tgospa_eval.batch.jobs import layout_of
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import listed
 
@@ -116,7 +117,11 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         return
     name = names[0]
     yield _type(truth[name], estimate[name])
-    if len(names) > 1:
+    layout = layout_of(*paths) if len(names) > 1 else None
+    if layout is not None:
+        folders = " ".join(map(shlex.quote, paths))
+        yield f"for all: tgospa-eval batch --layout {layout} {folders} -o results"
+    elif len(names) > 1:
         yield from _all(names, *best)
 
 
