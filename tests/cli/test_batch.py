@@ -1,6 +1,7 @@
 """Batches as users meet them: a folder of runs to a table, again after faults."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -208,3 +209,68 @@ def test_sample_benchmark_ranks_two_trackers_without_options(
     answer = invoke(*layout, *map(os.path.dirname, folders), "-o", "other")
     assert (answer.status, Path("other").exists()) == (2, False)
     assert f"name {folders[0]}\n" in answer.err
+
+
+WITH = ("--with", "hota,clear,identity,gospa")
+ONE_OF_THREE = "id,t,x\n7,1,0\n7,2,0\n8,3,0.46\n9,4,100\n"
+"""With c = 1 the similarities to a truth at 0 are 1, 1, 0.77, and 0 at the fourth step."""
+
+
+@pytest.fixture
+def sequences(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+    """Two sequences of a tracker: 4 states with a switch and a miss, and 2 without a fault."""
+    monkeypatch.chdir(tmp_path)
+    head = "id,t,x\n"
+    for name, truth, estimate in (
+        ("s1", f"{head}1,1,0\n1,2,0\n1,3,0\n1,4,0\n", ONE_OF_THREE),
+        ("s2", f"{head}1,1,0\n1,2,0\n", f"{head}1,1,0\n1,2,0\n"),
+    ):
+        Path(name).mkdir()
+        Path(name, "t.csv").write_text(truth, encoding="utf-8")
+        Path(name, "by-a.csv").write_text(estimate, encoding="utf-8")
+    patterns = ("--truth", "{sequence}/t.csv", "--estimate", "{sequence}/by-{tracker}.csv")
+    return ("batch", *patterns, "-c", "1", "-p", "1", "-g", "1", "-o", "r")
+
+
+def test_other_metrics_are_combined_by_their_counts(
+    invoke: Invoke, sequences: tuple[str, ...]
+) -> None:
+    """MOTA = 1 - 3/6, IDF1 = 2 * 4 / 12, and HOTA of the sums at each threshold.
+
+    Up to 0.75 of s1 three states match, DetA = (3 + 2) / (5 + 2), AssA = (3 * 5/12 + 2 * 1) / 5;
+    from 0.80 on two, DetA = 4 / 8, AssA = (2 * 1/2 + 2 * 1) / 4.
+    """
+    answer = invoke(*sequences, *WITH, "--by", "tracker", "--format", "json")
+    assert answer.status == 0, answer.err
+    (group,) = json.loads(answer.out)["groups"]
+    assert (group["with.clear.MOTA"], group["with.clear.IDSW"]) == (0.5, 1)
+    assert group["with.clear.MOTP"] == pytest.approx((2.77 + 2) / 5)
+    assert group["with.identity.IDF1"] == pytest.approx(8 / 12)
+    near, far = math.sqrt(5 / 7 * 3.25 / 5), math.sqrt(4 / 8 * 3 / 4)
+    assert group["with.hota.HOTA"] == pytest.approx((15 * near + 4 * far) / 19)
+    assert group["with.gospa.total"] == pytest.approx(1.46)
+    table = invoke("batch", "report", "r", "--by", "tracker").out
+    assert "  a        " in table
+    assert "best is high: HOTA, DetA, AssA, MOTA, MOTP, IDF1" in table
+    assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3
+    assert "holds a batch with other settings: with was" in invoke(*sequences).err
+    refused = invoke(*sequences, "--with", "mota")
+    assert (refused.status, "must be of hota" in refused.err) == (2, True)
+
+
+def test_rows_have_the_metrics_of_single_evaluations(invoke: Invoke, tmp_path: Path) -> None:
+    folders = [str(SAMPLES / "batch" / "mot" / name) for name in ("gt", "trackers")]
+    boxes = ("--distance", "iou", "--preprocess", "motchallenge", *WITH, "--format", "json")
+    answer = invoke(
+        "batch", "--layout", "motchallenge", *folders, "-o", str(tmp_path / "r"), *boxes
+    )
+    job = json.loads(answer.out)["jobs"][2]
+    single = json.loads(invoke(job["truth"], job["estimate"], *boxes).out)
+    assert json.loads(job["parameters"]) == single["parameters"]
+    assert single["parameters"]["preprocess"] == "motchallenge"
+    assert job["total"] == single["total"]
+    for metric, found in single["with"].items():
+        for name, value in found.items():
+            assert job[f"with.{metric}.{name}"] == value
+    report = invoke("batch", "report", str(tmp_path / "r"))
+    assert "left out by --preprocess motchallenge" in report.out

@@ -9,6 +9,7 @@ the bounds.
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.batch.others import joined_metrics, metrics_of
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS
 
@@ -77,5 +78,13 @@ def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
     for name, divisor in divisors.items():
         for end in ("", "_lower", "_upper"):
             summed[name + end] = (summed["total" + end] / divisor) ** (1 / groups["order"].first())
+    if metrics_of(valued.columns):
+        for name, values in _columns([joined_metrics(group) for _, group in groups]).items():
+            summed[name] = values
     summed = summed.reset_index(drop=not keys)
     return summed.rename(columns={f"label.{name}": name for name in by})
+
+
+def _columns(records: list[dict[str, float]]) -> dict[str, list[float]]:
+    """Columns of records with the same names."""
+    return {name: [record[name] for record in records] for name in records[0]}

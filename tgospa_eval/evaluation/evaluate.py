@@ -25,7 +25,7 @@ from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Bounds, Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.problem.weights import ONE
-from tgospa_eval.results.records import FileInfo, OtherMetrics, SolverRecord, Timings
+from tgospa_eval.results.records import FileInfo, MetricSums, OtherMetrics, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -181,13 +181,15 @@ def evaluate_fitted(
     """
     prepared = prepare(sides, request, files=files, stopwatch=stopwatch)
     others: OtherMetrics = {}
+    sums: MetricSums = {}
     if request.with_:
         from tgospa_eval.evaluation.other_metrics import joined, other_metrics  # here: as the curve
 
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
-        others = joined([other_metrics(prepared, request.with_, effort)])
+        found = other_metrics(prepared, request.with_, effort)
+        others, sums = joined([found]), found.sums()
     result = solve(prepared, request.solver, stopwatch, curve=request.curve)
-    return replace(result, with_=others)
+    return replace(result, with_=others, sums=sums)
 
 
 def solve(

@@ -10,7 +10,7 @@ costs, and nothing of them is proven.
 """
 
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import Any, overload
@@ -38,6 +38,19 @@ METRIC_FIELDS = {
 }
 """What is kept of each metric, by the names of TrackEval; of arrays over thresholds the mean."""
 
+SUMMED_FIELDS = {
+    "hota": ("HOTA_TP", "HOTA_FN", "HOTA_FP", "AssA", "AssRe", "AssPr", "LocA"),
+    "clear": (
+        *("CLR_TP", "CLR_FN", "CLR_FP", "IDSW", "MT", "PT", "ML", "Frag"),
+        *("CLR_Frames", "MOTP_sum"),
+    ),
+    "identity": ("IDTP", "IDFN", "IDFP"),
+}
+"""What TrackEval joins sequences from; of HOTA with a number for each threshold."""
+
+AT = "at"
+"""Between the name of a metric and those of its fields with a number for each threshold."""
+
 Found = Mapping[str, Any]
 """What TrackEval returns of one sequence: numbers and arrays by name."""
 
@@ -59,6 +72,40 @@ class Others:
     found: Mapping[str, Found]
     gospa: Mapping[str, float] | None
     zero: float
+
+    def sums(self) -> dict[str, float | list[float]]:
+        """What several are joined from, as plain values; `of_sums` is the way back."""
+        sums: dict[str, float | list[float]] = {}
+        for name, found in self.found.items():
+            for key in SUMMED_FIELDS[name]:
+                value = found[key]
+                if np.ndim(value):
+                    sums[f"{name}.{AT}.{key}"] = [float(each) for each in value]
+                else:
+                    sums[f"{name}.{key}"] = float(value)
+        return sums
+
+
+def of_sums(sums: Mapping[str, Any], names: Iterable[str], zero: float) -> Others:
+    """Other metrics in the form in which they can be joined, but for GOSPA.
+
+    Parameters
+    ----------
+    sums : mapping
+        As of `Others.sums`, perhaps among others.
+    names : iterable of str
+        Metrics of TrackEval that are in it.
+    zero : float
+        Distance at which the similarity is 0.
+    """
+    found = {
+        name: {
+            key: np.asarray(sums[f"{name}.{AT}.{key}"]) if name == "hota" else sums[f"{name}.{key}"]
+            for key in SUMMED_FIELDS[name]
+        }
+        for name in names
+    }
+    return Others(found=found, gospa=None, zero=zero)
 
 
 def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> Others:

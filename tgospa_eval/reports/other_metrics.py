@@ -1,6 +1,7 @@
 """Other metrics beside TGOSPA, as rows of tables. Knows no numbers but those of the document."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.reports.tables import Row, Table
@@ -55,15 +56,35 @@ def similarity(found: OtherMetrics) -> Iterator[str]:
 
 def compared_table(names: Sequence[str], found: Sequence[OtherMetrics]) -> Iterator[Table]:
     """A row for each of several estimates, if they have other metrics."""
-    shown = [(key, part) for key, parts in COMPARED.items() if key in found[0] for part in parts]
+    yield from grouped_table(("others",), [(name,) for name in names], found)
+
+
+def grouped_table(
+    head: tuple[str, ...], names: Sequence[tuple[str, ...]], found: Sequence[OtherMetrics]
+) -> Iterator[Table]:
+    """A row for each of several records, with the names of each before it, if there are any."""
+    first = found[0] if found else {}
+    shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
     if shown:
         yield Table(
-            head=("others", *(_short(part) for _, part in shown)),
+            head=(*head, *(_short(part) for _, part in shown)),
             rows=[
-                (name, *(_value(part, record[key]) for key, part in shown))
+                (*name, *(_value(part, record[key]) for key, part in shown))
                 for name, record in zip(names, found, strict=True)
             ],
+            align="l" * len(head) + "r" * len(shown),
         )
+
+
+def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetrics]:
+    """Other metrics of rows with columns such as ``with.hota.HOTA``."""
+    for row in rows:
+        record: dict[str, dict[str, float]] = {}
+        for column, value in ((str(name), value) for name, value in row.items()):
+            if column.startswith("with."):
+                _, metric, name = column.split(".", 2)
+                record.setdefault(metric, {})[name] = value
+        yield record
 
 
 def direction(found: OtherMetrics) -> Iterator[str]:

@@ -20,6 +20,7 @@ from tgospa_eval.results.records import (
     Costs,
     FileRecord,
     Labels,
+    MetricSums,
     OtherMetrics,
     SolverRecord,
     Timings,
@@ -61,6 +62,9 @@ class Numbers(ABC):
         Paths of truth and estimate as they were given; None of what was no file.
     with_ : dict
         Other metrics, those that were asked for: numbers by metric and name.
+    sums : dict
+        Of these what those of several recordings are joined from, by metric and name with a dot
+        between; lists over the thresholds of HOTA.
     """
 
     proof: Costs
@@ -76,6 +80,7 @@ class Numbers(ABC):
     warnings: tuple[Notice, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
     with_: OtherMetrics = field(default_factory=dict)
+    sums: MetricSums = field(default_factory=dict)
 
     @cached_property
     def scale(self) -> float:

@@ -75,6 +75,7 @@ class SolverRecord(TypedDict):
 
 
 OtherMetrics = Mapping[str, Mapping[str, float]]
+MetricSums = Mapping[str, float | list[float]]
 """Numbers of other metrics, by metric and name; with the similarity that they compare."""
 
 

@@ -11,9 +11,14 @@ import pytest
 from answer import Answer
 from trackeval.metrics import CLEAR, HOTA, Identity
 
-from tgospa_eval import evaluate
+from tgospa_eval import Certified, Trajectories, evaluate
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.distances import DISTANCES, Effort
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation import request
+from tgospa_eval.evaluation.other_metrics import METRIC_FIELDS, joined, of_sums, other_metrics
+from tgospa_eval.evaluation.prepare import fit, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest
 
 Write = Callable[[str, str], str]
 Invoke = Callable[..., Answer]
@@ -21,6 +26,8 @@ Invoke = Callable[..., Answer]
 TRUTH = "id,t,x\n" + "".join(f"1,{t},0\n" for t in (1, 2, 3, 4))
 ESTIMATE = "id,t,x\n7,1,0\n7,2,0\n8,3,0.46\n9,4,100\n"
 """With c = 1 the similarities 1 - d / 2 of the one truth are 1, 1, 0.77, and 0 at the last step."""
+
+QUIET = {"PRINT_CONFIG": False}
 
 THREE, TWO = 15, 4
 """Thresholds up to 0.75, where three states match; and from 0.80, where two do."""
@@ -121,13 +128,36 @@ def test_the_same_numbers_as_by_all_pairs(seed: int) -> None:
     }
     for name, own in zip(("gt", "tracker"), there, strict=True):
         data |= {f"num_{name}_ids": own.any(axis=0).sum(), f"num_{name}_dets": own.sum()}
-    quiet = {"PRINT_CONFIG": False}
-    metrics = {"hota": HOTA(), "clear": CLEAR(quiet), "identity": Identity(quiet)}
+    metrics = {"hota": HOTA(), "clear": CLEAR(QUIET), "identity": Identity(QUIET)}
     found = evaluate(*sides, cutoff=c, switch_penalty=1, with_=tuple(metrics)).with_
     for name, metric in metrics.items():
         expected = metric.eval_sequence(data)
         for field, value in found[name].items():
             assert value == pytest.approx(np.mean(expected[field]), abs=1e-12), (name, field)
+
+
+def test_sums_join_as_trackeval_joins(tmp_path: Path) -> None:
+    """What is stored of each sequence is enough for its own COMBINED, to the last bit."""
+    metrics = {"hota": HOTA(), "clear": CLEAR(QUIET), "identity": Identity(QUIET)}
+    whole, stored = [], []
+    for seed in range(3):
+        sides = [Trajectories.from_array(side) for side in scene(np.random.default_rng(seed))]
+        if seed == 2:
+            sides[1] = Trajectories.from_array(np.full((12, 1, 2), np.nan))  # nothing reported
+        parameters, _ = request.chosen_parameters(DISTANCES["euclidean"], 2, 3.0, 1.0)
+        asked = EvaluationRequest(
+            parameters=parameters, distance=DISTANCES["euclidean"], solver=Certified()
+        )
+        prepared = prepare(fit(*sides, asked), asked, stopwatch=Stopwatch())
+        others = other_metrics(prepared, tuple(metrics), Effort(jobs=1, stopwatch=Stopwatch()))
+        whole.append(others.found)
+        kept = json.loads(json.dumps(others.sums()))
+        stored.append(of_sums(kept, metrics, others.zero))
+    found = joined(stored)
+    for name, metric in metrics.items():
+        expected = metric.combine_sequences({str(k): each[name] for k, each in enumerate(whole)})
+        for key in METRIC_FIELDS[name]:
+            assert found[name][key] == np.mean(expected[key])
 
 
 def test_runs_are_joined_by_their_counts(tmp_path: Path, invoke: Invoke) -> None:

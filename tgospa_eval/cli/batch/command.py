@@ -9,6 +9,7 @@ from tgospa_eval.cli.shared.options import (
     EVALUATION,
     QUIET,
     REPORT_FORMATS,
+    WITH,
 )
 
 LAYOUTS = ("motchallenge", "kitti")
@@ -82,6 +83,7 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             type=click.Choice(REPORT_FORMATS),
             default="table",
         ),
+        WITH,
         CONFIG_FILE,
         QUIET,
     ],
@@ -100,7 +102,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
       tgospa-eval batch --truth 'gt/{run}.csv' --estimate 'out/{run}.csv' \\
           -c 10 -g 5 -o results
       tgospa-eval batch manifest.csv -c 10 -g 5 -o results --workers 4
-      tgospa-eval batch --layout kitti gt trackers --distance iou -o results
+      tgospa-eval batch --layout kitti gt trackers --distance iou --with hota -o results
       tgospa-eval batch report results --by tracker
 
     Exit status: 0 done, 2 wrong option or missing files, 3 bad manifest, 4 the accuracy

@@ -22,6 +22,7 @@ from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, ExitStatus
+from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.proofs import folder_name
 
@@ -87,6 +88,7 @@ def run_batch(
         "schema": SCHEMA,
         "version": __version__,
         "options": {name: _plain(value) for name, value in options.given.items()},
+        **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
         "jobs": {"paths": list(paths), "truth": batch.truth, "estimate": batch.estimate,
                  "layout": batch.layout, "seqmap": batch.seqmap},
     }  # fmt: skip

@@ -154,6 +154,10 @@ def numbers(result: Summary) -> Row:
         "order": parameters.order,
         "switch_penalty": parameters.switch_penalty,
         "distance": str(result.parameters["distance"]),
+        "parameters": json.dumps(result.parameters, sort_keys=True),
+        **{f"input.{role}.sha256": side["sha256"] for role, side in result.input.items()},
+        **{name: value for name, value in result.metrics().items() if name.startswith("with.")},
+        **{f"with.{name}": value for name, value in result.sums.items()},
     }
 
 
