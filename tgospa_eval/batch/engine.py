@@ -1,107 +1,158 @@
-"""Jobs over processes. The only module that knows an engine: loky, as joblib brings it.
+"""Jobs to answers, over any engine: in chunks, as long as one lives that can do them.
 
-Only `submit` is used of it, and `as_completed` of its own futures.
+An engine opens pools; of a pool nothing is used but `submit`, and callbacks of its futures
+(`batch.processes` and `batch.cluster` have them).
 """
 
-import os
-import signal
-import threading
+import queue
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Any, TypeVar
-
-from tgospa_eval.common.cores import cores
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 J = TypeVar("J")
 R = TypeVar("R")
 
-PARENT_CHECK = 1.0
-"""Seconds between looks at whether the parent is there."""
+CHUNK_SECONDS = 1.0
+"""Seconds after which a worker hands back what is ready, and what of its chunk is not begun."""
 
-AHEAD = 2
-"""Jobs that wait for each worker: more are lost with one that dies."""
+POLL = 1.0
+"""Seconds between looks at a pool while nothing comes."""
+
+CHUNKS_AHEAD = 4
+"""Chunks for each worker into which what is left would be cut: they become smaller at the end."""
+
+
+class DiedError(Exception):
+    """The process that worked on it died, or each of several that tried."""
+
+
+class Future(Protocol):
+    """Of an engine."""
+
+    def add_done_callback(self, function: Callable[[Any], object], /) -> object:
+        """Call a function with this future when it has ended."""
+
+
+class Pool(Protocol):
+    """Workers that are there."""
+
+    def workers(self) -> int:
+        """How many jobs are worked on at once."""
+
+    def submit(self, function: Callable[..., R], *arguments: object) -> Future:
+        """Have a function called in a worker; raises `DiedError` where there is none any more."""
+
+    def answer(self, future: Any) -> Any:
+        """What came out of a future that has ended; raises `DiedError`."""
+
+    def look(self) -> None:
+        """Called every now and then while nothing comes."""
+
+
+class Engine(Protocol):
+    """Where jobs are done."""
+
+    def open(self, most: int) -> AbstractContextManager[Pool]:
+        """Have workers, so many at most; left by an exception it ends their work at once."""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """How jobs are tried.
+
+    Parameters
+    ----------
+    most : int
+        Jobs in a chunk.
+    ahead : int
+        Chunks that are with each worker: all are tried again if one of them dies.
+    alone : bool
+        Whether nothing else is worked on meanwhile.
+    """
+
+    most: int
+    ahead: int
+    alone: bool
+
+
+ATTEMPTS = (
+    Attempt(most=32, ahead=2, alone=False),
+    Attempt(most=1, ahead=1, alone=False),
+    Attempt(most=1, ahead=1, alone=True),
+)
+"""What was with a dying worker is tried again with fewer beside it: one job is to blame."""
 
 
 def spread(
-    work: Callable[[J], R], jobs: Sequence[J], workers: int | None, lost: Callable[[J], R]
-) -> Iterator[R]:
-    """Do the jobs in processes; answers come as they are ready.
+    work: Callable[[J], R], jobs: Sequence[J], lost: Callable[[J], R], engine: Engine
+) -> Generator[R, None, None]:
+    """Do the jobs; answers come as they are ready.
 
-    A process that dies costs the jobs that were with it a second try, each in a process of its own;
-    what kills that as well is answered by `lost`.
+    Jobs that were with a worker that died are tried again as `ATTEMPTS` has it; a job whose worker
+    dies when it is alone is answered by `lost`.
     """
-    from joblib.externals.loky import ProcessPoolExecutor, as_completed  # here: slow to import
-    from joblib.externals.loky.process_executor import BrokenProcessPool
+    left: Sequence[J] = jobs
+    for attempt in ATTEMPTS:
+        waiting, suspects = deque(left), list[J]()
+        while waiting:
+            with engine.open(1 if attempt.alone else len(waiting)) as pool:
+                yield from _until_one_dies(work, waiting, suspects, attempt, pool)
+        left = suspects
+    yield from map(lost, left)
 
-    count = min(workers or cores(), len(jobs)) or 1
-    waiting, suspects = list(reversed(jobs)), []
-    while waiting:
-        with _pool(ProcessPoolExecutor, count) as pool:
-            running: dict[Any, J] = {}
-            broken = False
-            while (waiting or running) and not broken:
-                try:
-                    while waiting and len(running) < AHEAD * count:
-                        with _uninterrupted():
-                            running[pool.submit(work, waiting[-1])] = waiting[-1]
-                        waiting.pop()
-                except BrokenProcessPool:
-                    broken = True
-                for future in as_completed(list(running)):
-                    job = running.pop(future)
-                    try:
-                        yield future.result()
-                    except BrokenProcessPool:
-                        suspects.append(job)
-                        broken = True
-                    if not broken:
-                        break
-    for job in suspects:
-        with _pool(ProcessPoolExecutor, 1) as pool:
+
+def some(work: Callable[[J], R], chunk: Sequence[J]) -> list[R]:
+    """The answers of the first jobs of a chunk: at least one, and what is ready in a second."""
+    until = time.monotonic() + CHUNK_SECONDS
+    answers = []
+    for job in chunk:
+        answers.append(work(job))
+        if time.monotonic() > until:
+            break
+    return answers
+
+
+def _until_one_dies(
+    work: Callable[[J], R], waiting: deque[J], suspects: list[J], attempt: Attempt, pool: Pool
+) -> Iterator[R]:
+    """Answers of the jobs that wait, until a worker dies or none is left."""
+    ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    running: dict[Any, list[J]] = {}
+    broken = False
+    while running or (waiting and not broken):
+        workers = 1 if attempt.alone else max(1, pool.workers())
+        while waiting and not broken and len(running) < attempt.ahead * workers:
+            size = min(attempt.most, -(-len(waiting) // (CHUNKS_AHEAD * workers)))
+            chunk = [waiting.popleft() for _ in range(size)]
             try:
-                with _uninterrupted():
-                    answer = pool.submit(work, job)
-                yield answer.result()
-            except BrokenProcessPool:
-                yield lost(job)
+                future = pool.submit(some, work, chunk)
+            except DiedError:
+                suspects += chunk
+                broken = True
+            else:
+                running[future] = chunk
+                future.add_done_callback(ended.put)
+        for future in _taken(ended, pool) if running else ():
+            chunk = running.pop(future)
+            try:
+                answers = pool.answer(future)
+            except DiedError:
+                suspects += chunk
+                broken = True
+                continue
+            waiting.extendleft(reversed(chunk[len(answers) :]))
+            yield from answers
 
 
-@contextmanager
-def _pool(kind: Any, workers: int) -> Iterator[Any]:
-    """Processes that end at once when the work is broken off."""
-    # Of a pool that is broken off the process that looks after its locks would complain.
-    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-    pool = kind(max_workers=workers, initializer=_quiet)
+def _taken(ended: "queue.SimpleQueue[Any]", pool: Pool) -> Iterator[Any]:
+    """The futures that have ended; one at least, or none after a while."""
     try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=True, kill_workers=True)
-        raise
-    pool.shutdown(wait=True)
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
-    if not hasattr(signal, "pthread_sigmask"):  # on Windows
-        yield
+        yield ended.get(timeout=POLL)
+    except queue.Empty:
+        pool.look()
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _quiet() -> None:
-    """A worker uses one thread, and does not outlive the one who asked."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
-
-
-def _watch(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(PARENT_CHECK)
-    os._exit(1)
+    while not ended.empty():
+        yield ended.get()

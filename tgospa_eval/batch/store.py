@@ -8,8 +8,7 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -168,34 +167,6 @@ class Store:
             A part is damaged.
         """
         return read_steps(self.folder / STEP_FOLDER, rows)
-
-    @contextmanager
-    def locked(self, shard: tuple[int, int]) -> Iterator[None]:
-        """Keep other processes from the same jobs; those of other shards may write meanwhile.
-
-        Raises
-        ------
-        ConfigError
-            One is at work on them.
-        """
-        try:
-            import fcntl
-        except ImportError:  # not there on Windows
-            yield
-            return
-        number, count = shard
-        with named(f"-o {self.folder}", ConfigError, "cannot be written"):
-            whole = (self.folder / ".lock").open("a")
-            own = (self.folder / f".lock-{number}-of-{count}").open("a")
-        with whole, own:
-            try:
-                fcntl.flock(whole, (fcntl.LOCK_SH if count > 1 else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-                fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise ConfigError(
-                    f"-o {self.folder}: another process is at work on it; wait, or name another"
-                ) from None
-            yield
 
 
 def _frame(rows: Sequence[Row]) -> "pd.DataFrame":

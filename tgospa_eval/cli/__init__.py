@@ -16,16 +16,8 @@ from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.streams import check_stdout, check_written, print_notice, print_notices
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import files
+from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import ConfigError, ExitStatus, TgospaError
-
-NO_MEMORY = (
-    "annot allocate memory",
-    "failed to map segment",
-    "bad_alloc",
-    "start new thread",
-    "without exception set",
-)
-"""Messages of systems, loaders of libraries and Python where there is none left."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -75,7 +67,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 def _print_lacking(error: Exception) -> int:
     """What the system does not give is no fault of ours, even if unforeseen; the status."""
-    if _is_of_memory(error):
+    if is_of_memory(error):
         print_notice("out of memory; a smaller cutoff leaves fewer pairs")
         return ExitStatus.NOT_REACHED
     if not isinstance(error, OSError):
@@ -83,15 +75,6 @@ def _print_lacking(error: Exception) -> int:
     where = "" if error.filename is None else f"{error.filename}: "
     print_notice(f"{where}{files.reason(error)}")
     return ConfigError.exit_status
-
-
-def _is_of_memory(error: BaseException | None) -> bool:
-    """Whether an error, or one behind it, is for want of memory, as libraries need some as well."""
-    while error is not None:
-        if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
-            return True
-        error = error.__cause__ or error.__context__
-    return False
 
 
 def _end_interrupted() -> None:

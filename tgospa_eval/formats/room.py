@@ -2,9 +2,8 @@
 
 import math
 import sys
-from contextlib import suppress
-from pathlib import Path
 
+from tgospa_eval.common.memory import available_memory
 from tgospa_eval.errors import InputError
 
 GIGABYTE = 1e9
@@ -17,8 +16,6 @@ UNPACKED = 300
 TABLE, TEXT = 6, 3
 """Bytes that reading takes for each byte of a table of doubles, and of a text. Measured at 10
 million rows: 4.2 (npz), 4.7 (Parquet) and 2.9 (CSV)."""
-
-MEMINFO = Path("/proc/meminfo")
 
 
 def check_room(path: str, size: float, file: int, limit: float | None, what: str) -> None:
@@ -49,9 +46,9 @@ def check_room(path: str, size: float, file: int, limit: float | None, what: str
     if limit is not None:
         limits.append((limit, "allowed"))
     else:
-        free = _available()
+        free = available_memory()
         if free is not None:
-            limits.append((free, "available"))
+            limits.append((free / GIGABYTE, "available"))
         if size > UNPACKED * file:
             limits.append((DEFAULT_GIGABYTES, "allowed"))
     most, kind = min(limits, default=(math.inf, ""))
@@ -67,13 +64,6 @@ def most_bytes(limit: float | None) -> int:
     """Bytes that a file itself may have."""
     if limit == 0:
         return sys.maxsize - 1
-    return int((max(DEFAULT_GIGABYTES, _available() or 0.0) if limit is None else limit) * GIGABYTE)
-
-
-def _available() -> float | None:
-    """GB of memory that are available, as Linux counts them."""
-    with suppress(OSError, ValueError):
-        for line in MEMINFO.read_text(encoding="ascii").splitlines():
-            if line.startswith("MemAvailable:"):
-                return 1024 * int(line.split()[1]) / GIGABYTE
-    return None
+    if limit is None:
+        return max(int(DEFAULT_GIGABYTES * GIGABYTE), available_memory() or 0)
+    return int(limit * GIGABYTE)

@@ -1,13 +1,12 @@
 """Which jobs there are, what is stored of them, and what survives a kill."""
 
 import os
-import signal
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tgospa_eval.batch import engine, jobs
+from tgospa_eval.batch import jobs
 from tgospa_eval.batch.store import SCHEMA, Store
 from tgospa_eval.batch.tables import combined
 from tgospa_eval.errors import ConfigError, InputError
@@ -163,39 +162,6 @@ def test_the_store_keeps_the_last_row_that_is_done(tmp_path: Path) -> None:
     (tmp_path / "other" / "file").touch()
     with pytest.raises(ConfigError, match="is not empty, and no batch"):
         Store(str(tmp_path / "other")).open({"schema": SCHEMA})
-
-
-def test_two_processes_never_work_on_the_same_jobs(tmp_path: Path) -> None:
-    stores = [Store(str(tmp_path)) for _ in range(2)]
-    with stores[0].locked((1, 2)):
-        with stores[1].locked((2, 2)):
-            pass
-        for shard in ((1, 2), (1, 1)):
-            with (
-                pytest.raises(ConfigError, match="another process is at work"),
-                stores[1].locked(shard),
-            ):
-                pass
-    with stores[1].locked((1, 1)):
-        pass
-
-
-def double(job: int) -> int:
-    """What a worker does; one job kills it, another only once."""
-    if job == 13 or (job == 7 and not Path("once").exists()):
-        Path("once").touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return 2 * job
-
-
-@pytest.mark.process
-def test_a_dying_process_costs_its_jobs_one_retry(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    answers = list(engine.spread(double, range(20), 2, lambda job: -job))
-    assert sorted(answers) == sorted([2 * job for job in range(20) if job != 13] + [-13])
 
 
 def test_costs_are_added_and_roots_are_not() -> None:

@@ -57,6 +57,10 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             "Processes; by default as many as there are cores.",
             type=click.IntRange(1),
         ),
+        _batch(
+            "--scheduler ADDRESS",
+            "Use the workers of a Dask cluster that is there: tcp://host:8786.",
+        ),
         _batch("--reports", "Write the result folder of each job, DIR/reports/LABELS."),
         _batch("--proof", "With --reports: with the proof of each value."),
         _batch("--per-step", "Store the costs of each step as well, for curves over time."),

@@ -9,9 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batch import engine, jobs
-from tgospa_eval.batch.jobs import Job, Plan
+from tgospa_eval.batch import jobs
+from tgospa_eval.batch.cluster import Cluster
+from tgospa_eval.batch.engine import Engine, spread
+from tgospa_eval.batch.jobs import Plan
+from tgospa_eval.batch.lock import locked
 from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
+from tgospa_eval.batch.processes import Processes
 from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, combined, labels_of
 from tgospa_eval.cli.batch.files import write_batch
@@ -51,6 +55,7 @@ class BatchOptions(Values):
     retry_failed: bool = False
     shard: str | None = None
     workers: int | None = None
+    scheduler: str | None = None
     reports: bool = False
     proof: bool = False
     per_step: bool = False
@@ -60,6 +65,11 @@ class BatchOptions(Values):
     def groups(self) -> list[str]:
         """The labels of --by."""
         return [name.strip() for name in self.by.split(",")] if self.by else []
+
+    @property
+    def engine(self) -> Engine:
+        """Where the jobs are done."""
+        return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
 def run_batch(
@@ -80,6 +90,8 @@ def run_batch(
         raise ConfigError("--proof is for the folders of --reports")
     if options.curve and not (batch.per_step or batch.reports):
         raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+    if batch.scheduler and batch.workers:
+        raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
     plan = _plan(paths, batch)
     _check_missing(plan, batch)
     check_labels(batch.groups, {name: None for job in plan.jobs for name in job.labels})
@@ -96,14 +108,14 @@ def run_batch(
     if not output.quiet:
         for text in _about_defaults(options, boxes=batch.layout is not None):
             print_notice(text)
-    with store.locked(shard):
-        tasks = [_task(ctx, job, options, batch, output) for job in plan.jobs]
+    with locked(store.folder, shard):
+        tasks = list(_tasks(ctx, plan, options, batch, output))
         tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
         left = list(_left(tasks, store.rows(), retry_failed=batch.retry_failed))
         left.sort(key=_size, reverse=True)
         if not output.quiet and len(left) < len(tasks):
             print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
-        _work(left, store, batch.workers, quiet=output.quiet)
+        _work(left, store, batch.engine, quiet=output.quiet)
     rows = store.rows()
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
@@ -211,29 +223,35 @@ def _shard(text: str | None) -> tuple[int, int]:
     return number, count
 
 
-def _task(
+def _tasks(
     ctx: click.Context,
-    job: Job,
+    plan: Plan,
     options: EvaluationOptions,
     batch: BatchOptions,
     output: OutputOptions,
-) -> Task:
-    """A job with its own options and its key."""
-    own = typed_options(ctx, dict(job.options), f"job {job.name}") if job.options else {}
-    chosen = replace(options, jobs=1, **own)  # type: ignore[arg-type]
-    folder = None
-    if batch.reports:
-        parts = [folder_name(value) for value in job.labels.values()]
-        parts += [f"{key}={folder_name(value)}" for key, value in job.options.items()]
-        folder = os.path.join(str(output.output), "reports", *parts)
-    return Task(
-        job=job,
-        options=chosen,
-        key=key_of(job, chosen),
-        folder=folder,
-        proof=batch.proof,
-        per_step=batch.per_step,
-    )
+) -> Iterator[Task]:
+    """The jobs with their own options and their keys; what they share is there once."""
+    shared = replace(options, jobs=1)
+    base = os.getcwd() if batch.scheduler else ""
+    for job in plan.jobs:
+        chosen = shared
+        if job.options:
+            own = typed_options(ctx, dict(job.options), f"job {job.name}")
+            chosen = replace(shared, **own)  # type: ignore[arg-type]
+        folder = None
+        if batch.reports:
+            parts = [folder_name(value) for value in job.labels.values()]
+            parts += [f"{key}={folder_name(value)}" for key, value in job.options.items()]
+            folder = os.path.join(str(output.output), "reports", *parts)
+        yield Task(
+            job=job,
+            options=chosen,
+            key=key_of(job, chosen),
+            folder=folder,
+            proof=batch.proof,
+            per_step=batch.per_step,
+            base=base,
+        )
 
 
 def _left(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
@@ -255,13 +273,14 @@ def _size(task: Task) -> int:
     return sum(os.path.getsize(path) for path in (task.job.truth, task.job.estimate))
 
 
-def _work(tasks: list[Task], store: Store, workers: int | None, *, quiet: bool) -> None:
+def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> None:
     """Do the jobs, and store their rows every now and then, also when interrupted."""
     pending: list[Row] = []
     begin = flushed = shown = time.monotonic()
     failed = held = 0
+    rows = spread(evaluate_job, tasks, lost_job, engine)
     try:
-        for done, row in enumerate(engine.spread(evaluate_job, tasks, workers, lost_job), 1):
+        for done, row in enumerate(rows, 1):
             pending.append(row)
             failed += row["status"] == "failed"
             held += len(row.get(STEPS) or ())
@@ -273,6 +292,7 @@ def _work(tasks: list[Task], store: Store, workers: int | None, *, quiet: bool) 
                 shown = now
                 print_notice(_progress(done, len(tasks), failed, now - begin))
     finally:
+        rows.close()  # nothing is worked on when nobody takes its answer
         store.add(pending)
 
 

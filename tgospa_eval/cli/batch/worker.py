@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import os
+import socket
 import time
 from collections.abc import Hashable, Mapping
 from contextlib import suppress
@@ -14,10 +16,14 @@ from tgospa_eval.batch.jobs import Job
 from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
 from tgospa_eval.batch.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.errors import TgospaError
+from tgospa_eval.common.memory import is_of_memory
+from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.reports.proofs import FOLDER, proof_files
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
+
+NAMING_FILES = ("covariance", "inner_cov")
+"""Options that may name a file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +44,8 @@ class Task:
         Whether with its proof.
     per_step : bool
         Whether the costs of its steps are stored.
+    base : str
+        Where relative paths begin, for a worker that was not started there.
     """
 
     job: Job
@@ -46,6 +54,7 @@ class Task:
     folder: str | None = None
     proof: bool = False
     per_step: bool = False
+    base: str = ""
 
     @property
     def is_written(self) -> bool:
@@ -70,14 +79,15 @@ class Task:
 
 
 def key_of(job: Job, options: EvaluationOptions) -> str:
-    """A digest of what makes the row: both files, labels, options and the schema of a result.
+    """A digest of what makes the row: its files, labels, options and the schema of a result.
 
     A file that cannot be read counts as nothing; the job will say so.
     """
     sha = hashlib.sha256()
     parts = RESULT_SCHEMA, dict(job.labels), options.given
     sha.update(json.dumps(parts, sort_keys=True, default=str).encode())
-    for path in (job.truth, job.estimate):
+    given = (getattr(options, name) for name in NAMING_FILES)
+    for path in (job.truth, job.estimate, *filter(None, given)):
         with suppress(OSError), open(path, "rb") as file:
             sha.update(hashlib.file_digest(file, "sha256").digest())
     return sha.hexdigest()
@@ -87,13 +97,18 @@ def evaluate_job(task: Task) -> Row:
     """The row of a job; a wrong file or a failed solver is a row as well, with its message."""
     from tgospa_eval.cli.evaluate.run import evaluate_files  # here: the parent does without
 
-    begin, job = time.monotonic(), task.job
+    begin = time.monotonic()
     try:
+        here = _as_seen_here(task)
         result, finished = evaluate_files(
-            job.truth, job.estimate, task.options, OutputOptions(quiet=True), lambda _: None
+            here.job.truth,
+            here.job.estimate,
+            here.options,
+            OutputOptions(quiet=True),
+            lambda _: None,
         )
-        if task.folder is not None:
-            _write(result, task, task.folder)
+        if here.folder is not None:
+            _write(result, task, here.folder)
         row = {
             **numbers(result),
             **_steps(result, per_step=task.per_step),
@@ -103,16 +118,45 @@ def evaluate_job(task: Task) -> Row:
         }
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args)}
-    except MemoryError:
-        row = {"status": "failed", "message": "out of memory"}
     except Exception as error:  # of ours: the other jobs go on
-        fault = f"{type(error).__name__}: {error}"
-        row = {"status": "failed", "message": f"{fault}: please report this as a bug"}
+        fault = f"{type(error).__name__}: {error}: please report this as a bug"
+        row = {"status": "failed", "message": "out of memory" if is_of_memory(error) else fault}
     return finished_row(task, row, time.monotonic() - begin)
 
 
+def _as_seen_here(task: Task) -> Task:
+    """The task with paths of this worker.
+
+    Raises
+    ------
+    InputError
+        The files are not there: it has another file system.
+    """
+    if not task.base:
+        return task
+
+    def seen(path: str) -> str:
+        return os.path.join(task.base, path)
+
+    job = replace(task.job, truth=seen(task.job.truth), estimate=seen(task.job.estimate))
+    for path in (job.truth, job.estimate):
+        if not os.path.exists(path):
+            raise InputError(
+                f"{path}: the worker on {socket.gethostname()} does not see this file; workers "
+                "read files by themselves, from a file system that all share"
+            )
+    given = task.options
+    options = replace(
+        given,
+        covariance=given.covariance and seen(given.covariance),
+        inner_cov=given.inner_cov
+        and (given.inner_cov if given.inner_cov == "global" else seen(given.inner_cov)),
+    )
+    return replace(task, job=job, options=options, folder=task.folder and seen(task.folder))
+
+
 def lost_job(task: Task) -> Row:
-    """The row of a job whose process died, twice."""
+    """The row of a job whose process died, also when nothing else was worked on."""
     return finished_row(task, {"status": "failed", "message": "its process died"}, 0.0)
 
 
@@ -175,6 +219,7 @@ def _write(result: Summary, task: Task, folder: str) -> None:
     from tgospa_eval.reports.folders import RESULT, write_texts
 
     Path(folder).parent.mkdir(parents=True, exist_ok=True)
+    result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
     texts, _ = result_texts(result, (task.job.truth, task.job.estimate))
     if task.proof:
         files = proof_files(result, task.options.given)

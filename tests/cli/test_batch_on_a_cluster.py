@@ -1,0 +1,160 @@
+"""Batches on a real Dask cluster: the same numbers, and what its losses cost."""
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from browser import PATIENCE
+from cluster import Running, cluster
+from faults import FATAL, double, slow
+
+from tgospa_eval.batch import cluster as module
+from tgospa_eval.batch import engine
+from tgospa_eval.batch.store import Store
+from tgospa_eval.common import files
+
+pytest.importorskip("distributed")
+
+Invoke = Callable[..., Any]
+
+pytestmark = [
+    pytest.mark.process,
+    pytest.mark.skipif(sys.platform == "win32", reason="needs signals"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # of Dask, when a scheduler is killed
+]
+
+PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{run}.csv", "-c", "10", "-q")
+RUNS = 60
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> None:
+    """Runs with different numbers."""
+    for run in range(RUNS):
+        for name, error in (("gt", 0), ("out", run / 16)):
+            rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
+            (tmp_path / name).mkdir(exist_ok=True)
+            (tmp_path / name / f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """Two workers."""
+    with cluster(tmp_path_factory.mktemp("cluster")) as found:
+        yield found
+
+
+def after_first_rows(monkeypatch: pytest.MonkeyPatch, act: Callable[[], object]) -> None:
+    """Do something once when rows are stored, of each answer as it comes."""
+    add, acts = Store.add, [act]
+
+    def added(store: Store, rows: Any) -> None:
+        add(store, rows)
+        if rows and acts:
+            acts.pop()()
+
+    monkeypatch.setattr(Store, "add", added)
+    monkeypatch.setattr("tgospa_eval.cli.batch.run.FLUSH", 0.0)
+
+
+def numbers(folder: str) -> pd.DataFrame:
+    """What is stored of each run, without what is other each time; nothing is doubled."""
+    rows = pd.concat(pd.read_parquet(path) for path in Path(folder, "jobs").glob("*.parquet"))
+    assert len(rows) == rows["key"].nunique()
+    return rows.drop(columns=["seconds", "finished"]).sort_values("key", ignore_index=True)
+
+
+def test_same_numbers_while_a_worker_is_killed(
+    running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert invoke("batch", *PATTERNS, "-o", "here").status == 0
+    pid = running.workers()[0]
+    after_first_rows(monkeypatch, lambda: os.kill(pid, signal.SIGKILL))
+    answer = invoke("batch", *PATTERNS, "-o", "there", "--scheduler", running.address)
+    assert (answer.status, answer.err) == (0, "")
+    assert pid not in running.workers()
+    pd.testing.assert_frame_equal(numbers("there"), numbers("here"), check_exact=True)
+    assert len(numbers("there")) == RUNS
+
+
+def test_one_job_that_kills_its_workers_is_to_blame(
+    running: Running, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(engine, "ATTEMPTS", (engine.ATTEMPTS[0], engine.ATTEMPTS[-1]))
+    jobs = [FATAL, 1, 2, 3]
+    answers = engine.spread(double, jobs, lambda job: -job, module.Cluster(running.address))
+    assert sorted(answers) == [-FATAL, 2, 4, 6]
+
+
+def test_what_is_broken_off_is_cancelled(running: Running) -> None:
+    answers = engine.spread(slow, range(1000), abs, module.Cluster(running.address))
+    next(answers)
+    assert running.tasks() > 1
+    answers.close()
+    until = time.monotonic() + PATIENCE
+    while running.tasks():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_workers_with_another_version(
+    running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "__version__", "9.9")
+    answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", running.address)
+    assert (answer.status, answer.out) == (2, "")
+    assert "this is 9.9: install the same" in answer.err
+
+
+def test_a_scheduler_that_is_lost(
+    invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "c").mkdir()
+    with cluster(tmp_path / "c", workers=1) as found, monkeypatch.context() as patched:
+        after_first_rows(patched, lambda: os.kill(found.scheduler.pid, signal.SIGKILL))
+        answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", found.address)
+        assert (answer.status, answer.out) == (2, "")
+        assert answer.err == (
+            f"--scheduler {found.address}: the connection was lost; what is stored "
+            "stays, and the same command goes on from there\n"
+        )
+    assert 0 < len(numbers("r")) < RUNS
+    monkeypatch.setattr(module, "CONNECT", 0.3)
+    again = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", found.address)
+    assert again.status == 2
+    assert again.err.startswith(f"--scheduler {found.address}: no Dask scheduler answers")
+    assert invoke("batch", *PATTERNS, "-o", "r", "--workers", "1").status == 0
+    assert len(numbers("r")) == RUNS
+
+
+def test_a_cluster_without_workers_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts: list[dict[str, int]] = [{}, {}, {"a": 3, "b": 1}]
+
+    class Client:
+        def nthreads(self) -> dict[str, int]:
+            return counts.pop(0)
+
+    told: list[str] = []
+    monkeypatch.setattr(files, "announce", told.append)
+    monkeypatch.setattr(module, "POLL", -1.0)
+    pool = module.Remote("tcp://host:1", Client())
+    pool.look()
+    pool.look()
+    assert told == ["waiting for workers of tcp://host:1"]
+    assert pool.workers() == 4
+
+
+def test_wrong_use(invoke: Invoke, runs: None) -> None:
+    scheduler = ("--scheduler", "nonsense")
+    answer = invoke("batch", *PATTERNS, "-o", "r", *scheduler)
+    assert answer.status == 2
+    assert "--scheduler nonsense: no Dask scheduler answers: missing port number" in answer.err
+    answer = invoke("batch", *PATTERNS, "-o", "r", *scheduler, "--workers", "3")
+    assert answer.status == 2
+    assert "--workers is for processes" in answer.err

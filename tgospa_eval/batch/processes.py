@@ -1,0 +1,123 @@
+"""Worker processes on this machine: loky, as joblib brings it."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+from tgospa_eval.batch.engine import DiedError, Future
+from tgospa_eval.common.cores import cores
+from tgospa_eval.common.memory import available_memory
+
+PARENT_CHECK = 1.0
+"""Seconds between looks at whether the parent is there."""
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""What linear algebra is told before it is loaded."""
+
+
+@dataclass(frozen=True)
+class Processes:
+    """Processes of this machine.
+
+    Parameters
+    ----------
+    number : int, optional
+        How many; by default as many as there are cores. Each may take its share of the memory that
+        is available.
+    """
+
+    number: int | None = None
+
+    @contextmanager
+    def open(self, most: int) -> Iterator["Local"]:
+        """Processes that end at once when the work is broken off."""
+        from joblib.externals.loky import ProcessPoolExecutor  # here: slow to import
+
+        # Of a pool that is broken off the process that looks after its locks would complain.
+        os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+        number = max(1, min(self.number or cores(), most))
+        free = available_memory()
+        share = None if free is None else free // (self.number or cores())
+        pool = ProcessPoolExecutor(
+            max_workers=number, initializer=_begin, initargs=(share,), env=ONE_THREAD
+        )
+        try:
+            yield Local(pool, number)
+        except BaseException:
+            pool.shutdown(wait=True, kill_workers=True)
+            raise
+        pool.shutdown(wait=True)
+
+
+class Local:
+    """A pool of processes; when one dies, all that is with it is lost."""
+
+    def __init__(self, pool: Any, number: int) -> None:
+        self.pool, self.number = pool, number
+
+    def workers(self) -> int:
+        """How many there are."""
+        return self.number
+
+    def submit(self, function: Callable[..., object], *arguments: object) -> Future:
+        """Have a function called."""
+        with _died_told(), _uninterrupted():
+            future: Future = self.pool.submit(function, *arguments)
+            return future
+
+    def answer(self, future: Any) -> Any:
+        """What came out."""
+        with _died_told():
+            return future.result()
+
+    def look(self) -> None:
+        """Nothing to see: a process that dies ends its futures."""
+
+
+@contextmanager
+def _died_told() -> Iterator[None]:
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    try:
+        yield
+    except BrokenProcessPool:
+        raise DiedError from None
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin(share: int | None) -> None:
+    """A worker keeps to its share of the memory, and does not outlive the one who asked."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if share is not None and sys.platform == "linux":
+        import resource
+
+        # Memory that can be written; address space would count what is only reserved.
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        if hard == resource.RLIM_INFINITY or share < hard:
+            with suppress(ValueError, OSError):  # others may have set less meanwhile
+                resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
+    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_CHECK)
+    os._exit(1)

@@ -1,0 +1,32 @@
+"""How much memory there is, and which errors come from having none."""
+
+from contextlib import suppress
+
+MEMINFO = "/proc/meminfo"
+
+NO_MEMORY = (
+    "annot allocate memory",
+    "failed to map segment",
+    "bad_alloc",
+    "start new thread",
+    "without exception set",
+)
+"""Messages of systems, loaders of libraries and Python where there is none left."""
+
+
+def available_memory() -> int | None:
+    """Bytes of memory that are available, as Linux counts them."""
+    with suppress(OSError, ValueError), open(MEMINFO, encoding="ascii") as file:
+        for line in file:
+            if line.startswith("MemAvailable:"):
+                return 1024 * int(line.split()[1])
+    return None
+
+
+def is_of_memory(error: BaseException | None) -> bool:
+    """Whether an error, or one behind it, is for want of memory, as libraries need some as well."""
+    while error is not None:
+        if isinstance(error, MemoryError) or any(text in str(error) for text in NO_MEMORY):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
