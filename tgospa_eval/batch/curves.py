@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.batch.pairing import labels_of
 from tgospa_eval.batch.per_step import StoredSteps
-from tgospa_eval.batch.tables import PARAMETERS, labels_of
+from tgospa_eval.batch.tables import PARAMETERS
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import RmsCurve
 

@@ -10,7 +10,10 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batch.others import joined_metrics, metrics_of
+from tgospa_eval.batch.pairing import LABEL, labels_of, pair_numbers, truths
+from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.batch_records import BatchTables, Ranking
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS
 
 if TYPE_CHECKING:
@@ -24,10 +27,8 @@ SUMS = (
     "sizes.occupied",
 )  # fmt: skip
 
-
-def labels_of(rows: "pd.DataFrame") -> list[str]:
-    """Names of the labels."""
-    return [name.removeprefix("label.") for name in rows.columns if name.startswith("label.")]
+ENDS = ("", "_lower", "_upper")
+"""Of the names of a value and its bounds."""
 
 
 def check_labels(by: Sequence[str], known: Collection[str]) -> None:
@@ -45,8 +46,52 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
         )
 
 
-def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
-    """One row for each group of the jobs that have a value.
+def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -> BatchTables:
+    """All tables of a batch: groups, and the order of the values of the first label.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store.
+    by : sequence of str
+        Labels that make a group; values of the first are compared.
+    roots : bool
+        Whether with means of roots.
+
+    Raises
+    ------
+    ConfigError
+        There is no such label.
+    """
+    from tgospa_eval.batch.resampling import BOOTSTRAP_SEED, RESAMPLES
+    from tgospa_eval.batch.statistics import confidence, rankings  # here: needs SciPy
+
+    check_labels(by, labels_of(rows))
+    if not len(rows) or (rows["status"] == "failed").all():
+        return BatchTables(rows=rows, groups=rows.iloc[:0], by=tuple(by))
+    groups = _Groups(rows, by)
+    table = _summed(groups, roots=roots)
+    having = groups.having
+    items: list[Ranking | str] = []
+    if by:
+        names = groups.rows[LABEL + by[0]].drop_duplicates()
+        items = list(rankings(having, by[0], groups.differing, names))
+    intervals = confidence(having, groups.numbers[having.index], groups.orders())
+    return BatchTables(
+        rows=rows,
+        groups=table.assign(**intervals),
+        by=tuple(by),
+        rankings=tuple(item for item in items if isinstance(item, Ranking)),
+        notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
+        resamples=RESAMPLES,
+        seed=BOOTSTRAP_SEED,
+    )
+
+
+def combined(
+    rows: "pd.DataFrame", by: Sequence[str] = (), *, roots: bool = False
+) -> "pd.DataFrame":
+    """One row for each group of jobs; none if no job has a value.
 
     Parameters
     ----------
@@ -54,6 +99,15 @@ def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
         Of a store.
     by : sequence of str
         Labels that make a group; parameters that differ make groups as well.
+    roots : bool
+        Whether with means of roots.
+
+    Returns
+    -------
+    DataFrame
+        Labels (one that is called like another column keeps its ``label.``), parameters that
+        differ, sums, roots of them; ``jobs`` with a value, and ``expected``: as many as there
+        are of groups with which it shares a truth.
 
     Raises
     ------
@@ -61,30 +115,108 @@ def combined(rows: "pd.DataFrame", by: Sequence[str] = ()) -> "pd.DataFrame":
         There is no such label.
     """
     check_labels(by, labels_of(rows))
-    valued = rows[rows["status"] != "failed"] if len(rows) else rows
-    if not len(valued):
-        return valued
-    differing = [name for name in PARAMETERS if valued[name].nunique() > 1]
-    keys = [*(f"label.{name}" for name in by), *differing]
-    groups = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
-    summed = groups[list(SUMS)].sum()
-    summed["jobs"] = groups.size()
-    summed["open"] = summed["jobs"] - groups["certified"].sum().astype(int)
+    if not len(rows) or (rows["status"] == "failed").all():
+        return rows.iloc[:0]
+    return _summed(_Groups(rows, by), roots=roots)
+
+
+def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
+    import pandas as pd
+
+    having, heads = groups.having, groups.heads
+    own = having.groupby(groups.numbers[having.index])
+    table = own[list(SUMS)].sum().reindex(heads.index)
+    table["jobs"] = own.size().reindex(heads.index, fill_value=0)
+    table["open"] = table["jobs"] - own["certified"].sum().reindex(heads.index, fill_value=0)
+    table = table.astype({"jobs": int, "open": int})
+    table["expected"] = groups.expected()
+    inverse = 1 / groups.orders()
     divisors: dict[str, Any] = {
         "combined": 1.0,
-        "per_step": summed["sizes.occupied"],
-        "rms": summed["jobs"],
+        "per_step": table["sizes.occupied"],
+        "rms": table["jobs"],
     }
     for name, divisor in divisors.items():
-        for end in ("", "_lower", "_upper"):
-            summed[name + end] = (summed["total" + end] / divisor) ** (1 / groups["order"].first())
-    if metrics_of(valued.columns):
-        for name, values in _columns([joined_metrics(group) for _, group in groups]).items():
-            summed[name] = values
-    summed = summed.reset_index(drop=not keys)
-    return summed.rename(columns={f"label.{name}": name for name in by})
+        for end in ENDS:
+            table[name + end] = (table["total" + end] / divisor) ** inverse
+    if metrics_of(having.columns):
+        records = {number: joined_metrics(group) for number, group in own}
+        for name in next(iter(records.values())):
+            table[name] = pd.Series({number: found[name] for number, found in records.items()})
+    if roots:
+        values = [having["total" + end] ** (1 / having["order"]) for end in ENDS]
+        for end, value in zip(ENDS, values, strict=True):
+            table["mean_of_roots" + end] = value.groupby(groups.numbers[having.index]).mean()
+    labels = [LABEL + name for name in groups.by]
+    plain = {
+        label: label.removeprefix(LABEL)
+        for label in labels
+        if label.removeprefix(LABEL) not in {*table, *groups.differing}
+    }
+    return heads.rename(columns=plain).join(table)
 
 
-def _columns(records: list[dict[str, float]]) -> dict[str, list[float]]:
-    """Columns of records with the same names."""
-    return {name: [record[name] for record in records] for name in records[0]}
+class _Groups:
+    """Which group each job is in.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of a store, of which one at least has a value.
+    by : sequence of str
+        Labels that make a group.
+    """
+
+    def __init__(self, rows: "pd.DataFrame", by: Sequence[str]) -> None:
+        import pandas as pd
+
+        rows = rows.fillna({LABEL + name: "" for name in labels_of(rows)})
+        having = rows[rows["status"] != "failed"]
+        self.by = list(by)
+        self.differing = [name for name in PARAMETERS if having[name].nunique() > 1]
+        # Of a job without value the parameters are not known.
+        self.rows = having if self.differing else rows
+        self.having = having
+        keys = [*(LABEL + name for name in by), *self.differing]
+        if keys:
+            found = self.rows[keys].drop_duplicates()
+            heads = list(found.itertuples(index=False, name=None))
+            order = sorted(range(len(heads)), key=lambda k: _sorted_by(heads[k], len(self.by)))
+            self.heads = found.iloc[order].reset_index(drop=True)
+            numbers = self.rows[keys].merge(self.heads.reset_index(names="_group"), "left", keys)
+            self.numbers = pd.Series(numbers["_group"].to_numpy(), index=self.rows.index)
+        else:
+            self.heads = pd.DataFrame(index=[0])
+            self.numbers = pd.Series(0, index=self.rows.index)
+
+    def orders(self) -> "pd.Series[float]":
+        """The order p of each group."""
+        first = self.having["order"].groupby(self.numbers[self.having.index]).first()
+        return first.reindex(self.heads.index, fill_value=float(first.iloc[0]))
+
+    def expected(self) -> Any:
+        """How many jobs each group would have, had it what those have that are like it.
+
+        These are groups with a truth in common, or all groups where each has one truth alone.
+
+        Returns
+        -------
+        array of int, shape (groups,)
+        """
+        import numpy as np
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        count = len(self.heads)
+        alone = truths(self.rows).groupby(self.numbers).nunique().max() == 1
+        pairs = pair_numbers(self.rows, self.by, self.differing, truth=not alone).to_numpy()
+        edges = self.numbers.to_numpy(), count + pairs
+        size = count + int(pairs.max()) + 1
+        graph = coo_array((np.ones(len(pairs)), edges), shape=(size, size))
+        _, parts = connected_components(graph, directed=False)
+        return np.maximum(np.bincount(parts[count:])[parts[:count]], np.bincount(self.numbers))
+
+
+def _sorted_by(head: Sequence[Any], labels: int) -> tuple[Any, ...]:
+    """Digits in labels compare as numbers."""
+    return (*(natural(str(value)) for value in head[:labels]), *head[labels:])

@@ -1,12 +1,16 @@
 """Tables of a batch as text, Markdown, LaTeX, CSV and JSON."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted
+from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking
 from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.order import best_of, order_in_words, place_in_words
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
 from tgospa_eval.results.records import PARTS, json_text
@@ -17,59 +21,218 @@ if TYPE_CHECKING:
 NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""
 
+INTERVAL = "95 % interval"
+"""Head of columns with bootstrap intervals of the value before them."""
+
+LEAST_P = 1e-4
+"""P values below are shown as such."""
+
 THRESHOLDS = ".at."
 """In names of columns with a list in each row: a number for each threshold of HOTA."""
 
+_PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
 
-def document(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> Document:
-    """The table by groups, with what it is."""
+
+def document(tables: BatchTables) -> Document:
+    """The tables by groups and the rankings, with what they are."""
+    rows, groups = tables.rows, tables.groups
     failed = int((rows["status"] == "failed").sum()) if len(rows) else 0
-    heads = [name for name in table.columns if name in by or name in _PARAMETERS]
     return Document(
         title=f"{counted(len(rows), 'job')}, {failed} failed",
-        lines=[],
+        lines=[line for ranking in tables.rankings for line in _orders(ranking)],
         tables=[
-            Table(
-                head=(*heads, "jobs", "combined", "per step", "RMS"),
-                rows=[
-                    (
-                        *(str(row[name]) for name in heads),
-                        str(row["jobs"]),
-                        *(_between(row, name) for name in ("combined", "per_step", "rms")),
-                    )
-                    for _, row in table.iterrows()
-                ],
-                align="l" * len(heads) + "rrrr",
-            ),
-            Table(
-                head=(*heads, "total", "local.", "missed", "false", "switch"),
-                rows=[
-                    (
-                        *(str(row[name]) for name in heads),
-                        number(row["total"], 5),
-                        *(number(row[name], 5) for name in PARTS),
-                    )
-                    for _, row in table.iterrows()
-                ],
-                align="l" * len(heads) + "rrrrr",
-            ),
-            *_others(table, heads),
-        ]
-        if len(table)
-        else [],
-        notes=[
-            "combined: (sum of the totals)^(1/p); per step: (that sum / steps)^(1/p); RMS: (mean "
-            "of the totals)^(1/p), as of Monte Carlo runs; no mean of roots is taken",
-            *_preprocessed(rows),
-            *_about_others(table),
+            *([_sums_table(tables), _parts_table(tables)] if len(groups) else []),
+            *(table for ranking in tables.rankings for table in _ranking_tables(ranking)),
+            *_other_tables(tables),
         ],
+        notes=list(_notes(tables)),
     )
 
 
-def _others(table: "pd.DataFrame", heads: Sequence[str]) -> Iterator[Table]:
+def _heads(tables: BatchTables) -> dict[str, str]:
+    """Columns of labels and of parameters that differ, with the names that they are shown by."""
+    columns = tables.groups.columns
+    labels = {f"label.{name}" if f"label.{name}" in columns else name: name for name in tables.by}
+    return labels | {name: name for name in _PARAMETERS if name in columns}
+
+
+def _sums_table(tables: BatchTables) -> Table:
+    heads, groups = _heads(tables), tables.groups
+    with_intervals = groups["confidence_upper"].notna().any()
+    values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
+    if "mean_of_roots" in groups:
+        values["mean_of_roots"] = "mean of roots"
+    shown = []
+    for row in groups.to_dict("records"):
+        cells = [_between(_ends(row, name)) for name in values]
+        if with_intervals:
+            interval = Interval(lower=row["confidence_lower"], upper=row["confidence_upper"])
+            cells.insert(1, _interval(interval))
+        jobs = str(row["jobs"])
+        if row["jobs"] < row["expected"]:
+            jobs = f"{row['jobs']} of {row['expected']}"
+        shown.append((*(_name(row[name]) for name in heads), jobs, *cells))
+    titles = list(values.values())
+    if with_intervals:
+        titles.insert(1, INTERVAL)
+    return Table(
+        head=(*heads.values(), "jobs", *titles),
+        rows=shown,
+        align="l" * len(heads) + "r" * (1 + len(titles)),
+    )
+
+
+def _parts_table(tables: BatchTables) -> Table:
+    heads = _heads(tables)
+    return Table(
+        head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
+        rows=[
+            (
+                *(_name(row[name]) for name in heads),
+                *(_value(row[name], 5) for name in ("total", *PARTS)),
+            )
+            for row in tables.groups.to_dict("records")
+        ],
+        align="l" * len(heads) + "rrrrr",
+    )
+
+
+def _other_tables(tables: BatchTables) -> Iterator[Table]:
     """Other metrics of the groups, where they were asked for."""
-    names = [tuple(str(row[name]) for name in heads) for _, row in table.iterrows()]
-    yield from grouped_table(tuple(heads), names, list(other_records(table.to_dict("records"))))
+    heads, rows = _heads(tables), _with_values(tables)
+    names = [tuple(_name(row[name]) for name in heads) for row in rows]
+    yield from grouped_table(tuple(heads.values()), names, list(other_records(rows)))
+
+
+def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
+    """The groups of which a job has a value."""
+    return [row for row in tables.groups.to_dict("records") if row["jobs"]]
+
+
+def _orders(ranking: Ranking) -> Iterator[str]:
+    """Both orders in a sentence each."""
+    entries, where = ranking.entries, _where(ranking)
+    yield (
+        where
+        + order_in_words(
+            "combined",
+            [item.name for item in entries],
+            [item.place for item in entries],
+            {(pair.first, pair.second): pair.verdict for pair in ranking.comparisons},
+        )
+        + f" ({_jobs(ranking)})"
+    )
+    begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
+    places = [item.statistical_place for item in entries if item.statistical_place]
+    if not places:
+        yield f"{begin}: fewer than 6, nothing can be concluded about other truths"
+        return
+    first = [item.name for item, place in zip(entries, places, strict=True) if place[0] == 1]
+    if len(first) == 1 and places[0] == (1, 1):
+        yield f"{begin}: {first[0]} is significantly better than all others"
+    else:
+        yield f"{begin}: no significant difference at the top between {', '.join(first)}"
+
+
+def _where(ranking: Ranking) -> str:
+    """For which parameters a ranking is, if there are several."""
+    return "".join(f"{name} {_name(value)}: " for name, value in ranking.parameters.items())
+
+
+def _jobs(ranking: Ranking) -> str:
+    count = len(ranking.entries)
+    if ranking.jobs == ranking.all_jobs:
+        return f"{counted(ranking.jobs, 'job')} each"
+    return f"over the {counted(ranking.jobs, 'job')} that all {count} have, of {ranking.all_jobs:,}"
+
+
+def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
+    """The proven order, and below it the statistical one."""
+    where = f", {_where(ranking).removesuffix(': ')}" if ranking.parameters else ""
+    equal = {
+        name
+        for pair in ranking.comparisons
+        if pair.verdict == "equal"
+        for name in (pair.first, pair.second)
+    }
+    yield Table(
+        head=(f"{ranking.label}{where}", "proven place", "combined", "per step"),
+        rows=[
+            (
+                item.name,
+                place_in_words(*item.place, shared=item.name in equal),
+                _between(item.combined),
+                _between(item.per_step),
+            )
+            for item in ranking.entries
+        ],
+        bold=frozenset(
+            (row, k) for row in best_of([item.place for item in ranking.entries]) for k in range(3)
+        ),
+    )
+    places = {
+        item.name: place_in_words(*item.statistical_place)
+        for item in ranking.entries
+        if item.statistical_place
+    }
+    best = ranking.entries[0].name
+    if places:
+        yield Table(
+            head=(f"vs {best}{where}", "difference", INTERVAL, "p (Holm)", "statistical place"),
+            rows=[
+                (best, "", "", "", places[best]),
+                *(
+                    (pair.second, *_tested(pair), places[pair.second])
+                    for pair in ranking.comparisons
+                    if pair.first == best
+                ),
+            ],
+        )
+
+
+def _tested(pair: Comparison) -> Iterator[str]:
+    """The difference, its interval and its p value."""
+    ends = [_value(end, 4, "+") for end in (pair.difference.lower, pair.difference.upper)]
+    shown = ends[1:] if ends[0] == ends[1] else ends
+    yield "+0" if pair.verdict == "equal" else " to ".join(shown)
+    if pair.inference is not None:
+        yield _interval(pair.inference.confidence, "+")
+        p_value = pair.inference.p_holm
+        yield f"<{LEAST_P:g}" if p_value < LEAST_P else f"{p_value:.2g}"
+
+
+def _notes(tables: BatchTables) -> Iterator[str]:
+    sums = (
+        "combined: (sum of the totals)^(1/p); per step: (that sum / steps)^(1/p); RMS: (mean "
+        "of the totals)^(1/p), as of Monte Carlo runs; "
+    )
+    if "mean_of_roots" in tables.groups:
+        yield sums + "mean of roots: the plain mean of the values, which is none of these"
+    else:
+        yield sums + "no mean of roots is taken"
+    steps = tables.rows["sizes.occupied"].dropna() if "sizes.occupied" in tables.rows else ()
+    lengths = sorted(set(map(int, steps)))
+    if len(lengths) > 1:
+        yield (
+            f"the jobs have {lengths[0]:,} to {counted(lengths[-1], 'step')}: long ones "
+            "weigh more, and per step each step weighs the same"
+        )
+    yield from tables.notes
+    if tables.rankings:
+        yield "proven place: by the brackets of combined, on these files"
+    if any(ranking.resamples for ranking in tables.rankings):
+        yield (
+            "statistical place, for other truths drawn as these were: by a two-sided permutation "
+            "test, p adjusted for all pairs (Holm), significant below 0.05"
+        )
+    groups = tables.groups
+    if len(groups) and groups["confidence_upper"].notna().any():
+        yield f"{INTERVAL}: of the value before it, by bootstrap, {tables.resamples:,} resamples"
+    for ranking in tables.rankings:
+        if ranking.left_out:
+            yield f"{', '.join(ranking.left_out)}: no job with a value, and no place"
+    yield from _preprocessed(tables.rows)
+    yield from _about_others(tables)
 
 
 def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
@@ -79,44 +242,111 @@ def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
         yield f"boxes were left out by --preprocess {name} before all metrics"
 
 
-def _about_others(table: "pd.DataFrame") -> Iterator[str]:
-    found = next(other_records(table.to_dict("records")), {})
+def _about_others(tables: BatchTables) -> Iterator[str]:
+    found = next(other_records(_with_values(tables)), {})
     if found:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"
         yield from direction(found)
 
 
-_PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
+def _name(value: object) -> str:
+    """A label, or the value of a parameter."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _between(row: "pd.Series[float]", name: str) -> str:
-    """A value, or its bracket where that is wide."""
-    lower, upper = float(row[f"{name}_lower"]), float(row[f"{name}_upper"])
-    if upper - lower <= NARROW * upper:
-        return number(float(row[name]))
-    return f"{number(lower)} to {number(upper)}"
+def _ends(row: Mapping[Hashable, float], name: str) -> Interval:
+    return Interval(lower=row[f"{name}_lower"], upper=row[f"{name}_upper"])
 
 
-def _csv(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str:
-    del table, by
+def _value(value: float, digits: int, sign: str = "") -> str:
+    if not math.isfinite(value):
+        return "-"
+    return f"{sign if value > 0 else ''}{number(value, digits)}"
+
+
+def _between(bounds: Interval) -> str:
+    """The upper end, or the bracket where that is wide."""
+    if not math.isfinite(bounds.upper) or bounds.upper - bounds.lower <= NARROW * bounds.upper:
+        return _value(bounds.upper, 6)
+    return f"{number(bounds.lower)} to {number(bounds.upper)}"
+
+
+def _interval(bounds: Interval, sign: str = "") -> str:
+    """An interval of statistics, which has few digits."""
+    if not math.isfinite(bounds.upper):
+        return "-"
+    return f"{_value(bounds.lower, 4, sign)} to {_value(bounds.upper, 4, sign)}"
+
+
+def _csv(tables: BatchTables) -> str:
     return csv_text(
         {
             str(name): [value if value == value else None for value in column.tolist()]
-            for name, column in rows.items()
+            for name, column in tables.rows.items()
             if THRESHOLDS not in str(name)
         }
     )
 
 
-def _json(rows: "pd.DataFrame", table: "pd.DataFrame", by: Sequence[str]) -> str:
+def _json(tables: BatchTables) -> str:
     return json_text(
         {
             "schema": "tgospa-eval/batch/1",
-            "by": list(by),
-            "groups": _records(table),
-            "jobs": _records(rows),
+            "by": list(tables.by),
+            "groups": _records(tables.groups),
+            "ranking": [row for ranking in tables.rankings for row in _ranked(ranking)],
+            "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
+            "notes": list(tables.notes),
+            "resamples": tables.resamples,
+            "seed": tables.seed,
+            "jobs": _records(tables.rows),
         }
     )
+
+
+def _ranked(ranking: Ranking) -> Iterator[dict[str, object]]:
+    """A row for each that is ranked."""
+    for item in ranking.entries:
+        yield {
+            "name": item.name,
+            "parameters": dict(ranking.parameters),
+            "jobs": ranking.jobs,
+            "of_jobs": ranking.all_jobs,
+            "place": list(item.place),
+            "combined": item.combined.upper,
+            "combined_lower": item.combined.lower,
+            "per_step": item.per_step.upper,
+            "per_step_lower": item.per_step.lower,
+            "confidence": _pair(item.confidence),
+            "statistical_place": item.statistical_place and list(item.statistical_place),
+        }
+
+
+def _compared(ranking: Ranking) -> Iterator[dict[str, object]]:
+    """A row for each pair of them; nothing is concluded where there are too few pairs of jobs."""
+    for pair in ranking.comparisons:
+        found = pair.inference
+        yield {
+            "first": pair.first,
+            "second": pair.second,
+            "parameters": dict(ranking.parameters),
+            "jobs": ranking.jobs,
+            "pairs": ranking.pairs,
+            "verdict": pair.verdict,
+            "difference": _pair(pair.difference),
+            "lower": found and found.confidence.lower,
+            "upper": found and found.confidence.upper,
+            "p_value": found and found.p_value,
+            "p_holm": found and found.p_holm,
+            "significant": found and found.significant,
+            "resamples": ranking.resamples,
+            "permutations": ranking.permutations,
+            "seed": ranking.seed,
+        }
+
+
+def _pair(bounds: Interval | None) -> list[float] | None:
+    return None if bounds is None else [bounds.lower, bounds.upper]
 
 
 def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
@@ -132,10 +362,10 @@ def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
 
 
 def _as(write: Callable[[Document], str]) -> "Report":
-    return lambda rows, table, by: write(document(rows, table, by))
+    return lambda tables: write(document(tables))
 
 
-Report = Callable[["pd.DataFrame", "pd.DataFrame", Sequence[str]], str]
+Report = Callable[[BatchTables], str]
 
 BATCH_REPORTS: dict[str, Report] = {
     "table": _as(as_text),

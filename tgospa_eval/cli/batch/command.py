@@ -70,9 +70,10 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
         ),
         _batch(
             "--by LABELS",
-            "Labels by which tables add up, with commas.",
+            "Labels by which tables add up, with commas; values of the first are ranked.",
             show_default="the first",
         ),
+        _batch("--mean-of-roots", "Also show the plain means of the values, which are no sums."),
         *(item for item in EVALUATION if item.key not in ("by", "jobs")),
         Option(
             "--force",

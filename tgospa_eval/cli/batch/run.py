@@ -14,10 +14,11 @@ from tgospa_eval.batch.cluster import Cluster
 from tgospa_eval.batch.engine import Engine, spread
 from tgospa_eval.batch.jobs import Plan
 from tgospa_eval.batch.lock import locked
+from tgospa_eval.batch.pairing import labels_of
 from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
 from tgospa_eval.batch.processes import Processes
 from tgospa_eval.batch.store import SCHEMA, Row, Store
-from tgospa_eval.batch.tables import check_labels, combined, labels_of
+from tgospa_eval.batch.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.files import write_batch
 from tgospa_eval.cli.batch.worker import Task, evaluate_job, key_of, lost_job
 from tgospa_eval.cli.shared.options import KNOWN
@@ -60,11 +61,12 @@ class BatchOptions(Values):
     proof: bool = False
     per_step: bool = False
     by: str | None = None
+    mean_of_roots: bool = False
 
     @property
     def groups(self) -> list[str]:
-        """The labels of --by."""
-        return [name.strip() for name in self.by.split(",")] if self.by else []
+        """The labels of --by, each once."""
+        return list(dict.fromkeys(map(str.strip, self.by.split(",")))) if self.by else []
 
     @property
     def engine(self) -> Engine:
@@ -305,9 +307,10 @@ def _progress(done: int, count: int, failed: int, seconds: float) -> str:
 
 
 def _print(rows: "pd.DataFrame", batch: BatchOptions, output: OutputOptions) -> None:
-    by = _groups(rows, batch)
-    table = combined(rows, by)
-    emit(BATCH_REPORTS[output.format_](rows, table, by), output.format_)
+    tables = tabulated(rows, _groups(rows, batch), roots=batch.mean_of_roots)
+    if not batch.groups:  # nobody asked what there is to compare
+        tables = replace(tables, notes=())
+    emit(BATCH_REPORTS[output.format_](tables), output.format_)
 
 
 def _groups(rows: "pd.DataFrame", batch: BatchOptions) -> list[str]:

@@ -1,0 +1,319 @@
+"""What a batch says of trackers: by hand, against all sign flips, with brackets."""
+
+import itertools
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import permutation_test
+
+from tgospa_eval.batch.resampling import (
+    BOOTSTRAP_SEED,
+    RESAMPLES,
+    holm,
+    p_values,
+    resampled_sums,
+)
+from tgospa_eval.batch.tables import combined, tabulated
+from tgospa_eval.reports.batch import BATCH_REPORTS
+from tgospa_eval.reports.batch_records import BatchTables, Ranking
+
+COLUMNS = {
+    "status": "done", "certified": True, "distance": "euclidean", "cutoff": 5.0, "order": 2.0,
+    "switch_penalty": 1.0, "localisation": 1.0, "missed": 0.0, "false": 0.0, "switch": 0.0,
+    "counts.missed": 0.0, "counts.false": 0.0, "counts.switch": 0.0, "sizes.occupied": 10.0,
+    "options": "{}", "finished": 1,
+}  # fmt: skip
+
+
+def job(tracker: str, sequence: str, total: float, width: float = 0.0, **more: object) -> dict:
+    """A row of a store."""
+    totals = {"total_lower": total - width, "total": total, "total_upper": total + width}
+    labels = {"label.tracker": tracker, "label.sequence": sequence, "truth": f"gt/{sequence}"}
+    return COLUMNS | labels | totals | more
+
+
+def table(totals: dict[str, Sequence[float]], **more: object) -> pd.DataFrame:
+    """Rows of trackers, of which each has a total for each sequence."""
+    return pd.DataFrame(
+        [
+            job(tracker, f"s{k}", total, **more)
+            for tracker, values in totals.items()
+            for k, total in enumerate(values)
+        ]
+    )
+
+
+def failed(rows: pd.DataFrame, which: Iterable[int]) -> pd.DataFrame:
+    """The rows, of which some failed."""
+    rows = rows.copy()
+    having = [*rows.columns[rows.columns.str.startswith(("total", "counts", "sizes"))], "cutoff",
+              "distance", "order", "switch_penalty"]  # fmt: skip
+    rows[having] = rows[having].astype(object)
+    rows.loc[list(which), having] = None
+    rows.loc[list(which), "status"] = "failed"
+    return rows.infer_objects()
+
+
+def only(tables: BatchTables) -> Ranking:
+    (ranking,) = tables.rankings
+    return ranking
+
+
+def words(tables: BatchTables) -> str:
+    """What is printed, without its lines."""
+    return " ".join(BATCH_REPORTS["table"](tables).split())
+
+
+DRAWN = np.random.default_rng(5)
+A = DRAWN.gamma(4.0, 25.0, 8)
+B = A + DRAWN.normal(20.0, 15.0, 8)
+C = A + DRAWN.normal(0.0, 15.0, 8)
+
+
+# --- resampling -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [6, 8])
+def test_p_values_are_those_of_all_sign_flips(size: int) -> None:
+    differences = np.stack([(B - A)[:size], (C - A)[:size], np.zeros(size)])
+    flips = np.array(list(itertools.product((1.0, -1.0), repeat=size)))
+    for found, row in zip(p_values(differences, differences), differences, strict=True):
+        sums, observed = flips @ row, row.sum()
+        tails = [(sums <= observed + 1e-9).mean(), (sums >= observed - 1e-9).mean()]
+        assert found == min(1.0, 2 * min(tails))
+
+
+def test_p_values_of_many_pairs_are_those_of_scipy() -> None:
+    differences = np.random.default_rng(1).normal(0.2, 1.0, (3, 40))
+    direct = permutation_test(
+        (differences,),
+        np.sum,
+        permutation_type="samples",
+        n_resamples=RESAMPLES,
+        axis=-1,
+        random_state=np.random.default_rng(BOOTSTRAP_SEED),
+    )
+    assert p_values(differences, differences) == pytest.approx(direct.pvalue, abs=1e-12)
+
+
+def test_p_values_hold_for_all_differences_between_the_bounds() -> None:
+    rng = np.random.default_rng(2)
+    lower = rng.normal(0.5, 1.0, (1, 8))
+    upper = lower + rng.uniform(0.0, 0.3, 8)
+    widest = p_values(lower, upper)
+    for _ in range(50):
+        inside = rng.uniform(lower, upper)
+        assert p_values(inside, inside) <= widest
+
+
+def test_resampled_sums_are_paired_and_reproducible() -> None:
+    totals = np.stack([A, B])
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    drawn = rng.integers(0, 8, (RESAMPLES, 8))
+    assert resampled_sums(totals) == pytest.approx(totals[:, drawn].sum(axis=-1))
+
+
+def test_holm_by_hand() -> None:
+    # Sorted .01 x 4, .02 x 3, .03 x 2, .4 x 1; never below those before.
+    found = holm(np.array([0.03, 0.01, 0.4, 0.02]))
+    assert found == pytest.approx([0.06, 0.04, 0.4, 0.06])
+    assert holm(np.array([0.9, 0.8])) == pytest.approx([1.0, 1.0])
+
+
+# --- rankings -------------------------------------------------------------------------------------
+
+
+def test_ranking_and_interval_by_hand() -> None:
+    tables = tabulated(table({"c": C, "a": A, "b": B}), ["tracker"])
+    ranking = only(tables)
+    best = sorted({"a": A, "b": B, "c": C}.items(), key=lambda item: item[1].sum())
+    assert [item.name for item in ranking.entries] == [name for name, _ in best]
+    assert [item.place for item in ranking.entries] == [(1, 1), (2, 2), (3, 3)]
+    assert (ranking.jobs, ranking.pairs, ranking.permutations) == (8, 8, 256)
+    assert [item.combined.upper for item in ranking.entries] == pytest.approx(
+        [total.sum() ** 0.5 for _, total in best]
+    )
+    assert ranking.entries[0].per_step.upper == pytest.approx((best[0][1].sum() / 80) ** 0.5)
+    # Any other draws give nearly the same percentiles.
+    drawn = np.random.default_rng(99).integers(0, 8, (200_000, 8))
+    first, last = ranking.comparisons[1].first, ranking.comparisons[1].second
+    values = {name: total[drawn].sum(axis=1) ** 0.5 for name, total in best}
+    inference = ranking.comparisons[1].inference
+    assert inference is not None
+    low, high = np.percentile(values[last] - values[first], [2.5, 97.5])
+    interval = inference.confidence
+    assert (interval.lower, interval.upper) == pytest.approx((low, high), abs=0.03 * (high - low))
+    low, high = np.percentile(values[first], [2.5, 97.5])
+    own = ranking.entries[0].confidence
+    assert own is not None
+    assert (own.lower, own.upper) == pytest.approx((low, high), abs=0.03 * (high - low))
+    group = tables.groups[tables.groups["tracker"] == first].iloc[0]
+    assert (group["confidence_lower"], group["confidence_upper"]) == (own.lower, own.upper)
+
+
+def test_brackets_travel() -> None:
+    totals = {"a": A, "b": A + 20}
+    exact, wide = (only(tabulated(table(totals, width=w), ["tracker"])) for w in (0.0, 8.0))
+    for narrow, open_ in zip(exact.entries, wide.entries, strict=True):
+        for value in ("combined", "per_step", "confidence"):
+            inner, outer = getattr(narrow, value), getattr(open_, value)
+            assert outer.lower < inner.lower <= inner.upper < outer.upper
+    (before,), (after,) = exact.comparisons, wide.comparisons
+    assert (before.verdict, after.verdict) == ("less", "less")
+    assert after.difference.lower < before.difference.lower < after.difference.upper
+    assert before.inference is not None
+    assert after.inference is not None
+    assert before.inference.p_value == 2 / 2**8 == after.inference.p_value
+    assert after.inference.confidence.lower < before.inference.confidence.lower
+    (undecided,) = only(tabulated(table(totals, width=15.0), ["tracker"])).comparisons
+    assert undecided.verdict == "not separated"
+    assert undecided.inference is not None
+    assert undecided.inference.p_value == 1.0
+
+
+def test_too_few_pairs() -> None:
+    tables = tabulated(table({"a": A[:5], "b": B[:5]}), ["tracker"])
+    ranking = only(tables)
+    assert [item.place for item in ranking.entries] == [(1, 1), (2, 2)]
+    assert all(item.confidence is item.statistical_place is None for item in ranking.entries)
+    assert ranking.comparisons[0].inference is None
+    assert (ranking.resamples, ranking.permutations) == (0, 0)
+    text = words(tables)
+    assert "5 pairs: fewer than 6, nothing can be concluded about other truths" in text
+    assert "interval" not in text
+    (row,) = json.loads(BATCH_REPORTS["json"](tables))["comparisons"]
+    assert row["p_value"] is row["lower"] is row["significant"] is None
+
+
+def test_runs_of_one_truth_count_once() -> None:
+    # Four runs of each of three truths: three pairs, whatever the number of runs.
+    rows = pd.DataFrame(
+        [
+            job(tracker, f"r{k}", 9.0 + add, truth=f"gt/{k % 3}")
+            for tracker, add in (("a", 0), ("b", 1))
+            for k in range(12)
+        ]
+    )
+    ranking = only(tabulated(rows, ["tracker"]))
+    assert (ranking.jobs, ranking.pairs, ranking.resamples) == (12, 3, 0)
+    rows["truth"] = "gt"  # one truth alone: its runs are what is drawn
+    ranking = only(tabulated(rows, ["tracker"]))
+    assert (ranking.jobs, ranking.pairs) == (12, 12)
+
+
+def test_ties_share_their_places() -> None:
+    tables = tabulated(table({"b": A, "c": A + 20, "a": A}), ["tracker"])
+    assert [(item.name, item.place) for item in only(tables).entries] == [
+        ("a", (1, 1)), ("b", (1, 1)), ("c", (3, 3))
+    ]  # fmt: skip
+    text = BATCH_REPORTS["table"](tables)
+    assert "Proven order by combined, best first: a = b, c (8 jobs each)" in text
+    assert [line.split()[:2] for line in text.splitlines() if " 1= " in line] == [
+        ["a", "1="], ["b", "1="]
+    ]  # fmt: skip
+    assert "no significant difference at the top between a, b" in text
+    # Equal data have equal values, whatever the brackets are.
+    rows = table({"a": A, "b": A}, width=3.0, **{"input.estimate.sha256": "1"})
+    assert only(tabulated(rows, ["tracker"])).comparisons[0].verdict == "equal"
+
+
+def test_only_common_jobs_are_compared() -> None:
+    rows = table({"a": A, "b": A / 2, "c": A})
+    tables = tabulated(failed(rows, [8, 9, *range(16, 24)]), ["tracker"])
+    ranking = only(tables)
+    # Of b two jobs failed, of c all: b is still the better one, on what both have.
+    assert (ranking.jobs, ranking.all_jobs, ranking.left_out) == (6, 8, ("c",))
+    assert [item.combined.upper for item in ranking.entries] == pytest.approx(
+        [(A[2:].sum() / 2) ** 0.5, A[2:].sum() ** 0.5]
+    )
+    assert tables.groups["jobs"].tolist() == [8, 6, 0]
+    assert tables.groups["expected"].tolist() == [8, 8, 8]
+    for part in ("6 of 8", "0 of 8", "over the 6 jobs that all 2 have, of 8", "c: no job with"):
+        assert part in words(tables)
+    # Jobs that were never there are missed as well.
+    assert combined(rows.drop([8, 9]), ["tracker"])["expected"].tolist() == [8, 8, 8]
+    # Sequences are no trackers: one of them is not expected to have the jobs of another.
+    assert combined(rows.drop([8, 9]), ["sequence"])["expected"].tolist() == [3] * 8
+
+
+def test_parameters_are_ranked_apart() -> None:
+    rows = pd.concat([table({"a": A, "b": B}), table({"a": B, "b": A}, cutoff=9.0)])
+    tables = tabulated(rows.reset_index(drop=True), ["tracker"])
+    assert [dict(ranking.parameters) for ranking in tables.rankings] == [
+        {"cutoff": 5.0}, {"cutoff": 9.0}
+    ]  # fmt: skip
+    assert [ranking.entries[0].name for ranking in tables.rankings] == ["a", "b"]
+    assert "cutoff 9: Proven order by combined" in BATCH_REPORTS["table"](tables)
+
+
+@pytest.mark.parametrize(
+    ("rows", "by", "note"),
+    [
+        (table({"a": A, "b": B}), "sequence", "no truth is evaluated with all values of sequence"),
+        (table({"a": A}), "tracker", "tracker has one value alone: there is nothing to rank"),
+        (table({str(k): A[:1] for k in range(101)}), "tracker", "at most 100 are ranked"),
+    ],
+)
+def test_nothing_to_rank(rows: pd.DataFrame, by: str, note: str) -> None:
+    tables = tabulated(rows, [by])
+    assert tables.rankings == ()
+    assert note in tables.notes[0]
+    assert note in BATCH_REPORTS["markdown"](tables)
+
+
+def test_no_job_has_a_value() -> None:
+    tables = tabulated(failed(table({"a": A}), range(8)), ["tracker"])
+    assert words(tables).startswith("8 jobs, 8 failed combined:")
+    document = json.loads(BATCH_REPORTS["json"](tables))
+    assert (document["groups"], document["ranking"], len(document["jobs"])) == ([], [], 8)
+
+
+@settings(max_examples=4)
+@given(st.randoms(use_true_random=False))
+def test_order_and_names_of_rows_change_nothing(random: Any) -> None:
+    rows = table({"a": A, "b": B, "c": C}, width=1.0)
+    order = list(range(len(rows)))
+    random.shuffle(order)
+    names = [f"x{k}" for k in range(8)]
+    random.shuffle(names)
+    other = rows.iloc[order].reset_index(drop=True)
+    for column in ("label.sequence", "truth"):
+        other[column] = other[column].map(lambda text: names[int(text[-1])])
+    first, second = (tabulated(each, ["tracker"]) for each in (rows, other))
+    assert first.rankings == second.rankings
+    exact = ["tracker", "jobs", "expected", "confidence_lower", "confidence_upper"]
+    pd.testing.assert_frame_equal(first.groups[exact], second.groups[exact])
+
+
+def test_mean_of_roots_is_taken_when_asked_for() -> None:
+    rows = table({"a": [9.0, 16.0]})
+    plain, asked = tabulated(rows, ["tracker"]), tabulated(rows, ["tracker"], roots=True)
+    assert "mean_of_roots" not in plain.groups
+    assert asked.groups["mean_of_roots"].tolist() == [3.5]
+    assert "no mean of roots is taken" in words(plain)
+    assert "mean of roots: the plain mean of the values, which is none of these" in words(asked)
+
+
+def test_hostile_labels() -> None:
+    names = ["a|b", "50%_$x", "=1+1", "é\x1b[31m"]
+    tables = tabulated(table({name: A + k for k, name in enumerate(names)}), ["tracker"])
+    texts = {name: write(tables) for name, write in BATCH_REPORTS.items()}
+    assert r"50\%\_\$x" in texts["latex"]
+    assert r"a\|b" in texts["markdown"]
+    assert "'=1+1" in texts["csv"]
+    assert not any("\x1b" in text for name, text in texts.items() if name != "csv")
+    assert [row["name"] for row in json.loads(texts["json"])["ranking"]] == names
+
+
+def test_a_label_may_be_called_like_a_column() -> None:
+    rows = table({"a": A, "b": B}).rename(columns={"label.tracker": "label.jobs"})
+    tables = tabulated(rows, ["jobs"])
+    assert tables.groups["label.jobs"].tolist() == ["a", "b"]
+    assert tables.groups["jobs"].tolist() == [8, 8]
+    assert "  jobs  jobs  combined" in BATCH_REPORTS["table"](tables)

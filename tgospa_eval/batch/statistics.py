@@ -1,0 +1,285 @@
+"""What a batch says of the values of a label: a proven order, and beside it a statistical one.
+
+Compared are jobs that differ in that label alone, and of these only such as all its values have
+(`batch.pairing`). The proven order is that of brackets of the combined value on these files. The
+statistical one is about other truths like these: what is resampled are truths, for jobs of one
+truth are not independent of each other, or the jobs where there is one truth alone.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.batch.pairing import ESTIMATE_DIGEST, LABEL, pair_numbers, truths
+from tgospa_eval.batch.resampling import (
+    BOOTSTRAP_SEED,
+    CONFIDENCE,
+    LEAST_PAIRS,
+    RESAMPLES,
+    holm,
+    p_values,
+    percentiles,
+    permutations_of,
+    resampled_sums,
+)
+from tgospa_eval.common.brackets import equal, less, places
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.words import natural
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.reports.batch_records import (
+    Comparison,
+    Inference,
+    Places,
+    Ranked,
+    Ranking,
+    Verdict,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_COMPARED = 100
+"""Values of a label that are compared: all pairs of them are."""
+
+TOTAL_ENDS = ["total_lower", "total_upper"]
+"""Columns of the bracket of a total."""
+
+Parameters = Mapping[str, float | str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Paired:
+    """What is compared; rows are names, columns are truths, or jobs of one truth.
+
+    Parameters
+    ----------
+    names : list of str
+        Best first.
+    lower, upper : array, shape (names, pairs)
+        Bounds of totals.
+    steps : array, shape (names,)
+        Steps at which something exists, of all.
+    data : list of tuple of str
+        Digests of the estimates, if they are known.
+    order : float
+        Of all.
+    """
+
+    names: list[str]
+    lower: Floats
+    upper: Floats
+    steps: Floats
+    data: list[tuple[str, ...]]
+    order: float
+
+    def combined(self, per: Floats | float = 1.0) -> list[Interval]:
+        """Brackets of the roots of the sums, divided by something before."""
+        ends = ((side.sum(axis=1) / per) ** (1 / self.order) for side in (self.lower, self.upper))
+        return [
+            Interval(lower=low, upper=high)
+            for low, high in zip(*(end.tolist() for end in ends), strict=True)
+        ]
+
+    def verdict(self, values: Sequence[Interval], first: int, second: int) -> Verdict:
+        """What is proven of two: equal data have equal values, whatever the brackets are."""
+        if self.data[first] and self.data[first] == self.data[second]:
+            return "equal"
+        if less(values[first], values[second]):
+            return "less"
+        return "equal" if equal(values[first], values[second]) else "not separated"
+
+
+def rankings(
+    having: "pd.DataFrame", label: str, parameters: Sequence[str], names: Iterable[str]
+) -> Iterator[Ranking | str]:
+    """A ranking for each set of parameters, or a sentence that says why there is none.
+
+    Parameters
+    ----------
+    having : DataFrame
+        Rows of a store that have a value.
+    label : str
+        What is compared.
+    parameters : sequence of str
+        Columns of parameters that differ.
+    names : iterable of str
+        All values of the label, also of rows that have none.
+    """
+    if not parameters:
+        yield _ranking(having, label, {}, names)
+        return
+    for _, part in having.groupby(list(parameters)):
+        yield _ranking(part, label, {name: part[name].iloc[0] for name in parameters}, names)
+
+
+def _ranking(
+    part: "pd.DataFrame", label: str, parameters: Parameters, all_names: Iterable[str]
+) -> Ranking | str:
+    column = LABEL + label
+    part = part.assign(_pair=pair_numbers(part, [label]), _truth=truths(part))
+    # Two with the same labels and truth: a manifest has changed, the older one is of the past.
+    part = part.sort_values("finished", kind="stable")
+    part = part.drop_duplicates([column, "_pair"], keep="last")
+    names = sorted(part[column].unique(), key=natural)
+    if len(names) < 2:
+        return f"{label} has one value alone: there is nothing to rank"
+    if len(names) > MOST_COMPARED:
+        return f"{label} has {len(names):,} values: at most {MOST_COMPARED} are ranked"
+    common = part[part.groupby("_pair")["_pair"].transform("size") == len(names)]
+    if not len(common):
+        return f"no truth is evaluated with all values of {label}: they are not ranked"
+    paired = _paired(common, column, names)
+    count = paired.lower.shape[1]
+    enough = count >= LEAST_PAIRS
+    entries, comparisons = _entries(paired, enough=enough)
+    return Ranking(
+        label=label,
+        entries=entries,
+        comparisons=comparisons,
+        jobs=len(common) // len(names),
+        all_jobs=int(part["_pair"].nunique()),
+        pairs=count,
+        resamples=RESAMPLES if enough else 0,
+        permutations=permutations_of(count) if enough else 0,
+        seed=BOOTSTRAP_SEED,
+        parameters=parameters,
+        left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
+    )
+
+
+def _paired(common: "pd.DataFrame", column: str, names: Sequence[str]) -> _Paired:
+    """The totals side by side, in an order that no name of a sequence or run has a part in."""
+    table = common.set_index(["_pair", column]).sort_index()
+    truth = common.groupby("_pair")["_truth"].first()
+    costs = table[TOTAL_ENDS].unstack(column)
+    if truth.nunique() > 1:
+        costs = costs.groupby(truth).sum()
+    lower, upper = (costs[side][list(names)].to_numpy(float).T for side in TOTAL_ENDS)
+    pairs = np.lexsort(np.concatenate([np.sort(lower, axis=0), np.sort(upper, axis=0)]))
+    lower, upper = lower[:, pairs], upper[:, pairs]
+    ends = zip(upper.sum(axis=1), lower.sum(axis=1), strict=True)
+    best = [k for _, k in sorted((end, k) for k, end in enumerate(ends))]
+    names = [names[k] for k in best]
+    steps = table["sizes.occupied"].groupby(level=column).sum()
+    digests = table[ESTIMATE_DIGEST].unstack(column) if ESTIMATE_DIGEST in table else None
+    return _Paired(
+        names=names,
+        lower=lower[best],
+        upper=upper[best],
+        steps=steps[names].to_numpy(float),
+        data=[() if digests is None else tuple(digests[name].dropna()) for name in names],
+        order=float(common["order"].iloc[0]),
+    )
+
+
+def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tuple[Comparison, ...]]:
+    """Those that are compared, and all pairs of them."""
+    values, per_step = paired.combined(), paired.combined(paired.steps)
+    proven = places(values, lambda *pair: paired.verdict(values, *pair) == "equal")
+    found = list(itertools.combinations(range(len(values)), 2))
+    draws = _draws(paired) if enough else None
+    inferences = _inferences(paired, found, draws) if draws else [None] * len(found)
+    statistical = _statistical(found, inferences, len(values)) if draws else None
+    return tuple(
+        Ranked(
+            name=name,
+            place=proven[k],
+            combined=values[k],
+            per_step=per_step[k],
+            confidence=_interval(paired.lower[k], paired.upper[k], paired.order) if draws else None,
+            statistical_place=statistical[k] if statistical else None,
+        )
+        for k, name in enumerate(paired.names)
+    ), tuple(
+        Comparison(
+            first=paired.names[a],
+            second=paired.names[b],
+            verdict=paired.verdict(values, a, b),
+            difference=Interval(
+                lower=values[b].lower - values[a].upper, upper=values[b].upper - values[a].lower
+            ),
+            inference=inference,
+        )
+        for (a, b), inference in zip(found, inferences, strict=True)
+    )
+
+
+def _interval(lower: Floats, upper: Floats, order: float) -> Interval:
+    """The bootstrap interval of one combined value, in whatever order its totals come."""
+    totals = np.stack([lower, upper])[:, np.lexsort((upper, lower))]
+    return percentiles(*resampled_sums(totals) ** (1 / order))
+
+
+def _draws(paired: _Paired) -> tuple[Floats, Floats]:
+    """Bounds of the combined values under the same draws, (names, RESAMPLES) each."""
+    sums = resampled_sums(np.concatenate([paired.lower, paired.upper])) ** (1 / paired.order)
+    return sums[: len(paired.names)], sums[len(paired.names) :]
+
+
+def _inferences(
+    paired: _Paired, found: Sequence[tuple[int, int]], draws: tuple[Floats, Floats]
+) -> list[Inference]:
+    """What is concluded of each pair."""
+    first, second = (list(side) for side in zip(*found, strict=True))
+    p_value = p_values(
+        paired.lower[second] - paired.upper[first], paired.upper[second] - paired.lower[first]
+    )
+    lower, upper = draws
+    return [
+        Inference(
+            confidence=percentiles(lower[b] - upper[a], upper[b] - lower[a]),
+            p_value=float(p),
+            p_holm=float(adjusted),
+            significant=bool(adjusted < 1 - CONFIDENCE),
+        )
+        for (a, b), p, adjusted in zip(found, p_value, holm(p_value), strict=True)
+    ]
+
+
+def _statistical(
+    found: Sequence[tuple[int, int]], inferences: Sequence[Inference | None], count: int
+) -> list[Places]:
+    """Best and worst place: one is ahead only of those from which it differs significantly."""
+    ahead, behind = [0] * count, [0] * count
+    for (a, b), inference in zip(found, inferences, strict=True):
+        if inference is not None and inference.significant:
+            ahead[b] += 1
+            behind[a] += 1
+    return [(1 + ahead[k], count - behind[k]) for k in range(count)]
+
+
+def confidence(
+    having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
+) -> dict[str, Floats]:
+    """Bootstrap intervals of the combined values of groups, NaN for those that are too small.
+
+    Parameters
+    ----------
+    having : DataFrame
+        Rows of a store that have a value.
+    groups : Series of int
+        The group of each row, by the index of the rows.
+    orders : Series of float
+        The order p of each group.
+
+    Returns
+    -------
+    dict of array, shape (groups,)
+        ``confidence_lower`` and ``confidence_upper``.
+    """
+    frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
+    several = frame.groupby("_group")["_truth"].transform("nunique") > 1
+    frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
+    sums = frame.groupby(["_group", "_unit"])[TOTAL_ENDS].sum()
+    found = np.full((2, len(orders)), np.nan)
+    lower, upper = sums.to_numpy(float).T
+    parts = np.unique(sums.index.get_level_values("_group"), return_index=True, return_counts=True)
+    for group, begin, count in zip(*parts, strict=True):
+        if count >= LEAST_PAIRS:
+            units = slice(begin, begin + count)
+            interval = _interval(lower[units], upper[units], float(orders.loc[group]))
+            found[:, group] = interval.lower, interval.upper
+    return {"confidence_lower": found[0], "confidence_upper": found[1]}

@@ -1,0 +1,156 @@
+"""What the tables of a batch show: sums of groups, a proven order, and a statistical one beside it.
+
+Proven is what holds for these files; statistical is what they say of others like them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from tgospa_eval.common.interval import Interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Verdict = Literal["less", "equal", "not separated"]
+Places = tuple[int, int]
+"""The best and the worst, counted from 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """One of those that are compared, on the jobs that all of them have.
+
+    Parameters
+    ----------
+    name : str
+        A value of the label.
+    place : tuple of int
+        Proven: best and worst place in the order of `combined`.
+    combined, per_step : Interval
+        Brackets of (sum of totals)^(1/p), and of the same by the number of steps, in state units.
+    confidence : Interval, optional
+        Bootstrap interval of `combined`; None where there are too few pairs.
+    statistical_place : tuple of int, optional
+        Best and worst place by the tests that are significant.
+    """
+
+    name: str
+    place: Places
+    combined: Interval
+    per_step: Interval
+    confidence: Interval | None = None
+    statistical_place: Places | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inference:
+    """What is concluded of a difference for other truths like these.
+
+    Parameters
+    ----------
+    confidence : Interval
+        Bootstrap interval of the difference, in state units.
+    p_value : float
+        Of the two-sided permutation test that both are equally good.
+    p_holm : float
+        The same, adjusted for all pairs of a ranking.
+    significant : bool
+        Whether that is below the level.
+    """
+
+    confidence: Interval
+    p_value: float
+    p_holm: float
+    significant: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Two of those that are compared, on the jobs that all have.
+
+    Parameters
+    ----------
+    first, second : str
+        Names; the first has the smaller value.
+    verdict : str
+        What is proven: ``less`` is the first, ``equal``, or ``not separated``.
+    difference : Interval
+        Bracket of the second value less the first, in state units.
+    inference : Inference, optional
+        None where there are too few pairs.
+    """
+
+    first: str
+    second: str
+    verdict: Verdict
+    difference: Interval
+    inference: Inference | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """All values of a label in the order of `combined`.
+
+    Parameters
+    ----------
+    label : str
+        Its name.
+    entries : tuple of Ranked
+        Best first.
+    comparisons : tuple of Comparison
+        All pairs of them.
+    jobs, all_jobs : int
+        How many jobs of each are compared; how many there are of which one at least has a value.
+    pairs : int
+        What is resampled: truths, or jobs if there is one truth alone.
+    resamples, permutations : int
+        Of the bootstrap and the test; 0 where there are too few pairs.
+    seed : int
+        Of both.
+    parameters : mapping of str to float or str
+        Those that differ in the batch.
+    left_out : tuple of str
+        Names without any job that has a value.
+    """
+
+    label: str
+    entries: tuple[Ranked, ...]
+    comparisons: tuple[Comparison, ...]
+    jobs: int
+    all_jobs: int
+    pairs: int
+    resamples: int
+    permutations: int
+    seed: int
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BatchTables:
+    """Everything that is tabulated of a batch.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        A row for each job.
+    groups : DataFrame
+        A row for each group.
+    by : tuple of str
+        The labels that make a group; values of the first are compared.
+    rankings : tuple of Ranking
+        One for each set of parameters.
+    notes : tuple of str
+        Why something is not ranked.
+    resamples, seed : int
+        Of the bootstrap intervals of the groups.
+    """
+
+    rows: "pd.DataFrame"
+    groups: "pd.DataFrame"
+    by: tuple[str, ...] = ()
+    rankings: tuple[Ranking, ...] = ()
+    notes: tuple[str, ...] = ()
+    resamples: int = 0
+    seed: int = 0
