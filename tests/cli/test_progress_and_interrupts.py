@@ -3,8 +3,10 @@
 import io
 import json
 import math
+import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -192,6 +194,18 @@ def test_elsewhere_lines_come_seldom(
             display.update()
     lines = capsys.readouterr().err.splitlines()
     assert lines == [f"reading, {k} s so far" for k in (10, 20, 40, 80)]
+
+
+@pytest.mark.parametrize("show", [False, True])
+@pytest.mark.parametrize("heard", [False, True])
+def test_only_who_is_watched_or_interrupted_works_in_a_thread(show: bool, heard: bool) -> None:
+    handler = signal.default_int_handler if heard else signal.SIG_IGN  # as in workers of a batch
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        thread = shown.run(threading.current_thread, Stopwatch(), show=show)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (thread is threading.main_thread()) is not (show or heard)
 
 
 def test_a_narrow_bracket_of_long_work_is_worth_a_word(capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,11 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
     return numbers
 
 
+def index_type(size: int) -> type[np.integer]:
+    """Of positions among so many: 32 bits where that is enough."""
+    return np.int32 if size < 2**31 else np.int64
+
+
 def median(values: NDArray[np.number]) -> float:
     """Without np.median, which imports numpy.ma, slower than all else."""
     ordered = np.sort(values)

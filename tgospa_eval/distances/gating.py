@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import median
+from tgospa_eval.common.arrays import index_type, median
 from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -43,8 +43,7 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
     truth, estimate = sides
     horizon = distance.horizon(sides, cutoff)
     starts = _starts(truth), _starts(estimate)
-    fits = max(len(truth.step), len(estimate.step)) <= np.iinfo(np.int32).max
-    kind: type[np.integer] = np.int32 if fits else np.int64
+    kind = index_type(max(len(truth.step), len(estimate.step)))
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
     for begin, end in _together(starts[0] + starts[1]):
         a = _rows(truth, starts[0], begin, end, distance)

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.distances.base import Floats
 from tgospa_eval.tracks.trajectories import Ints
 
@@ -227,24 +228,14 @@ def _compared(
     total = count.sum(axis=0)
     done = np.cumsum(total)
     cuts = np.searchsorted(done, np.arange(0, done[-1], CANDIDATES_TOGETHER), side="right").tolist()
-    most = int(min(CANDIDATES_TOGETHER + total.max(), done[-1]))
-    # Written again and again: fresh memory costs more than what is computed in it.
-    ramp, floats, flags = np.arange(most), np.empty((2, most)), np.empty((2, most), bool)
     for lower, upper in pairwise([0, *cuts[1:], len(total)]):
         number = count[:, lower:upper].ravel()
         i = np.repeat(np.tile(np.arange(lower, upper, dtype=np.int64), len(count)), number)
-        at = np.repeat(begin[:, lower:upper].ravel() - (np.cumsum(number) - number), number)
-        at += ramp[: len(at)]
-        apart, other = floats[:, : len(at)]
-        near, close = flags[:, : len(at)]
-        near[:] = True
+        at = concatenated(begin[:, lower:upper].ravel(), number)
         for x, y, least in zip(truth, ordered, reach.tolist(), strict=True):
-            np.subtract(
-                x.take(i, out=apart, mode="clip"), y.take(at, out=other, mode="clip"), out=apart
-            )
-            near &= np.less(np.abs(apart, out=apart), least, out=close)
-        hit = np.flatnonzero(near)
-        pair = np.sort(i[hit] << 32 | candidates.order[at[hit]])
+            near = np.flatnonzero(np.abs(x.take(i) - y.take(at)) < least)
+            i, at = i.take(near), at.take(near)
+        pair = np.sort(i << 32 | candidates.order[at])
         yield pair >> 32, pair & 0xFFFFFFFF
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.arrays import freeze, index_type
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
@@ -88,8 +88,8 @@ class Trajectories:
             self._check_clouds(self.clouds)
         self._check_order()
         for name, size in (("step", len(self.times)), ("track", len(self.ids))):
-            kind = np.int32 if size <= np.iinfo(np.int32).max else np.int64
-            object.__setattr__(self, name, getattr(self, name).astype(kind, copy=False))
+            array = getattr(self, name).astype(index_type(size), copy=False)
+            object.__setattr__(self, name, array)
         freeze(self)
 
     def _check_states(self) -> None:
@@ -179,17 +179,21 @@ class Trajectories:
         has_rows[track] = True
         if not has_rows.all():
             track = (np.cumsum(has_rows) - 1)[track]
-        return replace(
-            self,
-            step=step,
-            track=track,
+        ids = self.ids[has_rows]
+        part = object.__new__(Trajectories)  # what was checked is not checked again
+        vars(part).update(
+            vars(self),
+            step=step.astype(index_type(len(times)), copy=False),
+            track=track.astype(index_type(len(ids)), copy=False),
             state=self.state[rows],
-            ids=self.ids[has_rows],
+            ids=ids,
             times=times,
             labels=None,
             covariance=None if self.covariance is None else self.covariance[rows],
             clouds=None if self.clouds is None else self.clouds.chosen(rows),
         )
+        freeze(part)
+        return part
 
     @property
     def kind(self) -> str:

@@ -15,7 +15,7 @@ from tgospa_eval.distances import DISTANCES
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_shift
-from tgospa_eval.evaluation.diagnosis.costs import StepCosts
+from tgospa_eval.evaluation.diagnosis.costs import step_costs
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -156,7 +156,7 @@ def test_settling_by_assignment() -> None:
     late = np.roll(estimate, 1, axis=0)
     parameters = Parameters(cutoff=2, order=1, switch_penalty=0)
     aligned = align(Trajectories.from_array(truth), Trajectories.from_array(late))
-    costs = StepCosts(aligned.truth, aligned.estimate, parameters, EUCLIDEAN)
+    costs = step_costs(aligned.truth, aligned.estimate, parameters, EUCLIDEAN)
     before = costs.lower.copy(), costs.upper.copy()
     costs.settle()
     assert (before[0] <= costs.lower + 1e-12).all()

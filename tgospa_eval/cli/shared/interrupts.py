@@ -20,10 +20,10 @@ def answering(take: Callable[[], bool]) -> Iterator[None]:
 
     Where interrupts are ignored, or somebody else answers them, nothing changes.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler or not _in_main_thread():
+    if not are_heard():
         yield
         return
+    before = signal.getsignal(signal.SIGINT)
 
     def answer(number: int, frame: FrameType | None) -> None:
         _heard.set()
@@ -50,5 +50,7 @@ def undisturbed() -> Iterator[None]:
         yield
 
 
-def _in_main_thread() -> bool:
-    return threading.current_thread() is threading.main_thread()
+def are_heard() -> bool:
+    """Whether a Ctrl-C would raise KeyboardInterrupt here; not in a worker, which ignores it."""
+    is_main = threading.current_thread() is threading.main_thread()
+    return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
-from tgospa_eval.cli.shared.interrupts import answering
+from tgospa_eval.cli.shared.interrupts import answering, are_heard
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.progress import Progress, Task
 from tgospa_eval.common.timing import Stopwatch
@@ -54,8 +54,11 @@ ADVICE = (
 def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     """Do the work; after two seconds show how far it is.
 
-    Where it is stoppable, the first Ctrl-C asks it to stop, and its result is returned.
+    Where it is stoppable, the first Ctrl-C asks it to stop, and its result is returned. Where
+    nobody looks on and no Ctrl-C is heard, as in the workers of a batch, it needs no thread.
     """
+    if not show and not are_heard():
+        return work()
     progress = stopwatch.progress = Progress(watched=True)
 
     def take() -> bool:

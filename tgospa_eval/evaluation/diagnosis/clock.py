@@ -20,6 +20,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_STEPS,
     FIRST_STEPS,
+    SAMPLE,
     StepCosts,
     affordable,
     at_steps,
@@ -28,6 +29,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     occupied,
     saving,
     saving_of_tracks,
+    step_costs,
 )
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
@@ -216,15 +218,14 @@ def _shift_of(
     """The same, of so many steps."""
     inside = len(aligned.truth.times) - 2
     steps = 1 + np.arange(count) * inside // count
-    truth = at_steps(aligned.truth, steps)
-    here = StepCosts(truth, at_steps(aligned.estimate, steps), parameters, distance)
-    if not here.upper.any():
-        return None
-    for move in (1, -1):
-        there = StepCosts(truth, at_steps(aligned.estimate, steps + move), parameters, distance)
-        saved, of_tracks = _saving(here, there)
+    truth = at_steps(aligned.truth, np.tile(steps, 3))
+    estimate = at_steps(aligned.estimate, np.concatenate((steps, steps + 1, steps - 1)))
+    costs = step_costs(truth, estimate, parameters, distance)
+    here = costs.part(0, count)
+    for late in (True, False):
+        saved, of_tracks = _saving(here, costs.part(count if late else 2 * count, count))
         if saved:
-            return Shift(late=move > 0, saving=saved, steps=count, of_tracks=of_tracks)
+            return Shift(late=late, saving=saved, steps=count, of_tracks=of_tracks)
     return None
 
 
@@ -274,16 +275,18 @@ def _find_clock(
     step = median_step(truth.times)
     if step is None or len(estimate.times) < 2:
         return None
-    steps = evenly(np.flatnonzero(occupied(truth)), sides)
-    if len(steps) < FEWEST_STEPS:
-        return None
-    own = np.searchsorted(aligned.truth.times, truth.times[steps])
-    if own[-1] >= len(aligned.truth.times) or aligned.truth.step.shape != truth.step.shape:
-        return None  # a grid that leaves out steps of the truth
-    chosen = at_steps(truth, steps)
-    here = StepCosts(chosen, at_steps(aligned.estimate, own), parameters, distance)
-    if 2 * here.upper.sum() < here.unassigned.sum():
-        return None
+    filled = np.flatnonzero(occupied(truth))
+    for most, times in ((FIRST_STEPS, 4), (SAMPLE, 2)):  # what few steps rule out is not asked more
+        steps = evenly(filled, sides, most)
+        if len(steps) < FEWEST_STEPS:
+            return None
+        own = np.searchsorted(aligned.truth.times, truth.times[steps])
+        if own[-1] >= len(aligned.truth.times) or aligned.truth.step.shape != truth.step.shape:
+            return None  # a grid that leaves out steps of the truth
+        chosen = at_steps(truth, steps)
+        here = step_costs(chosen, at_steps(aligned.estimate, own), parameters, distance)
+        if times * here.upper.sum() < here.unassigned.sum():
+            return None
     moments, theirs = map(_from_first, (truth.times, estimate.times))
     starts = Fraction(truth.times[0].item()), Fraction(estimate.times[0].item())
     best: Clock | None = None
@@ -291,7 +294,7 @@ def _find_clock(
         at, is_there = _same_moments(moments[steps], theirs * clock.factor + clock.offset, step)
         if np.count_nonzero(is_there) < FEWEST_STEPS / 2:
             continue
-        there = StepCosts(chosen, _moved(estimate, at, is_there), parameters, distance)
+        there = step_costs(chosen, _moved(estimate, at, is_there), parameters, distance)
         saved = saving(here, there)
         if saved > (best.saving if best else 0.0):
             best = replace(clock, saving=saved, steps=len(steps))

@@ -7,7 +7,7 @@ each truth and of each estimate bound G from above, a greedy choice from below. 
 computed only where these bounds leave an answer open.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -52,84 +52,106 @@ CHEAPER = 2 / 3
 """Share of the steps that a change must improve: a late start makes one step costly, not most."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class StepCosts:
-    """Bounds of the per-step GOSPA costs, `lower` and `upper` (T,), in units of c^p.
+    """Bounds of the per-step GOSPA costs, in units of c^p.
 
     Parameters
     ----------
-    truth, estimate : Trajectories
-        On the same steps.
-    parameters : Parameters
-        Cutoff and order.
-    distance : Distance
-        Base distance of states without covariances.
+    steps : int
+        How many.
+    objects : pair of int arrays
+        Step of each truth and of each estimate, in order.
+    track : int array
+        Track of each estimate.
+    rows : pair of (N,) int arrays
+        Truth and estimate of each near pair, in order.
+    gain : (N,) float array
+        What each pair saves, 1 - (d / c)^p.
     """
 
-    def __init__(
-        self,
-        truth: Trajectories,
-        estimate: Trajectories,
-        parameters: Parameters,
-        distance: Distance,
-    ) -> None:
-        pairs = near_pairs(truth, estimate, parameters.cutoff, distance)
-        self.steps = len(truth.times)
-        self.step = truth.step[pairs.truth_row]
-        self.rows = pairs.truth_row, pairs.estimate_row
-        self.gain = 1 - (pairs.distance / parameters.cutoff) ** parameters.order
-        objects = np.concatenate((truth.step, estimate.step))
-        self.unassigned = np.bincount(objects, minlength=self.steps) * np.float64(0.5)
-        self.truths = np.bincount(truth.step, minlength=self.steps)
-        self.estimate = estimate
-        self._bound()
+    steps: int
+    objects: tuple[Ints, Ints]
+    track: Ints
+    rows: tuple[Ints, Ints]
+    gain: Floats
 
-    def _bound(self) -> None:
-        # From the largest down, equal ones as they come; stable in every row below.
-        self.order = np.argsort(-self.gain, kind="stable")
-        most = [self._sums(self._first(rows, self.order)) for rows in self.rows]
-        self.lower = self.unassigned - np.minimum(*most)
+    @cached_property
+    def step(self) -> Ints:
+        """Of each pair."""
+        return self.objects[0][self.rows[0]]
 
-    def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
-        """Without the other rows of the estimate."""
-        other = object.__new__(StepCosts)
-        near = kept[self.rows[1]]
-        other.steps, other.truths, other.estimate = self.steps, self.truths, self.estimate
-        other.step, other.gain = self.step[near], self.gain[near]
-        other.rows = self.rows[0][near], self.rows[1][near]
-        left_out = np.bincount(self.estimate.step[~kept], minlength=self.steps)
-        other.unassigned = self.unassigned - 0.5 * left_out
-        other._bound()
-        return other
+    @cached_property
+    def counts(self) -> tuple[Ints, Ints]:
+        """Truths and estimates at each step (T,)."""
+        truths, estimates = (np.bincount(step, minlength=self.steps) for step in self.objects)
+        return truths, estimates
+
+    @cached_property
+    def unassigned(self) -> Floats:
+        """The costs without any pair (T,)."""
+        return np.float64(0.5) * (self.counts[0] + self.counts[1])
+
+    @cached_property
+    def lower(self) -> Floats:
+        """As if each truth, or each estimate, had its largest gain (T,)."""
+        sums = []
+        for step, rows in zip(self.objects, self.rows, strict=True):
+            best = np.zeros(len(step))
+            np.maximum.at(best, rows, self.gain)
+            sums.append(np.bincount(step, best, minlength=self.steps))
+        return np.asarray(self.unassigned - np.minimum(*sums))
 
     @cached_property
     def upper(self) -> Floats:
-        """Of the greedy choice; most changes of the data are ruled out without it."""
-        return self.unassigned - self._sums(self.taken)
-
-    def _sums(self, chosen: Ints) -> Floats:
-        sums = np.bincount(self.step[chosen], self.gain[chosen], minlength=self.steps)
-        return np.asarray(sums, np.float64)
-
-    def _first(self, rows: Ints, pairs: Ints) -> Ints:
-        """The first of these pairs for each row."""
-        by_row = pairs[np.argsort(rows[pairs], kind="stable")]
-        return by_row[np.flatnonzero(np.diff(rows[by_row], prepend=-1))]
+        """Of the greedy choice (T,); most changes of the data are ruled out without it."""
+        gain = np.bincount(self.step[self.taken], self.gain[self.taken], minlength=self.steps)
+        return np.asarray(self.unassigned - gain)
 
     @cached_property
     def taken(self) -> Ints:
         """Disjoint pairs, always the largest that is left: round by round the best of both."""
-        left, taken = self.order, [self.order[:0]]
-        is_taken = [np.zeros(int(rows.max(initial=-1)) + 1, bool) for rows in self.rows]
+        left = np.argsort(-self.gain, kind="stable")  # of equal ones the first
+        taken = [left[:0]]
+        first = [np.empty(len(step), np.int64) for step in self.objects]
+        is_taken = [np.zeros(len(step), bool) for step in self.objects]
         while len(left):
-            best = [np.zeros(len(self.gain), bool) for _ in self.rows]
-            for mine, rows in zip(best, self.rows, strict=True):
-                mine[self._first(rows, left)] = True
-            both = left[best[0][left] & best[1][left]]
-            taken.append(both)
-            for flags, rows in zip(is_taken, self.rows, strict=True):
-                flags[rows[both]] = True
-            left = left[~(is_taken[0][self.rows[0][left]] | is_taken[1][self.rows[1][left]])]
+            place = np.arange(len(left))
+            is_best = np.ones(len(left), bool)
+            of = [rows[left] for rows in self.rows]
+            for mine, rows in zip(first, of, strict=True):
+                mine[rows[::-1]] = place[::-1]  # what is written last stays
+                is_best &= mine[rows] == place
+            taken.append(left[is_best])
+            for flags, rows in zip(is_taken, of, strict=True):
+                flags[rows[is_best]] = True
+            left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
         return np.concatenate(taken)
+
+    def part(self, first: int, steps: int) -> "StepCosts":
+        """The same of some steps that follow each other."""
+        pairs, truths, estimates = (
+            slice(*np.searchsorted(step, [first, first + steps]).tolist())
+            for step in (self.step, *self.objects)
+        )
+        return StepCosts(
+            steps=steps,
+            objects=(self.objects[0][truths] - first, self.objects[1][estimates] - first),
+            track=self.track[estimates],
+            rows=(self.rows[0][pairs] - truths.start, self.rows[1][pairs] - estimates.start),
+            gain=self.gain[pairs],
+        )
+
+    def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
+        """Without the other estimates."""
+        near = kept[self.rows[1]]
+        return StepCosts(
+            steps=self.steps,
+            objects=(self.objects[0], self.objects[1][kept]),
+            track=self.track[kept],
+            rows=(self.rows[0][near], (np.cumsum(kept) - 1)[self.rows[1][near]]),
+            gain=self.gain[near],
+        )
 
     def settle(self) -> None:
         """Make the bounds equal by assignments, but for steps too large for a dense one."""
@@ -145,6 +167,20 @@ class StepCosts:
             gain[axes[0], axes[1]] = self.gain[pairs]
             best = gain[linear_sum_assignment(gain, maximize=True)].sum()
             self.lower[step] = self.upper[step] = self.unassigned[step] - best
+
+
+def step_costs(
+    truth: Trajectories, estimate: Trajectories, parameters: Parameters, distance: Distance
+) -> StepCosts:
+    """Of two sides on the same steps, by a base distance of states without covariances."""
+    pairs = near_pairs(truth, estimate, parameters.cutoff, distance)
+    return StepCosts(
+        steps=len(truth.times),
+        objects=(truth.step, estimate.step),
+        track=estimate.track,
+        rows=(pairs.truth_row, pairs.estimate_row),
+        gain=1 - (pairs.distance / parameters.cutoff) ** parameters.order,
+    )
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
@@ -168,18 +204,18 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
 def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     """The same where most of the cost is of what is missed or false either way, and left out.
 
-    Only tracks that are there at both moments are compared, whichever were missed at one of them.
+    Only tracks that are there at both moments are compared, whichever were missed at one of them:
+    both are of one table, whose tracks have the same numbers.
     What they cost, in units of c^p, is how many more pairs there are here or there than the gain: a
     pair that is near either here or there only, costs one where it is not. Half of the pairs that
     there could be must be near there: of another recording, fewer are.
     """
-    rows = [side.estimate.step * np.int64(2**32) + side.estimate.track for side in (here, there)]
-    here = here.only(np.isin(rows[0], rows[1], assume_unique=True))
-    there = there.only(np.isin(rows[1], rows[0], assume_unique=True))
+    mine, others = (side.objects[1] * np.int64(2**32) + side.track for side in (here, there))
+    here, there = here.only(_are_among(mine, others)), there.only(_are_among(others, mine))
     highest = float((there.unassigned - there.lower).sum())
     if 2 * highest <= len(here.taken) + float((here.unassigned - here.upper).sum()):
         return 0.0
-    if 2 * len(there.taken) < np.minimum(there.truths, 2 * there.unassigned - there.truths).sum():
+    if 2 * len(there.taken) < np.minimum(*there.counts).sum():
         return 0.0
     found = [np.bincount(side.step[side.taken], minlength=side.steps) for side in (here, there)]
     pairs = np.maximum(*found)
@@ -187,7 +223,7 @@ def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     there.settle()
     costs = [pairs - (side.unassigned - side.upper) for side in (here, there)]
     total, left = (float(cost.sum()) for cost in costs)
-    tracks = np.unique(there.estimate.track[there.rows[1][there.taken]])
+    tracks = np.unique(there.track[there.rows[1][there.taken]])
     if (
         len(tracks) < FEWEST_TRACKS
         or pairs.sum() < PAIRED
@@ -198,6 +234,12 @@ def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     busy = np.count_nonzero(pairs)
     cheaper = np.count_nonzero(costs[1] < costs[0])
     return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST_STEPS) else 0.0
+
+
+def _are_among(numbers: Ints, others: Ints) -> NDArray[np.bool_]:
+    """Which of some numbers are among others, which are sorted."""
+    after = np.searchsorted(others, numbers, side="right")
+    return np.asarray(after > np.searchsorted(others, numbers))
 
 
 def falls(share: float, steps: int) -> str:
@@ -223,8 +265,9 @@ def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SA
 
 def at_steps(side: Trajectories, steps: Ints) -> Trajectories:
     """The rows at these steps as points; the steps are then 0, 1, 2, ..."""
+    steps = steps.astype(side.step.dtype)  # else all of the others are converted
     begin = np.searchsorted(side.step, steps)
-    count = np.searchsorted(side.step, steps, side="right") - begin
+    count = np.searchsorted(side.step, steps + 1) - begin
     order = np.arange(len(steps))
     return side.seen_as(()).chosen(concatenated(begin, count), np.repeat(order, count), order)
 

@@ -7,7 +7,7 @@ import numpy as np
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
-from tgospa_eval.evaluation.diagnosis.costs import StepCosts, with_state
+from tgospa_eval.evaluation.diagnosis.costs import StepCosts, step_costs, with_state
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -32,12 +32,12 @@ MOVES = (3.0, 6.0)
 """Cutoffs by which estimates are displaced along a line, either way."""
 
 
-def few_are_near(here: StepCosts, sides: tuple[Trajectories, Trajectories]) -> bool:
+def few_are_near(here: StepCosts) -> bool:
     """Whether there are so few disjoint near pairs that these may be chance."""
     if not len(here.taken):
         return True
-    rows = sorted(len(side.step) for side in sides)
-    return len(here.taken) < SOME * _most(here, sides) and rows[1] <= UNLIKE * rows[0]
+    rows = sorted(map(len, here.objects))
+    return len(here.taken) < SOME * _most(here) and rows[1] <= UNLIKE * rows[0]
 
 
 def nearness_warnings(
@@ -65,7 +65,7 @@ def nearness_warnings(
     steps = counted(here.steps, "step")
     if not near:
         text = f"no truth has an estimate {within} at {steps}: all are missed, all estimates false"
-    elif few_are_near(here, sides) and _is_chance(here, sides, parameters, distance):
+    elif few_are_near(here) and _is_chance(here, sides, parameters, distance):
         text = (
             f"only {100 * near / rows:.2g} % of the truths have an estimate {within} at {steps}, "
             "hardly more or nearer than by chance"
@@ -96,25 +96,24 @@ def _is_chance(
     is where it was at any other step.
     """
     truth, estimate = sides
-    most = _most(here, sides)
+    most = _most(here)
     if most < ENOUGH:
         return False
     saved = _saved(here) - LITTLE * most
     for line in _lines(sides, parameters.cutoff, distance):
         by_chance = [
-            _saved(StepCosts(truth, _displaced(estimate, sign * move * line), parameters, distance))
+            _saved(step_costs(truth, _displaced(estimate, way * move * line), parameters, distance))
             for move in MOVES
-            for sign in (1, -1)
+            for way in (1, -1)
         ]
         if saved <= HARDLY * sum(by_chance) / len(by_chance):
             return True
     return False
 
 
-def _most(here: StepCosts, sides: tuple[Trajectories, Trajectories]) -> int:
+def _most(here: StepCosts) -> int:
     """Pairs that there could be."""
-    counts = [np.bincount(side.step, minlength=here.steps) for side in sides]
-    return int(np.minimum(*counts).sum())
+    return int(np.minimum(*here.counts).sum())
 
 
 def _saved(costs: StepCosts) -> float:

@@ -23,6 +23,7 @@ from tgospa_eval.evaluation.diagnosis.costs import (
     falls,
     occupied,
     saving,
+    step_costs,
     with_state,
 )
 from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
@@ -112,7 +113,7 @@ class _Sample:
 
     def costs(self, estimate: Trajectories) -> StepCosts:
         """With another estimate."""
-        return StepCosts(self.truth, estimate, self.parameters, self.distance)
+        return step_costs(self.truth, estimate, self.parameters, self.distance)
 
     @property
     def is_bad(self) -> bool:
@@ -160,7 +161,7 @@ def state_warnings(
         return []
     found = _best(sample, _linear(sample)) if sample.is_bad else None
     found = found or _best(sample, _displaced(sample), FITTED)
-    suspicious = found is not None or few_are_near(sample.here, sample.sides)
+    suspicious = found is not None or few_are_near(sample.here)
     if suspicious and len(sample.steps) >= FIRST_STEPS:  # what few steps suggest, more must confirm
         sample = _Sample(aligned, parameters, distance)
         saved = sample.saving(found[1]) if found else 0.0
