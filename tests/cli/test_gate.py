@@ -545,7 +545,8 @@ max = ["missed=0"]
         ("fail-on = 3\n[[pair]]\ntruth = 't'\nestimate = 't'", 2, '"fail-on" must be'),
         ("fail-on = ['x']\n[[pair]]\ntruth = 't'\nestimate = 't'", 2, "must be PATH:+N"),
         ("[[pair]]\ntruth = 'no/{n}.csv'\nestimate = '{n}'", 3, "no file is like"),
-        ("[[pair]]\ntruth = 'a.csv'\nestimate = '{n}.csv'", 2, "{n} is not in"),
+        ("[[pair]]\ntruth = 'a.csv'\nestimate = '{n}.txt'", 3, "no file is like"),
+        ("[[pair]]\nname = '{n}'\ntruth = 'a'\nestimate = 'b'", 2, "{n} is not in"),
         ("[[pair]]\ntruth = 'a'\nestimate = 'b'\n" * 2, 2, 'the name "pair" is there twice'),
         ("[[pair]\n", 2, "not valid TOML"),
     ],
@@ -640,7 +641,7 @@ def test_a_fault_of_ours_is_no_regression(gate: Invoke, monkeypatch: pytest.Monk
     def fails(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("deep inside")
 
-    monkeypatch.setattr("tgospa_eval.cli.gate.run.load", fails)
+    monkeypatch.setattr("tgospa_eval.cli.gate.run.load_baseline", fails)
     answer = gate()
     assert answer.status == 4
     assert "Traceback" in answer.err

@@ -8,10 +8,10 @@ from typing import Any, TypeAlias
 
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.gate.rules import PROVEN, SPLIT, Key, Value
+from tgospa_eval.gate.measured import Measured
+from tgospa_eval.gate.rules import PROVEN, SPLIT, Key
 from tgospa_eval.results.records import json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
-from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
 SCHEMA = "tgospa-eval/baseline/1"
@@ -53,39 +53,7 @@ Baseline: TypeAlias = dict[str, Entry]
 """By name of the pair."""
 
 
-def measure(result: Summary) -> dict[Key, Value]:
-    """The values of a result that rules can name, with what is known of them."""
-    found = _measure(result)
-    if result.per_class_table():
-        from tgospa_eval.results.by_class import ByClass  # here: few evaluate classes apart
-
-        assert isinstance(result, ByClass)
-        for name, part in result.results.items():
-            found |= _measure(part, name)
-    return found
-
-
-def _measure(result: Summary, klass: str | None = None) -> dict[Key, Value]:
-    normalised = result.normalised["tgospa"]
-    share = normalised / result.tgospa if result.tgospa > 0 else 0.0
-    brackets = {
-        "total": (result.total_bounds[0], result.total, result.scale),
-        "tgospa": (result.lower_bound, result.tgospa, 1.0),
-        "normalised.tgospa": (share * result.lower_bound * (1 - 2.0**-50), normalised, 1.0),
-    }
-    found = {
-        path: Value(lower=low, upper=high, proven=True, unit=unit)
-        for path, (low, high, unit) in brackets.items()
-    }
-    for path in SPLIT:
-        kind, _, count = path.partition(".")
-        number = result.counts[count] if count else getattr(result, kind)
-        unit = 1.0 if count else result.scale
-        found[path] = Value(lower=number, upper=number, proven=False, unit=unit)
-    return {path if klass is None else (klass, path): value for path, value in found.items()}
-
-
-def make_entry(result: Summary, options: Mapping[str, object]) -> Entry:
+def make_entry(now: Measured, options: Mapping[str, object]) -> Entry:
     """What a baseline keeps of a result that was made with these options.
 
     Raises
@@ -93,34 +61,28 @@ def make_entry(result: Summary, options: Mapping[str, object]) -> Entry:
     SolverError
         A value is not finite.
     """
-    values = {key: value.upper for key, value in measure(result).items()}
-    values |= {"lower_bound": result.lower_bound, "upper_bound": result.upper_bound}
+    values = {key: value.upper for key, value in now.values.items()}
+    values |= dict(zip(BOUNDS, now.bounds, strict=True))
     if not all(map(math.isfinite, values.values())):
         raise SolverError("the bracket is not finite; no baseline can be made of it")
     return Entry(
         values=values,
         options=dict(options),
-        parameters=_plain(result.parameters),
-        truth=result.input["truth"]["sha256"],
-        version=result.version,
+        parameters=now.parameters,
+        truth=now.truth,
+        version=now.version,
     )
 
 
-def differences(entry: Entry, result: Summary) -> list[str]:
+def differences(entry: Entry, now: Measured) -> list[str]:
     """Why a result cannot be compared with an entry; empty if it can."""
-    ours, theirs = _plain(result.parameters), entry.parameters
     found = [
-        f"{name} is {own}, in the baseline {other}" for name, own, other in unlike(ours, theirs)
+        f"{name} is {own}, in the baseline {other}"
+        for name, own, other in unlike(now.parameters, entry.parameters)
     ]
-    if result.input["truth"]["sha256"] != entry.truth:
+    if now.truth != entry.truth:
         found.append("the truth is not that of the baseline (sha256 of ids, times, states)")
     return found
-
-
-def _plain(parameters: Mapping[str, object]) -> dict[str, object]:
-    """As they come back from JSON."""
-    plain: dict[str, object] = json.loads(json.dumps(parameters, allow_nan=False))
-    return plain
 
 
 def dump(baseline: Baseline) -> str:

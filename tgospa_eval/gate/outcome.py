@@ -1,13 +1,14 @@
 """What a gate found: one outcome for each pair, and what the user should know."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.gate.baseline import BASELINE_VALUES, Entry, differences, measure
+from tgospa_eval.gate.baseline import BASELINE_VALUES, Baseline, Entry, differences
+from tgospa_eval.gate.measured import Measured
 from tgospa_eval.gate.rules import (
     STATUS,
     Finding,
@@ -22,7 +23,6 @@ from tgospa_eval.gate.rules import (
 )
 from tgospa_eval.gate.suite import Pair
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.results.summary import Summary
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)
 OPEN = 1e-6
@@ -139,20 +139,19 @@ class Report:
 
 
 def compare(
-    result: Summary, entry: Entry | None, rules: Iterable[Rule]
+    now: Measured, entry: Entry | None, rules: Iterable[Rule]
 ) -> tuple[Verdict, tuple[Finding, ...], tuple[str, ...]]:
     """Verdict, findings and notes of a result against its entry of the baseline.
 
     Without an entry all rules are absolute limits.
     """
-    apart = differences(entry, result) if entry else []
+    apart = differences(entry, now) if entry else []
     if apart:
         return Verdict.INCOMPARABLE, (), tuple(apart)
-    values = measure(result)
-    findings = [_judged(rule, values, entry.values if entry else {}) for rule in rules]
+    findings = [_judged(rule, now.values, entry.values if entry else {}) for rule in rules]
     binding = [finding.verdict for finding in findings if not finding.rule.warns]
     verdict = min(binding, key=WORST_FIRST.index)
-    return verdict, tuple(findings), tuple(_notes(findings, values, result, entry))
+    return verdict, tuple(findings), tuple(_notes(findings, now, entry))
 
 
 def _judged(rule: Rule, values: Mapping[Key, Value], old: Mapping[Key, float]) -> Finding:
@@ -177,17 +176,15 @@ def change(old: Entry | None, new: Entry | None) -> tuple[Change, ...]:
     )
 
 
-def _notes(
-    findings: list[Finding], values: Mapping[Key, Value], result: Summary, entry: Entry | None
-) -> Iterator[str]:
+def _notes(findings: list[Finding], now: Measured, entry: Entry | None) -> Iterator[str]:
     for finding in findings:
         yield from _sentences(finding)
     if entry and any(f.verdict is Verdict.FAIL and f.now.proven for f in findings):
-        yield from _parts(values, entry)
+        yield from _parts(now.values, entry)
     if any(f.verdict is Verdict.UNDECIDED for f in findings):
-        yield f"undecided: {_remedy(result)}"
+        yield f"undecided: {now.remedy}"
     if entry:
-        yield from _against(findings, values, entry, result.proof.parameters.order)
+        yield from _against(findings, now.values, entry, now.order)
 
 
 def _against(
@@ -254,19 +251,24 @@ def texts(*numbers: float) -> list[str]:
     return [f"{value:,.12g}" for value in numbers]
 
 
-def _remedy(result: Summary) -> str:
-    """Which option makes the bracket narrower, by how the solver ended."""
-    name, status, settings = result.solver["name"], result.solver["status"], result.parameters
-    if "time limit" in status and "time_limit" in settings:
-        return f"a larger --time-limit than {settings['time_limit']:g}"
-    if name == "sinkhorn":
-        if "bracket is met" in status:
-            return f"a smaller --gap than {settings['gap']:g}, or --solver certified"
-        return f"a smaller --epsilon than {settings['epsilon']:g}, or --solver certified"
-    if name == "exact":
-        return "--solver certified narrows the bracket"
-    if not result.certified:
-        return f'the solver ended with "{status}"; let the rule allow more, or try --solver exact'
-    if result.gap <= 1e-9:
-        return "the bracket is about as narrow as rounding; let the rule allow more"
-    return f"a smaller --gap than {settings['gap']:g}"
+def leftover(old: Baseline, names: Container[str], verdict: Verdict, note: str) -> list[Outcome]:
+    """Outcomes of pairs of the baseline that are not among these names."""
+    gone = (Pair(name=name, truth="", estimate="") for name in old if name not in names)
+    return [Outcome.of(pair, verdict, note) for pair in gone]
+
+
+def update_notes(before: Entry | None, entry: Entry, now: Measured) -> Iterator[str]:
+    """What is not seen from the values."""
+    if before is None:
+        yield "new in the baseline"
+    elif before == entry:
+        yield "unchanged"
+    elif before.truth != entry.truth:
+        yield "the truth is another one than before"
+    elif {**before.parameters} != {**entry.parameters}:
+        yield "parameters are others than before"
+    if not now.certified:
+        yield (
+            f"the bracket is open, relative gap {now.relative_gap:.2g}: the gate is as loose as "
+            "the upper bound"
+        )

@@ -117,23 +117,26 @@ def _pairs(
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = patterns.fields(truth)
-    name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in words)
-    for text in (estimate, name):
-        unknown = [word for word in patterns.fields(text) if word not in words]
-        if unknown:
-            raise ConfigError(
-                f"{where}: {quoted(text)}: {{{unknown[0]}}} is not in {quoted(truth)}"
-            )
+    others = [word for word in patterns.fields(estimate) if word not in words]
+    of_all = (*others, *words)
+    name = _text(table, "name", where) if "name" in table else "/".join(f"{{{w}}}" for w in of_all)
+    unknown = [word for word in patterns.fields(name) if word not in of_all]
+    if unknown:
+        raise ConfigError(
+            f"{where}: {quoted(name)}: {{{unknown[0]}}} is not in {quoted(truth)}, nor in "
+            f"{quoted(estimate)}"
+        )
     options = common[0] | _options(table, where, known, folder)
     rules = dict(common[1])
     for key, own in _rules(table, where).items():
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
     found = [{}] if not words else list(patterns.matches(truth, folder))
-    if not found:
+    groups = _groups(estimate, others, folder)
+    if not found or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
-        fault = f"{where}: no file is like {quoted(pattern)}"
+        fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
         yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
-    for values in found:
+    for values in (group | own for group in groups for own in found):
         yield Pair(
             name=patterns.fill(name, values) or ONLY_PAIR,
             truth=os.path.join(folder, patterns.fill(truth, values)),
@@ -141,6 +144,16 @@ def _pairs(
             options=options,
             rules=rules,
         )
+
+
+def _groups(estimate: str, others: list[str], folder: str) -> list[dict[str, str]]:
+    """What the fields stand for that the estimates have alone, such as the name of a tracker."""
+    if not others:
+        return [{}]
+    found = dict.fromkeys(
+        tuple(values[word] for word in others) for values in patterns.matches(estimate, folder)
+    )
+    return [dict(zip(others, group, strict=True)) for group in found]
 
 
 def _options(table: Table, where: str, known: Mapping[str, bool], folder: str) -> Table:

@@ -184,6 +184,7 @@ def numbers(result: Summary) -> Row:
         "tgospa": result.tgospa,
         "lower_bound": result.lower_bound,
         "upper_bound": result.upper_bound,
+        "normalised.tgospa": result.normalised["tgospa"],
         "total": result.total,
         "total_lower": lower,
         "total_upper": upper,

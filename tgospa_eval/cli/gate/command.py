@@ -46,6 +46,8 @@ def command(
 
     The gate fails only if the proven lower bound breaks a rule, and passes only if the
     proven upper bound keeps it. Options that are not given come from the baseline.
+    Of the store of a batch every job is judged, by that of another batch or by a
+    baseline, and nothing is solved.
 
     \b
     Examples:
@@ -56,6 +58,7 @@ def command(
           --fail-on total:+2% --max counts.switch=10
       tgospa-eval gate truth.csv estimate.csv -c 10 -g 5 --max tgospa=50
       tgospa-eval gate --suite suite.toml --junit gate.xml
+      tgospa-eval gate old_results new_results          two stores of a batch
 
     Exit status: 0 passed, 1 regression proven, 2 wrong option, baseline missing or
     not comparable, 3 bad input file, 4 undecided.

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from click.core import ParameterSource
@@ -10,14 +10,16 @@ from click.core import ParameterSource
 from tgospa_eval._version import __version__
 from tgospa_eval.cli.evaluate.run import evaluate_files
 from tgospa_eval.cli.gate.sources import GateOptions, Given
+from tgospa_eval.cli.gate.stores import check_updated, is_store, judge_stores, load_baseline
 from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import emit, print_notice, print_raw
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
-from tgospa_eval.gate.outcome import Outcome, Report, change, compare
+from tgospa_eval.gate.baseline import Baseline, Entry, dump, make_entry
+from tgospa_eval.gate.measured import measured
+from tgospa_eval.gate.outcome import Outcome, Report, change, compare, leftover, update_notes
 from tgospa_eval.gate.report import GATE_REPORTS
 from tgospa_eval.gate.rules import Rule, Verdict, worst
 from tgospa_eval.gate.suite import ONLY_PAIR, Pair, Suite
@@ -54,7 +56,7 @@ def run_gate(given: Given, truth: str | None, estimate: str | None) -> int:
         spared = replace(gate, junit=None) if isinstance(error, OverInputError) else gate
         _publish(_report(gate.baseline or "", [failed]), spared)
         raise
-    several = gate.suite and (truth is None or estimate is None)
+    several = (gate.suite and (truth is None or estimate is None)) or is_store(truth)
     for outcome in report.outcomes:
         if outcome.verdict is Verdict.ERROR:
             print_notice((f"{outcome.name}: " if several else "") + " ".join(outcome.notes))
@@ -89,6 +91,8 @@ def _check_junit(given: Given, *paths: str | None) -> None:
 
 def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     """All pairs, and the new baseline if one is asked for."""
+    if truth is not None and is_store(truth):
+        return judge_stores(given, truth, estimate)
     suite = _suite(given, truth, estimate)
     if truth is not None:
         given = replace(given, gate=replace(given.gate, suite=None))
@@ -99,7 +103,9 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
     path = gate.baseline if given.strong("baseline") or not suite.baseline else suite.baseline
     if gate.update_baseline and not path:
         raise ConfigError("no baseline: name the file to make with --baseline FILE")
-    old = load(path) if path else None
+    if gate.update_baseline:
+        check_updated(path)
+    old = load_baseline(path) if path else None
     if suite.pairs[0].name == ONLY_PAIR and not gate.suite and old and ONLY_PAIR not in old:
         raise ConfigError(f"{path}: is the baseline of a suite ({', '.join(old)}); name --suite")
     rules = {
@@ -118,21 +124,13 @@ def _judge(given: Given, truth: str | None, estimate: str | None) -> Report:
         else Outcome.of(pair, Verdict.INCOMPARABLE, missing)
         for pair in suite.pairs
     ]
-    outcomes += _leftover(
+    outcomes += leftover(
         old or {}, rules, Verdict.INCOMPARABLE, "in the baseline and not in the suite"
     )
     typed = given.context.meta[TYPED]
     at = typed.index("--") if "--" in typed else len(typed)
     again = ("tgospa-eval", "gate", *typed[:at], "--update-baseline", *typed[at:])
-    return _report(path, outcomes, again)
-
-
-def _leftover(
-    old: Baseline, names: Mapping[str, object], verdict: Verdict, note: str
-) -> list[Outcome]:
-    """Outcomes of pairs of the baseline that are not among these names."""
-    gone = (Pair(name=name, truth="", estimate="") for name in old if name not in names)
-    return [Outcome.of(pair, verdict, note) for pair in gone]
+    return _report(path, outcomes, () if is_store(path) else again)
 
 
 def _report(path: str, outcomes: list[Outcome], again: tuple[str, ...] = ()) -> Report:
@@ -193,7 +191,7 @@ def _outcome(
     except TgospaError as error:
         outcome = Outcome.of(pair, Verdict.ERROR, str(error))
         return replace(outcome, status=error.exit_status, seconds=time.monotonic() - begin)
-    verdict, findings, notes = compare(result, entry, rules)
+    verdict, findings, notes = compare(measured(result), entry, rules)
     return replace(
         Outcome.of(pair, verdict, *notes),
         findings=findings,
@@ -216,37 +214,21 @@ def _update(given: Given, suite: Suite, old: Baseline, path: str) -> Report:
             result, recorded, proofs[pair.name] = _evaluate(given, pair, before, path)
         except TgospaError as error:
             raise type(error)(f"{given.gate.prefix(pair)}{error}") from None
-        entry = new[pair.name] = make_entry(result, recorded)
+        now = measured(result)
+        entry = new[pair.name] = make_entry(now, recorded)
         outcome = replace(
-            Outcome.of(pair, Verdict.UPDATED, *_notes(before, entry, result)),
+            Outcome.of(pair, Verdict.UPDATED, *update_notes(before, entry, now)),
             changes=change(before, entry),
             seconds=time.monotonic() - begin,
             warnings=result.warnings,
         )
         outcomes.append(outcome)
-    outcomes += _leftover(old, new, Verdict.UPDATED, "removed: it is not in the suite")
+    outcomes += leftover(old, new, Verdict.UPDATED, "removed: it is not in the suite")
     if new != old or not os.path.exists(path):
         write_file(path, dump(new), "--baseline")
     for pair in suite.pairs:
         _write_proof(given.gate, pair, proofs[pair.name])
     return _report(path, outcomes)
-
-
-def _notes(before: Entry | None, entry: Entry, result: Summary) -> Iterator[str]:
-    """What is not seen from the values."""
-    if before is None:
-        yield "new in the baseline"
-    elif before == entry:
-        yield "unchanged"
-    elif before.truth != entry.truth:
-        yield "the truth is another one than before"
-    elif {**before.parameters} != {**entry.parameters}:
-        yield "parameters are others than before"
-    if not result.certified:
-        yield (
-            f"the bracket is open, relative gap {result.relative_gap:.2g}: the gate is as loose as "
-            "the upper bound"
-        )
 
 
 def _publish(report: Report, gate: GateOptions) -> int:

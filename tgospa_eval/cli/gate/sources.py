@@ -91,6 +91,10 @@ class Given:
         """Whether it is a flag or from the environment."""
         return self.context.get_parameter_source(name) in STRONG
 
+    def typed(self, name: str) -> bool:
+        """Whether it is a flag."""
+        return self.context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+
     def weak(self, name: str) -> bool:
         """Whether it is from a configuration file."""
         return self.context.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
@@ -129,7 +133,9 @@ class Given:
             if finished or keys[name] not in ACCURACY_KEYS
         }
         if "covariance" in recorded:
-            recorded["covariance"] = _relative(str(recorded["covariance"]), os.path.dirname(path))
+            recorded["covariance"] = relative_path(
+                str(recorded["covariance"]), os.path.dirname(path)
+            )
         used = result.proof.parameters
         return {**recorded, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
 
@@ -163,7 +169,7 @@ class Given:
         return found
 
 
-def _relative(path: str, folder: str) -> str:
+def relative_path(path: str, folder: str) -> str:
     """The path from a folder, with slashes; from another drive there is none but the whole."""
     try:
         return os.path.relpath(path, folder or os.curdir).replace(os.sep, "/")

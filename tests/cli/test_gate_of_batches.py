@@ -1,0 +1,155 @@
+"""Gates over stores of batches: two of them, or one and a file, or one as baseline of a suite."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from checkout import SAMPLES
+
+Invoke = Callable[..., Any]
+
+PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv")
+
+
+def rows(error: float) -> str:
+    return "id,t,x,y\n" + "".join(f"1,{k},{k + error},0\n" for k in range(4))
+
+
+@pytest.fixture
+def batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, invoke: Invoke) -> Invoke:
+    """Run a batch of two trackers with errors of 1 and 2, on two runs; `old` is one of them."""
+    monkeypatch.chdir(tmp_path)
+    for folder, error in (("gt", 0), ("out/a", 1), ("out/b", 2)):
+        Path(folder).mkdir(parents=True)
+        for run in "12":
+            Path(folder, f"{run}.csv").write_text(rows(error), encoding="utf-8")
+
+    def run(folder: str, *more: str, status: int = 0) -> None:
+        given = ("-o", folder, "--workers", "1", "-q", *more)
+        assert invoke("batch", *PATTERNS, *given).status == status
+
+    run("old")
+    return run
+
+
+def test_the_same_passes_and_a_worse_job_fails(batch: Invoke, invoke: Invoke) -> None:
+    answer = invoke("gate", "old", "old")
+    assert answer.status == 0
+    assert answer.out.startswith("gate: pass (exit status 0): 4 pass")
+    Path("out/b/2.csv").write_text(rows(2.5), encoding="utf-8")
+    batch("new")
+    answer = invoke("gate", "old", "new", "--format", "json")
+    assert answer.status == 1
+    pairs = json.loads(answer.out)["pairs"]
+    assert [(pair["name"], pair["verdict"]) for pair in pairs] == [
+        ("a/1", "pass"), ("a/2", "pass"), ("b/1", "pass"), ("b/2", "fail")
+    ]  # fmt: skip
+    (rule,) = pairs[3]["rules"]
+    assert (rule["baseline"], rule["lower"]) == (pytest.approx(16), pytest.approx(25))
+    assert invoke("gate", "new", "--baseline", "old").out == invoke("gate", "old", "new").out
+    assert invoke("gate", "old", "new", "--fail-on", "total:+60%").status == 0
+    assert invoke("gate", "new", "--max", "tgospa=4.9").status == 1
+    assert invoke("gate", "new", "--max", "tgospa=5.1").status == 0
+
+
+def test_jobs_that_are_missing_or_failed_do_not_pass(batch: Invoke, invoke: Invoke) -> None:
+    Path("out/b/2.csv").unlink()
+    batch("fewer", "--allow-missing")
+    answer = invoke("gate", "old", "fewer")
+    assert answer.status == 2
+    assert "b/2: in the baseline and not in fewer" in answer.out
+    answer = invoke("gate", "fewer", "old")
+    assert (answer.status, "b/2: not in fewer" in answer.out) == (2, True)
+    Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
+    batch("failed", status=5)
+    answer = invoke("gate", "old", "failed")
+    assert answer.status == 3
+    assert "b/2: failed in failed: out/b/2.csv, line 1: no column for position" in answer.err
+    assert invoke("gate", "failed", "--baseline", "f.json", "--update-baseline").status == 3
+    assert not Path("f.json").exists()
+    assert invoke("gate", "failed", "old").status == 2
+
+
+def test_another_truth_and_other_parameters_are_not_compared(batch: Invoke, invoke: Invoke) -> None:
+    batch("other", "-c", "5")
+    answer = invoke("gate", "old", "other")
+    assert answer.status == 2
+    assert "a/1: cutoff is 5.0, in the baseline 10.0" in answer.out
+    Path("gt/1.csv").write_text(rows(0.25), encoding="utf-8")
+    batch("moved")
+    answer = invoke("gate", "old", "moved")
+    assert answer.status == 2
+    assert "a/1: the truth is not that of the baseline" in answer.out
+    assert "gate: not comparable (exit status 2): 2 pass, 2 not comparable" in answer.out
+
+
+def test_what_a_bracket_leaves_open_is_undecided(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, invoke: Invoke
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    files = ("--truth", str(SAMPLES / "motchallenge" / "gt.txt"), "-c", "50", "-g", "25", "-q")
+    files += ("--estimate", str(SAMPLES / "motchallenge" / "r{name}.txt"), "--workers", "1")
+    for folder, solver in (("exact", "certified"), ("open", "sinkhorn")):
+        assert (
+            invoke("batch", *files, "-o", folder, "--solver", solver, "--epsilon", "1").status == 0
+        )
+    answer = invoke("gate", "exact", "open")
+    assert answer.status == 4
+    assert "es: undecided: a smaller --epsilon than 1, or --solver certified" in answer.out
+    assert "es: the bracket of the baseline is open" in invoke("gate", "open", "exact").out
+
+
+def test_a_file_made_of_a_store_is_the_baseline_that_gate_makes(
+    batch: Invoke, invoke: Invoke
+) -> None:
+    update = ("--update-baseline", "-q")
+    assert invoke("gate", "old", "--baseline", "stored.json", *update).status == 0
+    assert invoke("gate", "gt/1.csv", "out/b/1.csv", "--baseline", "one.json", *update).status == 0
+    stored, one = (
+        json.loads(Path(name).read_text(encoding="utf-8"))["pairs"]
+        for name in ("stored.json", "one.json")
+    )
+    assert sorted(stored) == ["a/1", "a/2", "b/1", "b/2"]
+    assert stored["b/1"] == one["pair"]
+    assert invoke("gate", "old", "--baseline", "stored.json").status == 0
+    answer = invoke("gate", "old", "--baseline", "stored.json", "--format", "json", *update)
+    assert json.loads(answer.out)["pairs"][0]["notes"] == ["unchanged"]
+
+
+def test_a_store_is_the_baseline_of_a_suite(batch: Invoke, invoke: Invoke) -> None:
+    Path("suite.toml").write_text(
+        'baseline = "old"\n[[pair]]\nname = "{tracker}/{run}"\ntruth = "gt/{run}.csv"\n'
+        'estimate = "out/{tracker}/{run}.csv"\n',
+        encoding="utf-8",
+    )
+    answer = invoke("gate", "--suite", "suite.toml", "-q")
+    assert (answer.status, answer.out.startswith("gate: pass (exit status 0): 4 pass")) == (0, True)
+    Path("out/a/1.csv").write_text(rows(3), encoding="utf-8")
+    answer = invoke("gate", "--suite", "suite.toml", "-q")
+    assert answer.status == 1
+    assert "a/1: total is at least 36, proven, 4.00004 allowed by total:+0.001%" in answer.out
+    answer = invoke("gate", "--suite", "suite.toml", "--update-baseline")
+    assert (answer.status, "is a batch" in answer.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("old", "gt/1.csv"), "gt/1.csv: holds no batch, and old does"),
+        (("old", "-c", "3", "--max", "tgospa=1"), "--cutoff: stores are compared as they are"),
+        (("old", "--proof", "p", "--max", "tgospa=1"), "--proof: stores are compared as they are"),
+        (("old",), "no baseline: name it with --baseline FILE; limits of --max need none"),
+        (("old", "old", "--baseline", "b.json"), "name the baseline once"),
+        (("old", "--baseline", "old", "--update-baseline"), "is a batch, which tgospa-eval batch"),
+        (("old", "--update-baseline"), "no baseline: name the file to make"),
+        (("old", "--suite", "s.toml"), "give a store or --suite, not both"),
+    ],
+)
+def test_wrong_usage_of_stores(
+    batch: Invoke, invoke: Invoke, arguments: tuple[str, ...], message: str
+) -> None:
+    answer = invoke("gate", *arguments)
+    assert answer.status == 2
+    assert message in answer.err
