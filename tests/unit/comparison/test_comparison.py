@@ -419,6 +419,66 @@ def test_names_are_what_differs(paths: list[str], names: list[str]) -> None:
     assert short_names(tuple(paths)) == names
 
 
+@pytest.fixture
+def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
+    """Write a file below the current folder, with its folders."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(name: str, text: str) -> str:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text(text, encoding="utf-8")
+        return name
+
+    return write
+
+
+def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> None:
+    names = ("gt/r1.csv", "gt/r10.csv", "gt/r2.csv")
+    for name in names:
+        tree(name, TRUTH)
+        for k, tracker in enumerate(("b*", "a")):
+            tree(f"out/{tracker}/by-{Path(name).stem}.csv", track(0, k + 1, 0))
+    arguments = ("compare", "gt/{run}.csv", "out/{tracker}/by-{run}.csv", "--format", "json", "-q")
+    answer = invoke(*arguments)
+    assert answer.status == 0, answer.err
+    found = json.loads(answer.out)
+    assert found["runs"] == 3
+    paths = {item["name"]: item["paths"] for item in found["estimates"]}
+    assert paths["a"] == [f"out/a/by-{run}.csv" for run in ("r1", "r2", "r10")]
+    assert sorted(paths) == ["a", "b*"]
+    single = invoke("compare", "gt/r1.csv", "out/{tracker}/by-r1.csv", "--format", "json", "-q")
+    assert [item["name"] for item in json.loads(single.out)["estimates"]] == [
+        item["name"] for item in found["estimates"]
+    ]
+    Path("out/a/by-r2.csv").unlink()
+    answer = invoke(*arguments)
+    assert answer.status == 3
+    assert "out/a/by-r2.csv: no such file; other patterns have it" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("paths", "message"),
+    [
+        (("gt/{run}.csv", "a.csv"), "a.csv: has no {run}, but gt/{run}.csv has"),
+        (("gt/{run}.csv", "out/*.csv"), "out/*.csv: has a *, and gt/{run}.csv has fields"),
+        (("gt/r1.csv", "out/{tracker}.csv"), "out/{tracker}.csv: no such files"),
+        (("gt/{run}.csv", "gt/{run}.csv", "{run}.csv"), "r1.csv: no such file"),
+        (
+            ("gt/r1.csv", "gt/{tracker}_{run}.csv"),
+            "x_y_z.csv: the fields of gt/{tracker}_{run}.csv",
+        ),
+    ],
+)
+def test_fields_that_do_not_fit(
+    tree: Write, invoke: Invoke, paths: tuple[str, ...], message: str
+) -> None:
+    for name in ("gt/r1.csv", "gt/r2.csv", "a.csv", "gt/x_y_z.csv"):
+        tree(name, TRUTH)
+    answer = invoke("compare", *paths)
+    assert answer.status in (2, 3)
+    assert message in answer.err
+
+
 def test_hostile_names(write: Write, invoke: Invoke) -> None:
     truth = write("t.csv", TRUTH)
     names = ["=cmd|' '!A1", "a|b_<script>", "50% & $x$ #1"]

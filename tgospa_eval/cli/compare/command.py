@@ -111,12 +111,14 @@ def command(
 
     Two files, TRUTH ESTIMATE, are a comparison of solvers: bounds, errors, time and
     memory. Three or more, TRUTH A B, are a ranking: which estimate is proven to be
-    better, and by what. With a * in quotes files stand for several runs. Saved
+    better, and by what. Fields in quotes, as of batch, stand for several runs, and
+    those that only estimates have for several estimates; so does a * for runs. Saved
     results (folders of -o, or their result.json) are ranked as they are.
 
     \b
     Examples:
       tgospa-eval compare truth.csv a.csv b.csv c.csv             a ranking
+      tgospa-eval compare 'gt/{run}.csv' 'out/{tracker}/{run}.csv'
       tgospa-eval compare 'run*/truth.csv' 'run*/a.csv' 'run*/b.csv'
       tgospa-eval compare a/result.json b/result.json             saved results
       tgospa-eval compare truth.csv a.csv                         solvers
@@ -188,7 +190,7 @@ def _are_saved(files: tuple[str, ...], typed: set[str]) -> bool:
 
 def _compare(files: tuple[str, ...], options: "CompareOptions") -> bool:
     """A ranking, or solvers on one pair; whether all did what was asked, and agree."""
-    from tgospa_eval.cli.compare.files import is_pattern
+    from tgospa_eval.cli.compare.runs import is_pattern
 
     if len(files) > 2 or options.beside or any(map(is_pattern, files)):
         from tgospa_eval.cli.compare.ranking import compare_estimates

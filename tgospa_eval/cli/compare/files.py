@@ -1,6 +1,5 @@
-"""The files of a comparison: patterns that stand for runs, short names, pairs as problems."""
+"""The files of a comparison: short names, pairs as problems."""
 
-import glob
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,49 +10,10 @@ from tgospa_eval.cli.shared.settings import Settings, infos
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.formats import ROLES, Reading
 from tgospa_eval.text import quoted
-
-
-def expand(truth: str, estimates: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """The files of each run: what ``*`` stands for in one pattern stands in all.
-
-    A truth without ``*`` is that of all runs. Names of existing files are no patterns.
-
-    Raises
-    ------
-    ConfigError, InputError
-        A pattern fits nothing, or patterns do not fit each other.
-    """
-    paths = (truth, *estimates)
-    marked = list(map(is_pattern, paths))
-    if not any(marked):
-        return [(truth, list(estimates))]
-    for path, is_marked in zip(paths, marked, strict=True):
-        if path.count("*") > 1 and is_marked:
-            raise ConfigError(f"{path}: one * is needed, it stands for the run")
-        if not is_marked and path != truth:
-            raise ConfigError(f"{path}: has no *, but other files have; it stands for the run")
-    keys = [_matches(path) for path, is_marked in zip(paths, marked, strict=True) if is_marked]
-    for path, own in zip([p for p, m in zip(paths, marked, strict=True) if m], keys, strict=True):
-        lacking = next((key for key in keys[0] if key not in own), None)
-        if lacking is not None:
-            raise InputError(f"{path.replace('*', lacking)}: no such file; other patterns have it")
-        extra = next((key for key in own if key not in keys[0]), None)
-        if extra is not None:
-            raise InputError(f"{path.replace('*', extra)}: has no counterpart in other patterns")
-    return [
-        (truth.replace("*", key) if marked[0] else truth, [p.replace("*", key) for p in estimates])
-        for key in keys[0]
-    ]
-
-
-def is_pattern(path: str) -> bool:
-    """Whether ``*`` stands for runs; in the name of a file that exists it stands for itself."""
-    return "*" in path and not os.path.exists(path)
 
 
 def check_files(paths: Sequence[str]) -> None:
@@ -70,15 +30,6 @@ def check_files(paths: Sequence[str]) -> None:
             raise InputError(place.message)
         if not os.path.lexists(path):
             raise InputError(f"{path or quoted(path)}: no such file")
-
-
-def _matches(pattern: str) -> list[str]:
-    """What ``*`` stands for, in natural order."""
-    before, after = pattern.split("*")
-    found = glob.glob(f"{glob.escape(before)}*{glob.escape(after)}")
-    if not found:
-        raise InputError(f"{pattern}: no such files")
-    return sorted((path[len(before) : len(path) - len(after)] for path in found), key=natural)
 
 
 def short_names(paths: tuple[str, ...]) -> list[str]:

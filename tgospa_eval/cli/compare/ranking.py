@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from typing import cast
 
-from tgospa_eval.cli.compare.files import Pairs, check_files, expand, short_names
+from tgospa_eval.cli.compare.files import Pairs, check_files, short_names
+from tgospa_eval.cli.compare.runs import Runs, each_estimate, expand
 from tgospa_eval.cli.compare.show import show
 from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.progress import run
@@ -27,9 +28,6 @@ from tgospa_eval.solvers.sinkhorn import Sinkhorn
 OWN_STEPS = ("estimate", "common")
 """Grids that depend on the estimate. With the others every row of the truth counts for all."""
 
-Runs = Sequence[tuple[str, list[str]]]
-"""The truth of each run, and its estimates."""
-
 Ranked = tuple[RankingRecord, dict[str, str], StepCosts]
 """The document, tables by the names of their files, and the costs of the steps."""
 
@@ -49,6 +47,7 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
             f"--grid {grid}: gives each estimate steps of its own, and one that stops "
             "early leaves out what it misses; to rank estimates choose --grid truth or union"
         )
+    estimates = each_estimate(truth, estimates)
     runs = expand(truth, estimates)
     check_files([path for of_truth, paths in runs for path in (of_truth, *paths)])
     names = short_names(estimates)

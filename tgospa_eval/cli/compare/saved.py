@@ -1,11 +1,11 @@
 """``compare a/result.json b/result.json``: saved results in their order; nothing is solved."""
 
-import glob
 from collections.abc import Sequence
 from typing import cast
 
-from tgospa_eval.cli.compare.files import expand, is_pattern, short_names
+from tgospa_eval.cli.compare.files import short_names
 from tgospa_eval.cli.compare.ranking import OWN_STEPS, ranked, show_ranking
+from tgospa_eval.cli.compare.runs import expand, first_file, is_pattern
 from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.notices import notifier
 from tgospa_eval.common.notices import Notice
@@ -44,11 +44,8 @@ def are_saved(paths: Sequence[str]) -> bool:
 
 
 def _is_saved(path: str) -> bool:
-    found = [path]
-    if is_pattern(path):
-        before, after = path.split("*", 1)
-        found = sorted(glob.glob(f"{glob.escape(before)}*{glob.escape(after)}"))[:1]
-    return any(saved_result(name) is not None for name in found)
+    name = first_file(path) if is_pattern(path) else path
+    return name is not None and saved_result(name) is not None
 
 
 def compare_saved(paths: tuple[str, ...], options: CompareOptions) -> bool:
