@@ -20,7 +20,7 @@ from tgospa_eval.gate.suite import Pair
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.text import quoted
 
-NEEDED = ("parameters", "input.truth.sha256", "normalised.tgospa")
+JUDGED_COLUMNS = ("parameters", "input.truth.sha256", "normalised.tgospa")
 """Columns without which rows cannot be judged."""
 
 
@@ -165,7 +165,7 @@ class _Stored:
         if not len(table):
             raise InputError(f"{folder}: no job of this batch is done")
         done = table["status"] != "failed"
-        if done.any() and not all(name in table for name in NEEDED):
+        if done.any() and not all(name in table for name in JUDGED_COLUMNS):
             raise InputError(f"{folder}: was made by an older version; make it anew with batch")
         labels = [str(name) for name in table.columns if str(name).startswith("label.")]
         rows = {}
