@@ -274,3 +274,36 @@ def test_rows_have_the_metrics_of_single_evaluations(invoke: Invoke, tmp_path: P
             assert job[f"with.{metric}.{name}"] == value
     report = invoke("batch", "report", str(tmp_path / "r"))
     assert "left out by --preprocess motchallenge" in report.out
+
+
+def test_trackers_are_ranked_and_what_is_missing_is_told(invoke: Invoke, runs: Path) -> None:
+    for run in range(RUNS, 7):
+        for name in ("gt", "out/a", "out/b"):
+            text = Path(name, "0.csv").read_text(encoding="utf-8").replace(",0\n", f",{run}\n")
+            Path(name, f"{run}.csv").write_text(text, encoding="utf-8")
+    Path("out/b/3.csv").write_text("id,t\n1,2\n", encoding="utf-8")
+    answer = batch(invoke, "--by", "tracker", "--format", "json", "--mean-of-roots")
+    assert answer.status == 5
+    document = json.loads(answer.out)
+    assert [(g["jobs"], g["expected"]) for g in document["groups"]] == [(7, 7), (6, 7)]
+    assert [g["mean_of_roots"] for g in document["groups"]] == pytest.approx([5**0.5, 20**0.5])
+    # Totals of 5 and 20 in each of six runs that both have; of 64 flips two are as far out.
+    first, second = document["ranking"]
+    assert (first["name"], first["place"], first["jobs"], first["of_jobs"]) == ("a", [1, 1], 6, 7)
+    assert (first["combined"], second["combined"]) == pytest.approx((30**0.5, 120**0.5))
+    (pair,) = document["comparisons"]
+    assert (pair["verdict"], pair["pairs"], pair["permutations"]) == ("less", 6, 64)
+    assert (pair["p_value"], pair["significant"]) == (2 / 64, True)
+    assert (pair["lower"], pair["upper"]) == pytest.approx((30**0.5, 30**0.5))
+    assert document["seed"] == pair["seed"]
+    text = invoke("batch", "report", "r").out
+    assert "6 of 7" in text
+    assert "Statistical order, 6 pairs: a is significantly better than all others" in text
+    assert max(map(len, text.splitlines())) <= 80
+    # Runs have truths of their own: nobody compares them, unless asked to.
+    note = "no truth is evaluated with all values of run: they are not ranked"
+    assert note in invoke("batch", "report", "r", "--by", "run").out
+    by_both = json.loads(invoke("batch", "report", "r", "--by", "tracker,run,tracker", "--format",
+                                "json").out)  # fmt: skip
+    assert (by_both["by"], len(by_both["groups"])) == (["tracker", "run"], 14)
+    assert by_both["ranking"] == document["ranking"]

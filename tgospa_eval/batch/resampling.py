@@ -6,12 +6,16 @@ so that of the upper ends is the largest (docs/reference/batch.md#statistics).
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.problem.problem import Floats
 
 RESAMPLES = 9999
-"""Of the bootstrap; permutations, where all are not fewer."""
+"""Of the bootstrap; permutations of a test, where all are not fewer."""
+
+FEW_RESAMPLES, MANY_PAIRS = 1999, 1000
+"""Of the bootstrap of more pairs than these, which takes seconds."""
 
 BOOTSTRAP_SEED = 1
 """Of bootstrap and permutations: the same batch has the same tables."""
@@ -36,21 +40,37 @@ def resampled_sums(totals: Floats) -> Floats:
 
     Returns
     -------
-    array, shape (rows, RESAMPLES)
+    array, shape (rows, draws)
     """
     from scipy.stats import bootstrap
 
+    size = totals.shape[1]
+
+    def sums(drawn: NDArray[np.int64], axis: int) -> Floats:
+        """Sums of all rows from how often each column is drawn, shape (rows, draws)."""
+        del axis  # the last
+        places = drawn + size * np.arange(len(drawn))[:, None]
+        times = np.bincount(places.ravel(), minlength=drawn.size).reshape(drawn.shape)
+        sums_of: Floats = totals @ times.T.astype(float)
+        return sums_of
+
     made = bootstrap(
-        (totals,),
-        np.sum,
-        n_resamples=RESAMPLES,
-        batch=max(1, NUMBERS_AT_ONCE // totals.size),
+        (np.arange(size),),
+        sums,
+        n_resamples=resamples_of(size),
+        batch=max(1, NUMBERS_AT_ONCE // size),
         vectorized=True,
-        axis=-1,
         method="percentile",
         random_state=np.random.default_rng(BOOTSTRAP_SEED),
     )
     return np.asarray(made.bootstrap_distribution, float)
+
+
+def resamples_of(pairs: int) -> int:
+    """How many draws the bootstrap takes; none of too few."""
+    if pairs < LEAST_PAIRS:
+        return 0
+    return RESAMPLES if pairs <= MANY_PAIRS else FEW_RESAMPLES
 
 
 def percentiles(lower: Floats, upper: Floats) -> Interval:
@@ -101,7 +121,9 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
 
 
 def permutations_of(pairs: int) -> int:
-    """How many flips are tried: all, or as many as of the bootstrap."""
+    """How many flips are tried: all, if they are no more; none of too few."""
+    if pairs < LEAST_PAIRS:
+        return 0
     return RESAMPLES if pairs >= RESAMPLES.bit_length() else 1 << pairs
 
 

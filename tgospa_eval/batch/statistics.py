@@ -9,21 +9,22 @@ truth are not independent of each other, or the jobs where there is one truth al
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.batch.pairing import ESTIMATE_DIGEST, LABEL, pair_numbers, truths
 from tgospa_eval.batch.resampling import (
     BOOTSTRAP_SEED,
     CONFIDENCE,
     LEAST_PAIRS,
-    RESAMPLES,
     holm,
     p_values,
     percentiles,
     permutations_of,
     resampled_sums,
+    resamples_of,
 )
 from tgospa_eval.common.brackets import equal, less, places
 from tgospa_eval.common.interval import Interval
@@ -142,8 +143,8 @@ def _ranking(
         jobs=len(common) // len(names),
         all_jobs=int(part["_pair"].nunique()),
         pairs=count,
-        resamples=RESAMPLES if enough else 0,
-        permutations=permutations_of(count) if enough else 0,
+        resamples=resamples_of(count),
+        permutations=permutations_of(count),
         seed=BOOTSTRAP_SEED,
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
@@ -181,6 +182,8 @@ def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tupl
     proven = places(values, lambda *pair: paired.verdict(values, *pair) == "equal")
     found = list(itertools.combinations(range(len(values)), 2))
     draws = _draws(paired) if enough else None
+    orders = [paired.order] * len(values)
+    own = _intervals(paired.lower, paired.upper, orders) if enough else None
     inferences = _inferences(paired, found, draws) if draws else [None] * len(found)
     statistical = _statistical(found, inferences, len(values)) if draws else None
     return tuple(
@@ -189,7 +192,7 @@ def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tupl
             place=proven[k],
             combined=values[k],
             per_step=per_step[k],
-            confidence=_interval(paired.lower[k], paired.upper[k], paired.order) if draws else None,
+            confidence=own[k] if own else None,
             statistical_place=statistical[k] if statistical else None,
         )
         for k, name in enumerate(paired.names)
@@ -207,14 +210,20 @@ def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tupl
     )
 
 
-def _interval(lower: Floats, upper: Floats, order: float) -> Interval:
-    """The bootstrap interval of one combined value, in whatever order its totals come."""
-    totals = np.stack([lower, upper])[:, np.lexsort((upper, lower))]
-    return percentiles(*resampled_sums(totals) ** (1 / order))
+def _intervals(lower: Floats, upper: Floats, orders: Sequence[float]) -> list[Interval]:
+    """Bootstrap intervals of combined values, (rows, n) each, whatever the order of the totals."""
+    sorted_ = [np.lexsort(ends) for ends in zip(upper, lower, strict=True)]
+    lower = np.stack([row[order] for row, order in zip(lower, sorted_, strict=True)])
+    upper = np.stack([row[order] for row, order in zip(upper, sorted_, strict=True)])
+    sums = resampled_sums(np.concatenate([lower, upper]))
+    return [
+        percentiles(low ** (1 / order), high ** (1 / order))
+        for low, high, order in zip(sums[: len(lower)], sums[len(lower) :], orders, strict=True)
+    ]
 
 
 def _draws(paired: _Paired) -> tuple[Floats, Floats]:
-    """Bounds of the combined values under the same draws, (names, RESAMPLES) each."""
+    """Bounds of the combined values under the same draws, (names, draws) each."""
     sums = resampled_sums(np.concatenate([paired.lower, paired.upper])) ** (1 / paired.order)
     return sums[: len(paired.names)], sums[len(paired.names) :]
 
@@ -253,7 +262,7 @@ def _statistical(
 
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
-) -> dict[str, Floats]:
+) -> dict[str, NDArray[Any]]:
     """Bootstrap intervals of the combined values of groups, NaN for those that are too small.
 
     Parameters
@@ -268,18 +277,31 @@ def confidence(
     Returns
     -------
     dict of array, shape (groups,)
-        ``confidence_lower`` and ``confidence_upper``.
+        ``confidence_lower``, ``confidence_upper``, and how many ``resamples`` they are of.
     """
     frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
     several = frame.groupby("_group")["_truth"].transform("nunique") > 1
     frame["_unit"] = frame["_truth"].where(several, np.arange(len(frame)).astype(str))
     sums = frame.groupby(["_group", "_unit"])[TOTAL_ENDS].sum()
     found = np.full((2, len(orders)), np.nan)
-    lower, upper = sums.to_numpy(float).T
-    parts = np.unique(sums.index.get_level_values("_group"), return_index=True, return_counts=True)
-    for group, begin, count in zip(*parts, strict=True):
-        if count >= LEAST_PAIRS:
-            units = slice(begin, begin + count)
-            interval = _interval(lower[units], upper[units], float(orders.loc[group]))
-            found[:, group] = interval.lower, interval.upper
-    return {"confidence_lower": found[0], "confidence_upper": found[1]}
+    numbers, begins, counts = np.unique(
+        sums.index.get_level_values("_group"), return_index=True, return_counts=True
+    )
+    # Those of one size are drawn together.
+    for size in np.unique(counts[counts >= LEAST_PAIRS]):
+        of_size = np.flatnonzero(counts == size)
+        for part in np.split(of_size, range(MOST_COMPARED, len(of_size), MOST_COMPARED)):
+            units = begins[part][:, None] + np.arange(size)
+            lower, upper = (sums[end].to_numpy(float)[units] for end in TOTAL_ENDS)
+            groups_of = numbers[part]
+            found[:, groups_of] = np.transpose(
+                [
+                    (interval.lower, interval.upper)
+                    for interval in _intervals(lower, upper, orders.loc[groups_of].tolist())
+                ]
+            )
+    resamples = np.zeros(len(orders), int)
+    resamples[numbers] = [resamples_of(count) for count in counts]
+    return {
+        "confidence_lower": found[0], "confidence_upper": found[1], "resamples": resamples
+    }  # fmt: skip

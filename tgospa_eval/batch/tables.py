@@ -63,7 +63,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     ConfigError
         There is no such label.
     """
-    from tgospa_eval.batch.resampling import BOOTSTRAP_SEED, RESAMPLES
+    from tgospa_eval.batch.resampling import BOOTSTRAP_SEED
     from tgospa_eval.batch.statistics import confidence, rankings  # here: needs SciPy
 
     check_labels(by, labels_of(rows))
@@ -83,7 +83,6 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         by=tuple(by),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
-        resamples=RESAMPLES,
         seed=BOOTSTRAP_SEED,
     )
 

@@ -227,7 +227,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         )
     groups = tables.groups
     if len(groups) and groups["confidence_upper"].notna().any():
-        yield f"{INTERVAL}: of the value before it, by bootstrap, {tables.resamples:,} resamples"
+        yield f"{INTERVAL}: of the value before it, by bootstrap"
     for ranking in tables.rankings:
         if ranking.left_out:
             yield f"{', '.join(ranking.left_out)}: no job with a value, and no place"
@@ -297,7 +297,6 @@ def _json(tables: BatchTables) -> str:
             "ranking": [row for ranking in tables.rankings for row in _ranked(ranking)],
             "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
             "notes": list(tables.notes),
-            "resamples": tables.resamples,
             "seed": tables.seed,
             "jobs": _records(tables.rows),
         }

@@ -143,7 +143,7 @@ class BatchTables:
         One for each set of parameters.
     notes : tuple of str
         Why something is not ranked.
-    resamples, seed : int
+    seed : int
         Of the bootstrap intervals of the groups.
     """
 
@@ -152,5 +152,4 @@ class BatchTables:
     by: tuple[str, ...] = ()
     rankings: tuple[Ranking, ...] = ()
     notes: tuple[str, ...] = ()
-    resamples: int = 0
     seed: int = 0

@@ -14,10 +14,13 @@ from scipy.stats import permutation_test
 
 from tgospa_eval.batch.resampling import (
     BOOTSTRAP_SEED,
+    FEW_RESAMPLES,
+    MANY_PAIRS,
     RESAMPLES,
     holm,
     p_values,
     resampled_sums,
+    resamples_of,
 )
 from tgospa_eval.batch.tables import combined, tabulated
 from tgospa_eval.reports.batch import BATCH_REPORTS
@@ -117,6 +120,8 @@ def test_resampled_sums_are_paired_and_reproducible() -> None:
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     drawn = rng.integers(0, 8, (RESAMPLES, 8))
     assert resampled_sums(totals) == pytest.approx(totals[:, drawn].sum(axis=-1))
+    many = np.random.default_rng(3).gamma(4.0, 25.0, (1, MANY_PAIRS + 1))
+    assert resampled_sums(many).shape == (1, resamples_of(many.size)) == (1, FEW_RESAMPLES)
 
 
 def test_holm_by_hand() -> None:
@@ -154,7 +159,9 @@ def test_ranking_and_interval_by_hand() -> None:
     assert own is not None
     assert (own.lower, own.upper) == pytest.approx((low, high), abs=0.03 * (high - low))
     group = tables.groups[tables.groups["tracker"] == first].iloc[0]
-    assert (group["confidence_lower"], group["confidence_upper"]) == (own.lower, own.upper)
+    assert (group["confidence_lower"], group["confidence_upper"]) == pytest.approx(
+        (own.lower, own.upper)
+    )
 
 
 def test_brackets_travel() -> None:
@@ -287,7 +294,7 @@ def test_order_and_names_of_rows_change_nothing(random: Any) -> None:
         other[column] = other[column].map(lambda text: names[int(text[-1])])
     first, second = (tabulated(each, ["tracker"]) for each in (rows, other))
     assert first.rankings == second.rankings
-    exact = ["tracker", "jobs", "expected", "confidence_lower", "confidence_upper"]
+    exact = ["tracker", "jobs", "expected", "confidence_lower", "confidence_upper", "resamples"]
     pd.testing.assert_frame_equal(first.groups[exact], second.groups[exact])
 
 
