@@ -4,6 +4,7 @@ Whatever happens here only proposes; the bracket is made by `problem.certificate
 """
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -17,7 +18,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
-from tgospa_eval.solvers.schedule import ASCENT, PROGRAMMES, WINDOWS
+from tgospa_eval.solvers.schedule import ASCENT, PROGRAMMES, WINDOWS, Stage
 from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
@@ -130,8 +131,7 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: Batch, *, near: bool) 
             skip = False
             continue
         threshold = min(10 * stage.epsilon, 1.3) + half
-        calm = ASCENT.calm if stage.epsilon > ASCENT.calm_above else 0.0
-        sweeps += ascent.stage(*stage, threshold, batch.limit.late, calm)[0]
+        sweeps += _stage(ascent, stage, threshold, batch.limit.late)
         ascent.keep(ascent.wide())
         programmes.report_progress()
         skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and stage.epsilon > skip_above
@@ -139,6 +139,21 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: Batch, *, near: bool) 
         if early and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
             programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
             programmes.run_nearby(PROGRAMMES.rounds[0])
+    return sweeps
+
+
+def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bool]) -> int:
+    """Sweeps at one temperature, with working sets made anew until prices settle; their number."""
+    calm = ASCENT.calm if stage.epsilon > ASCENT.calm_above else 0.0
+    sweeps = 0
+    for _ in range(ASCENT.repeats):
+        before = ascent.open_dual
+        done, violation = ascent.stage(*stage, threshold, late, calm)
+        sweeps += done
+        gained = before - ascent.open_dual
+        settled = violation < max(calm, ASCENT.settled)
+        if settled or late() or gained < ASCENT.gained * ascent.open_cost:
+            break
     return sweeps
 
 
