@@ -148,7 +148,7 @@ def _jobs(ranking: Ranking) -> str:
 
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     """The proven order, and below it the statistical one."""
-    where = f", {_where(ranking).removesuffix(': ')}" if ranking.parameters else ""
+    of = [_name(value) for value in ranking.parameters.values()]
     equal = {
         name
         for pair in ranking.comparisons
@@ -156,10 +156,11 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
         for name in (pair.first, pair.second)
     }
     yield Table(
-        head=(f"{ranking.label}{where}", "proven place", "combined", "per step"),
+        head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
         rows=[
             (
                 item.name,
+                *of,
                 place_in_words(*item.place, shared=item.name in equal),
                 _between(item.combined),
                 _between(item.per_step),
@@ -167,7 +168,9 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
             for item in ranking.entries
         ],
         bold=frozenset(
-            (row, k) for row in best_of([item.place for item in ranking.entries]) for k in range(3)
+            (row, k)
+            for row in best_of([item.place for item in ranking.entries])
+            for k in range(3 + len(of))
         ),
     )
     places = {
@@ -178,11 +181,15 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     best = ranking.entries[0].name
     if places:
         yield Table(
-            head=(f"vs {best}{where}", "difference", INTERVAL, "p (Holm)", "statistical place"),
+            head=(
+                f"vs {best}",
+                *ranking.parameters,
+                *("difference", INTERVAL, "p (Holm)", "statistical place"),
+            ),
             rows=[
-                (best, "", "", "", places[best]),
+                (best, *of, "", "", "", places[best]),
                 *(
-                    (pair.second, *_tested(pair), places[pair.second])
+                    (pair.second, *of, *_tested(pair), places[pair.second])
                     for pair in ranking.comparisons
                     if pair.first == best
                 ),
@@ -230,7 +237,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         yield f"{INTERVAL}: of the value before it, by bootstrap"
     for ranking in tables.rankings:
         if ranking.left_out:
-            yield f"{', '.join(ranking.left_out)}: no job with a value, and no place"
+            names = ", ".join(ranking.left_out)
+            yield f"{_where(ranking)}{names}: no job with a value, and no place"
     yield from _preprocessed(tables.rows)
     yield from _about_others(tables)
 

@@ -256,7 +256,10 @@ def test_parameters_are_ranked_apart() -> None:
         {"cutoff": 5.0}, {"cutoff": 9.0}
     ]  # fmt: skip
     assert [ranking.entries[0].name for ranking in tables.rankings] == ["a", "b"]
-    assert "cutoff 9: Proven order by combined" in BATCH_REPORTS["table"](tables)
+    text = BATCH_REPORTS["table"](tables)
+    assert "cutoff 9: Proven order by combined" in text
+    heads = [line.split()[:3] for line in text.splitlines() if line.startswith("  vs ")]
+    assert heads == [["vs", "a", "cutoff"], ["vs", "b", "cutoff"]]
 
 
 @pytest.mark.parametrize(
