@@ -107,7 +107,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
       tgospa-eval batch --truth 'gt/{run}.csv' --estimate 'out/{run}.csv' \\
           -c 10 -g 5 -o results
       tgospa-eval batch manifest.csv -c 10 -g 5 -o results --workers 4
-      tgospa-eval batch --layout kitti gt trackers --distance iou --with hota -o results
+      tgospa-eval batch --layout kitti gt trackers --distance iou -o results
       tgospa-eval batch report results --by tracker
 
     Exit status: 0 done, 2 wrong option or missing files, 3 bad manifest, 4 the accuracy
