@@ -3,17 +3,11 @@
 import json
 import math
 import os
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import pytest
-from browser import PATIENCE
 from checkout import SAMPLES
 
 Invoke = Callable[..., Any]
@@ -115,30 +109,6 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
     assert counts == ["3", "3", "2"]
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
     assert "must be K/N" in batch(invoke, "--shard", "4/3").err
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs signals")
-def test_killed_and_gone_on(invoke: Invoke, runs: Path, environment: dict[str, str]) -> None:
-    """What was stored before a kill -9 is not done again, and nothing is doubled."""
-    command = [sys.executable, "-m", "tgospa_eval", "batch", *PATTERNS, "-o", "r", "--workers", "1"]
-    for run in range(RUNS, 60):
-        for name in ("gt", "out/a", "out/b"):
-            text = Path(name, "0.csv").read_text(encoding="utf-8")
-            Path(name, f"{run}.csv").write_text(text, encoding="utf-8")
-    process = subprocess.Popen(command, env=environment, start_new_session=True)
-    until = time.monotonic() + PATIENCE
-    while not list(Path("r/jobs").glob("*.parquet")) and process.poll() is None:
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    stored = sum(len(pd.read_parquet(path)) for path in Path("r/jobs").glob("*.parquet"))
-    answer = invoke("batch", *PATTERNS, "-o", "r", "--workers", "2")
-    assert answer.status == 0
-    assert f"{stored} job" in answer.err
-    assert answer.out.startswith("120 jobs, 0 failed")
-    rows = pd.concat(pd.read_parquet(path) for path in Path("r/jobs").glob("*.parquet"))
-    assert len(rows) == rows["key"].nunique() == 120
 
 
 @pytest.mark.parametrize(

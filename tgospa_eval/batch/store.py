@@ -9,11 +9,12 @@ import os
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batch.per_step import STEP_FOLDER, STEPS, StoredSteps, read_steps, step_table
-from tgospa_eval.common.files import named
+from tgospa_eval.common.files import named, reason
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 
@@ -23,6 +24,12 @@ if TYPE_CHECKING:
 SCHEMA = "tgospa-eval/batch/1"
 SETTINGS_FILE = "batch.json"
 PART_FOLDER = "jobs"
+
+MANY_PARTS = 64
+"""Parts of which one is made: to open each takes longer than to read the rows of a hundred."""
+
+TRIES = 3
+"""Times that parts are listed anew when somebody joins them meanwhile."""
 
 Row = dict[str, Any]
 """What is stored of one job: plain values by column; labels begin with ``label.``.
@@ -107,13 +114,14 @@ class Store:
         """
         import pandas as pd
 
-        frames = []
-        for path in sorted((self.folder / PART_FOLDER).glob("part-*.parquet")):
-            with named(str(path), InputError):
-                frames.append(pd.read_parquet(path))
-        if not frames:
+        table = None
+        for _ in range(TRIES):
+            with suppress(FileNotFoundError):  # joined since they were listed
+                table = self._read(self._parts())
+                break
+        if table is None:
             return pd.DataFrame(columns=["key", "status"])
-        rows = pd.concat(frames, ignore_index=True)
+        rows: pd.DataFrame = table.to_pandas()
         rows["_done"] = rows["status"] == "done"
         rows = rows.sort_values(["_done", "finished"], kind="stable").drop_duplicates(
             "key", keep="last"
@@ -125,6 +133,47 @@ class Store:
         return rows.drop(columns="_done").sort_values(
             labels or "key", kind="stable", ignore_index=True
         )
+
+    def join(self) -> None:
+        """Make one part of many; for who is sure that nobody else writes meanwhile.
+
+        Raises
+        ------
+        InputError, ConfigError
+            A part is damaged, or the new one cannot be written.
+        """
+        import pyarrow.parquet as pq
+
+        paths = self._parts()
+        if len(paths) <= MANY_PARTS:
+            return
+        table = self._read(paths)
+        # A row that is there twice, if this is broken off now, is one row to all who read it.
+        self._write(PART_FOLDER, _part_name(), lambda path: pq.write_table(table, path))
+        for path in paths:
+            with suppress(OSError):  # somebody reads it, on Windows
+                path.unlink()
+
+    def _parts(self) -> list[Path]:
+        return sorted((self.folder / PART_FOLDER).glob("part-*.parquet"))
+
+    def _read(self, paths: Sequence[Path]) -> Any:
+        """An Arrow table of some parts, None of none."""
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        tables = []
+        for path in paths:
+            try:
+                # Of one file, without the search for a dataset, which takes longer than reading.
+                with pq.ParquetFile(path) as file:
+                    tables.append(file.read().replace_schema_metadata())
+            except FileNotFoundError:
+                raise
+            except (OSError, ValueError) as error:
+                raise InputError(f"{path}: cannot be read: {reason(error)}") from None
+        # Parts of failed jobs alone lack columns.
+        return pa.concat_tables(tables, promote_options="permissive") if tables else None
 
     def add(self, rows: Sequence[Row]) -> None:
         """Store some rows, whole.
@@ -138,7 +187,7 @@ class Store:
 
         if not rows:
             return
-        name = f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
+        name = _part_name()
         steps = step_table(rows)
         # First, so that no job is known whose steps are not there.
         if steps is not None:
@@ -167,6 +216,11 @@ class Store:
             A part is damaged.
         """
         return read_steps(self.folder / STEP_FOLDER, rows)
+
+
+def _part_name() -> str:
+    """A name that no other has, later than all before."""
+    return f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
 
 
 def _frame(rows: Sequence[Row]) -> "pd.DataFrame":

@@ -20,7 +20,14 @@ from tgospa_eval.batch.processes import Processes
 from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.files import write_batch
-from tgospa_eval.cli.batch.worker import Task, evaluate_job, key_of, lost_job
+from tgospa_eval.cli.batch.worker import (
+    Task,
+    evaluate_job,
+    files_of,
+    given_text,
+    key_of,
+    lost_job,
+)
 from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.typed import typed_options
@@ -113,12 +120,15 @@ def run_batch(
     with locked(store.folder, shard):
         tasks = list(_tasks(ctx, plan, options, batch, output))
         tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
-        left = list(_left(tasks, store.rows(), retry_failed=batch.retry_failed))
+        if shard == (1, 1):
+            store.join()
+        rows = store.rows()
+        left = list(_left(tasks, rows, retry_failed=batch.retry_failed))
         left.sort(key=_size, reverse=True)
         if not output.quiet and len(left) < len(tasks):
             print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
         _work(left, store, batch.engine, quiet=output.quiet)
-    rows = store.rows()
+    rows = store.rows() if left else rows
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
     _print(rows, batch, output)
@@ -234,12 +244,14 @@ def _tasks(
 ) -> Iterator[Task]:
     """The jobs with their own options and their keys; what they share is there once."""
     shared = replace(options, jobs=1)
+    of_all = given_text(shared)
     base = os.getcwd() if batch.scheduler else ""
     for job in plan.jobs:
-        chosen = shared
+        chosen, given = shared, of_all
         if job.options:
             own = typed_options(ctx, dict(job.options), f"job {job.name}")
             chosen = replace(shared, **own)  # type: ignore[arg-type]
+            given = given_text(chosen)
         folder = None
         if batch.reports:
             parts = [folder_name(value) for value in job.labels.values()]
@@ -248,7 +260,7 @@ def _tasks(
         yield Task(
             job=job,
             options=chosen,
-            key=key_of(job, chosen),
+            key=key_of(job, given, files_of(job, chosen)),
             folder=folder,
             proof=batch.proof,
             per_step=batch.per_step,

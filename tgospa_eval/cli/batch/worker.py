@@ -5,7 +5,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,11 +16,15 @@ from tgospa_eval.batch.jobs import Job
 from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
 from tgospa_eval.batch.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.files import reason
 from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.reports.proofs import FOLDER, proof_files
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
+
+SMALL = 1 << 20
+"""Bytes of a file that are read at once for its digest."""
 
 NAMING_FILES = ("covariance", "inner_cov")
 """Options that may name a file."""
@@ -78,19 +82,37 @@ class Task:
         return row[STORED_STEPS] > 0 and (bool(row[STORED_CURVE]) or not self.options.curve)
 
 
-def key_of(job: Job, options: EvaluationOptions) -> str:
+def key_of(job: Job, given: str, files: Iterable[str]) -> str:
     """A digest of what makes the row: its files, labels, options and the schema of a result.
 
-    A file that cannot be read counts as nothing; the job will say so.
+    Parameters
+    ----------
+    job : Job
+        Paths and labels.
+    given : str
+        Its options, as `given_text` has them.
+    files : iterable of str
+        What is read. What cannot be read counts as nothing; the job will say so.
     """
-    sha = hashlib.sha256()
-    parts = RESULT_SCHEMA, dict(job.labels), options.given
-    sha.update(json.dumps(parts, sort_keys=True, default=str).encode())
-    given = (getattr(options, name) for name in NAMING_FILES)
-    for path in (job.truth, job.estimate, *filter(None, given)):
+    sha = hashlib.sha256(given.encode())
+    sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
+    for path in files:
         with suppress(OSError), open(path, "rb") as file:
-            sha.update(hashlib.file_digest(file, "sha256").digest())
+            start = file.read(SMALL)
+            more = hashlib.file_digest(file, "sha256").digest() if len(start) == SMALL else b""
+            sha.update(hashlib.sha256(start).digest() + more)
     return sha.hexdigest()
+
+
+def given_text(options: EvaluationOptions) -> str:
+    """The options that change the number, and the schema of a result."""
+    return json.dumps((RESULT_SCHEMA, options.given), sort_keys=True, default=str)
+
+
+def files_of(job: Job, options: EvaluationOptions) -> tuple[str, ...]:
+    """The files that a job reads; a word in place of a name is a file that is not there."""
+    named = (getattr(options, name) for name in NAMING_FILES)
+    return (job.truth, job.estimate, *filter(None, named))
 
 
 def evaluate_job(task: Task) -> Row:
@@ -107,6 +129,9 @@ def evaluate_job(task: Task) -> Row:
             OutputOptions(quiet=True),
             lambda _: None,
         )
+        files = files_of(here.job, here.options)
+        if key_of(task.job, given_text(task.options), files) != task.key:
+            raise InputError("a file changed while it was read; the same command reads it again")
         if here.folder is not None:
             _write(result, task, here.folder)
         row = {
@@ -119,9 +144,17 @@ def evaluate_job(task: Task) -> Row:
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args)}
     except Exception as error:  # of ours: the other jobs go on
-        fault = f"{type(error).__name__}: {error}: please report this as a bug"
-        row = {"status": "failed", "message": "out of memory" if is_of_memory(error) else fault}
+        row = {"status": "failed", "message": _fault(error)}
     return finished_row(task, row, time.monotonic() - begin)
+
+
+def _fault(error: Exception) -> str:
+    """What nobody foresaw, in words."""
+    if is_of_memory(error):
+        return "out of memory"
+    if isinstance(error, OSError):  # of the disk, or of what is in the way of a folder
+        return f"{error.filename or 'writing'}: {reason(error)}"
+    return f"{type(error).__name__}: {error}: please report this as a bug"
 
 
 def _as_seen_here(task: Task) -> Task:
