@@ -48,6 +48,9 @@ def install(*extras: str) -> str:
 
 def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:
     """Sort key: digits in a text compare as numbers."""
+    if text.isascii() and text.isdigit():  # most ids
+        digits = text.lstrip("0")
+        return [(0, len(digits), digits)], text
     parts = re.findall(r"[0-9]+|[^0-9]+", text)
     keys = [(0, len(p.lstrip("0")), p.lstrip("0")) if p[0].isdigit() else (1, 0, p) for p in parts]
     return keys, text

@@ -189,14 +189,13 @@ def _in_doubt(columns: Columns, coded: dict[int, Coded], layout: Layout, roles: 
 
 def is_regular(data: bytes, start: int, delimiter: str, width: int) -> bool:
     """Whether every line from byte `start` on has `width` fields; no quotes around delimiters."""
+    row = delimiter.encode() * (width - 1) + b"\n"
+    others = bytes(set(range(256)) - {ord(delimiter), ord("\n")})
     for view in _blocks(data, start):
-        marks = view[(view == ord(delimiter)) | (view == ord("\n"))]
+        marks = view.tobytes().translate(None, others)
         if len(view) and view[-1] != ord("\n"):
-            marks = np.append(marks, np.uint8(ord("\n")))
-        if len(marks) % width:
-            return False
-        ends = marks.reshape(-1, width) == ord("\n")
-        if not ends[:, -1].all() or ends[:, :-1].any():
+            marks += b"\n"
+        if marks != row * (len(marks) // width):
             return False
     return True
 

@@ -2,7 +2,6 @@
 
 import os
 import stat
-from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -36,7 +35,7 @@ class Places:
     """Where something is, for messages."""
 
     path: str
-    lines: Sequence[int]
+    lines: Ints | range
     names: Sequence[str]
 
     def row(self, row: int) -> str:
@@ -115,13 +114,13 @@ class Block:
 
     Parameters
     ----------
-    lines : sequence of int
+    lines : (R,) int array
         Line of each row.
     columns : sequence of sequences of str
         The fields, column by column.
     """
 
-    lines: Sequence[int]
+    lines: Ints
     columns: Sequence[Sequence[str]]
 
 
@@ -173,16 +172,16 @@ def convert(
     wanted = {roles.id, roles.time, *texts, *(() if roles.klass is None else (roles.klass,))}
     coders = {column: _Coder() for column in wanted}
     readers = {column: Numbers(decimal) for column in roles.numbers}
-    lines = array("q")
+    lines: list[Ints] = [np.zeros(0, np.int64)]
     for block in blocks:
-        lines.extend(block.lines)
+        lines.append(block.lines)
         for column, coder in coders.items():
             coder.add(block.columns[column])
         for column, reader in readers.items():
             reader.add(block.columns[column])
     coded = {column: coder.coded() for column, coder in coders.items()}
     del coders
-    places = Places(path=path, lines=lines, names=names)
+    places = Places(path=path, lines=np.concatenate(lines), names=names)
     problems: list[str] = []
     of_weights: list[str] = []  # a column of this name may be something else
     ids = numbered(coded[roles.id], name_id)
@@ -190,7 +189,7 @@ def convert(
     if len(blank):
         place = places.field(int(blank[0]), roles.id)
         problems.append(f"{place}: blank id{more(len(blank))}; name the object")
-    values = np.empty((len(lines), len(roles.numbers)), order="F")
+    values = np.empty((len(places.lines), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
         reader = readers.pop(column)
         values[:, k] = reader.values()
@@ -224,8 +223,9 @@ class _Coder:
 
     def add(self, texts: Sequence[str]) -> None:
         seen = self.seen
-        codes = (seen.setdefault(text, len(seen)) for text in texts)
-        self.blocks.append(np.fromiter(codes, np.int64, len(texts)))
+        for text in dict.fromkeys(texts):  # most are repeated
+            seen.setdefault(text, len(seen))
+        self.blocks.append(np.fromiter(map(seen.__getitem__, texts), np.int64, len(texts)))
 
     def coded(self) -> Coded:
         code, self.blocks = np.concatenate(self.blocks), []

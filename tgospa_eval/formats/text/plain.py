@@ -143,7 +143,7 @@ def _blocks(
                 else:
                     wrong.append((number, len(fields)))
         if rows:
-            yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
+            yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
     if wrong:
         line_number, found = wrong[0]
         raise InputError(

@@ -14,6 +14,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
+import numpy as np
+
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles, find_roles
@@ -186,7 +188,7 @@ def tokenise(
         if width > 1 and bulk.is_regular(chunk.encode(), 0, delimiter, width):
             fields = chunk.replace("\n", delimiter).split(delimiter)
             yield Block(
-                lines=range(line, line + len(fields) // width),
+                lines=np.arange(line, line + len(fields) // width),
                 columns=[fields[k::width] for k in range(width)],
             )
         else:
@@ -219,7 +221,7 @@ def _tokenise_slowly(
                     wrong.append((begin, len(row), row[0].lstrip().startswith(COMMENTS)))
             begin = first_line + reader.line_num
             if len(rows) == ROWS_OF_BLOCK:
-                yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
+                yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
                 lines, rows = [], []
     except csv.Error as error:
         raise InputError(
@@ -228,7 +230,7 @@ def _tokenise_slowly(
     if before is None:
         _refuse(wrong, width, path)
     if rows:
-        yield Block(lines=lines, columns=list(zip(*rows, strict=True)))
+        yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
 
 
 def _refuse(wrong: list[Wrong], width: int, path: str) -> None:
