@@ -86,6 +86,11 @@ def test_steps_that_are_asked_for_later_are_stored_and_stay(invoke: Invoke, runs
     assert "done before" not in batch(invoke, "--reports").err
     answer = batch(invoke, "--per-step", "--curve", "--format", "json")
     assert "6 jobs of 6 done before" in answer.err
+    curves = json.loads(answer.out)["curves"]
+    assert [(item["by"]["tracker"], item["curve"]) for item in curves] == [
+        ("a", "step"), ("a", "growing"), ("b", "step"), ("b", "growing")
+    ]  # fmt: skip
+    assert curves[0]["points"][1]["runs"] == RUNS
     assert pd.read_csv("r/curve.csv")["runs"].tolist() == [RUNS] * 24
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from tgospa_eval.batch.pairing import labels_of
 from tgospa_eval.batch.per_step import StoredSteps
+from tgospa_eval.batch.resampling import BOOTSTRAP_SEED, CONFIDENCE, LEAST_PAIRS
 from tgospa_eval.batch.tables import PARAMETERS
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import RmsCurve
@@ -19,12 +20,10 @@ from tgospa_eval.reports.curves import RmsCurve
 if TYPE_CHECKING:
     import pandas as pd
 
-FEWEST_RUNS = 6
-"""With fewer there is no band."""
-
 BAND_RESAMPLES = 1000
-BAND_SEED = 0
-BAND = (0.025, 0.975)
+"""Fewer than of tables, for there are many steps."""
+
+BAND = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
 """Quantiles of the values of resampled runs (percentile bootstrap)."""
 
 
@@ -144,9 +143,9 @@ def _band(
     patterns, which = np.unique(there, axis=1, return_inverse=True)
     for k, having in enumerate(patterns.T):
         runs = int(having.sum())
-        if runs < FEWEST_RUNS:
+        if runs < LEAST_PAIRS:
             continue
-        rng = np.random.default_rng(BAND_SEED)
+        rng = np.random.default_rng(BOOTSTRAP_SEED)
         drawn = rng.integers(runs, size=(BAND_RESAMPLES, runs))
         drawn += runs * np.arange(BAND_RESAMPLES)[:, None]
         counts = np.bincount(drawn.ravel(), minlength=BAND_RESAMPLES * runs)

@@ -66,3 +66,25 @@ def variables(colours: Mapping[str, str], tracks: tuple[str, ...]) -> str:
     """Declarations of CSS, ``--missed: #b83a00`` and ``--track-0`` to the last."""
     named = {**colours, **{f"track-{k}": colour for k, colour in enumerate(tracks)}}
     return " ".join(f"--{name}: {colour};" for name, colour in named.items())
+
+
+HEAT_LEVELS = 9
+"""Shades from paper on."""
+
+_DARKEST = {LIGHT["paper"]: 0.85, DARK["paper"]: 0.6}
+"""How much of the full colour the darkest shade has: letters are legible on it."""
+
+
+def heat_shades(colours: Mapping[str, str]) -> tuple[str, ...]:
+    """Shades of one colour, from little to much."""
+    paper, full = (_channels(colours[name]) for name in ("paper", "localisation"))
+    most = _DARKEST[colours["paper"]]
+    shares = (most * k / (HEAT_LEVELS - 1) for k in range(HEAT_LEVELS))
+    return tuple(
+        "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(paper, full, strict=True))
+        for share in shares
+    )
+
+
+def _channels(colour: str) -> tuple[int, ...]:
+    return tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5))

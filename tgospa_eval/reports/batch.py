@@ -9,6 +9,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking
+from tgospa_eval.reports.curves import curves_json
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.order import best_of, order_in_words, place_in_words
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
@@ -306,6 +307,7 @@ def _json(tables: BatchTables) -> str:
             "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
             "notes": list(tables.notes),
             "seed": tables.seed,
+            **({"curves": curves_json(tables.curves)} if tables.curves else {}),
             "jobs": _records(tables.rows),
         }
     )

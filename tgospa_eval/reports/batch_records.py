@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from tgospa_eval.common.interval import Interval
+from tgospa_eval.reports.curves import RmsCurve
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -145,6 +146,8 @@ class BatchTables:
         Why something is not ranked.
     seed : int
         Of the bootstrap intervals of the groups.
+    curves : tuple of RmsCurve
+        Over the steps of runs, where those are stored.
     """
 
     rows: "pd.DataFrame"
@@ -153,3 +156,4 @@ class BatchTables:
     rankings: tuple[Ranking, ...] = ()
     notes: tuple[str, ...] = ()
     seed: int = 0
+    curves: tuple[RmsCurve, ...] = ()

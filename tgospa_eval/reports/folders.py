@@ -97,9 +97,10 @@ STUDY = Kind(
 BATCH = Kind(
     name="batch",
     document="report.html",
-    names=("report.html", "curve.csv"),
+    names=("report.html", "curve.csv", *_files("parts heat curve", "png")),
     log="batch.json",
     opens=("report.html",),
+    options=" --pictures {0}",
 )
 
 

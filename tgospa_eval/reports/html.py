@@ -8,6 +8,7 @@ text.
 import base64
 import zlib
 from collections.abc import Mapping
+from functools import cache
 
 import jinja2
 import numpy as np
@@ -42,43 +43,54 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
     names : pair of str
         What truth and estimate are called, as the paths of their files.
     """
-    loader = jinja2.PackageLoader("tgospa_eval.reports", "page")
-    environment = jinja2.Environment(
-        loader=loader,
+    data, arrays = document(result)
+    return (
+        environment()
+        .get_template("page.html.j2")
+        .render(
+            # a path may hold bytes that are no text
+            names=[name.encode("utf-8", "backslashreplace").decode() for name in names],
+            result=result,
+            value=result.quantity(result.tgospa),
+            bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
+            traced=result.traced is not None,
+            meaning=meaning(result),
+            parts=_parts(result),
+            total=number(result.total),
+            per_step=result.quantity(result.normalised["tgospa"]),
+            classes=_classes(result),
+            others=other_table(result.with_).rows,
+            similarity=list(similarity(result.with_)),
+            seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
+            parameters=_flat(result.parameters),
+            inputs={name: _flat(about) for name, about in result.input.items()},
+            solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
+            worst=WORST_ROWS,
+            data=data,
+            arrays=packed(arrays),
+            style=page_colours() + inlined("page.css"),
+            script="".join(inlined(f"{name}.js") for name in SCRIPTS),
+        )
+    )
+
+
+@cache
+def environment() -> jinja2.Environment:
+    """What makes pages of the templates: all text that is put into them is escaped."""
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("tgospa_eval.reports", "page"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    data, arrays = document(result)
 
-    def inlined(name: str) -> str:
-        return loader.get_source(environment, name)[0]
 
-    return environment.get_template("page.html.j2").render(
-        # a path may hold bytes that are no text
-        names=[name.encode("utf-8", "backslashreplace").decode() for name in names],
-        result=result,
-        value=result.quantity(result.tgospa),
-        bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
-        traced=result.traced is not None,
-        meaning=meaning(result),
-        parts=_parts(result),
-        total=number(result.total),
-        per_step=result.quantity(result.normalised["tgospa"]),
-        classes=_classes(result),
-        others=other_table(result.with_).rows,
-        similarity=list(similarity(result.with_)),
-        seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
-        parameters=_flat(result.parameters),
-        inputs={name: _flat(about) for name, about in result.input.items()},
-        solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
-        worst=WORST_ROWS,
-        data=data,
-        arrays=packed(arrays),
-        style=_colours() + inlined("page.css"),
-        script="".join(inlined(f"{name}.js") for name in SCRIPTS),
-    )
+def inlined(name: str) -> str:
+    """The text of a file beside the templates, as it stands."""
+    loader = environment().loader
+    assert loader is not None
+    return loader.get_source(environment(), name)[0]
 
 
 def packed(arrays: dict[str, Ints]) -> str:
@@ -102,8 +114,8 @@ def packed(arrays: dict[str, Ints]) -> str:
     return base64.b64encode(data).decode("ascii")
 
 
-def _colours() -> str:
-    """Those of all pictures; paper is white."""
+def page_colours() -> str:
+    """Those of all pictures, as style; paper is white."""
     light, dark = variables(LIGHT, TRACK_COLOURS), variables(DARK, DARK_TRACK_COLOURS)
     return (
         f":root, :root.printing {{ {light} }}\n"

@@ -7,6 +7,7 @@ from tgospa_eval.cli.shared.option import PATH, Option
 from tgospa_eval.cli.shared.options import (
     CONFIG_FILE,
     EVALUATION,
+    PICTURE_OPTIONS,
     QUIET,
     REPORT_FORMATS,
     WITH,
@@ -89,6 +90,7 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             default="table",
         ),
         WITH,
+        *(item for item in PICTURE_OPTIONS if item.key in ("pictures", "style")),
         CONFIG_FILE,
         QUIET,
     ],

@@ -1,34 +1,49 @@
-"""What a batch writes beside its rows: curves as a table."""
+"""What a batch writes beside its rows: the page, curves as a table, pictures."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+import importlib.util
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
-from tgospa_eval.batch.curves import rms_curves
+from tgospa_eval import plots
 from tgospa_eval.batch.store import Store
+from tgospa_eval.cli.evaluate.output import wanted_pictures
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.batch_records import BatchTables
+from tgospa_eval.reports.batch_view import BatchView
 from tgospa_eval.reports.curves import curves_csv
 from tgospa_eval.reports.folders import BATCH
+from tgospa_eval.reports.proofs import folder_name
 
 if TYPE_CHECKING:
     import pandas as pd
 
+REPORT_FOLDER = "reports"
 
-def write_batch(
-    store: Store, rows: "pd.DataFrame", by: list[str], output: OutputOptions, *, lenient: bool
-) -> None:
+
+def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
+    """Where the result folder of a job is, of labels and options of its own."""
+    parts = [folder_name(value) for value in labels.values()]
+    parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
+    return os.path.join(store, REPORT_FOLDER, *parts)
+
+
+def write_batch(store: Store, tables: BatchTables, output: OutputOptions, *, lenient: bool) -> None:
     """Write the files of a batch to the folder of ``-o``.
 
     Parameters
     ----------
     store : Store
-        Has the steps of the jobs.
-    rows : DataFrame
-        Of the jobs that are shown.
-    by : list of str
-        Labels of the groups.
+        Has the settings, and the reports of jobs.
+    tables : BatchTables
+        What is shown.
     output : OutputOptions
         Where to write, and what to print.
     lenient : bool
@@ -39,17 +54,56 @@ def write_batch(
     ConfigError
         The folder cannot be written.
     """
-    curves = rms_curves(rows, store.steps(rows), by)
-    if not curves:
+    if output.output is None or not len(tables.rows):
         return
+    wanted = wanted_pictures(output)
+    absent = [] if importlib.util.find_spec("jinja2") else ["report"]
+    if wanted is not None and not plots.available():
+        wanted = None
+        absent.append("plot")
+    if absent and not output.quiet:
+        what = {"report": "report.html", "plot": "the pictures"}
+        names = " and ".join(what[name] for name in absent)
+        print_notice(f"not written: {names}, for want of {install(*absent)}")
+    view = BatchView(
+        tables=tables,
+        settings=store.settings(),
+        link=_link(store, output.output, tables.rows),
+    )
 
     def make(notify: Callable[[str, float], None]) -> Files:
-        notify("curve.csv", 0.0)
-        return {"curve.csv": curves_csv(curves)}
+        files: dict[str, str | bytes] = {}
+        if tables.curves:
+            files["curve.csv"] = curves_csv(tables.curves)
+        if "report" not in absent:
+            from tgospa_eval.reports.batch_page import batch_page  # here: the extra may be missing
+
+            notify("report.html", 0.0)
+            files["report.html"] = batch_page(view)
+        if wanted is None:
+            return files
+        from tgospa_eval.plots.batch import batch_pictures  # here: it draws
+
+        return files | batch_pictures(view, wanted, notify)
 
     try:
         write_output(output, BATCH, make)
     except ConfigError as error:
         if not lenient:
             raise
-        print_notice(f"the curves are not written: {error}")
+        print_notice(f"the page is not written: {error}")
+
+
+def _link(store: Store, target: str, rows: "pd.DataFrame") -> "Callable[[pd.Series[Any]], str]":
+    """Where the report of a job is, seen from the folder of the page; nothing if there is none."""
+    names = [name.removeprefix("label.") for name in rows.columns if name.startswith("label.")]
+
+    def link(row: "pd.Series[Any]") -> str:
+        labels = {name: str(row[f"label.{name}"]) for name in names}
+        folder = folder_of(str(store.folder), labels, json.loads(str(row["options"])))
+        found = Path(folder, "report.html")
+        if not found.is_file():
+            return ""
+        return quote(Path(os.path.relpath(found, target)).as_posix())
+
+    return link

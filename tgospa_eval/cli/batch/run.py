@@ -11,6 +11,7 @@ import click
 from tgospa_eval._version import __version__
 from tgospa_eval.batch import jobs
 from tgospa_eval.batch.cluster import Cluster
+from tgospa_eval.batch.curves import rms_curves
 from tgospa_eval.batch.engine import Engine, spread
 from tgospa_eval.batch.jobs import Plan
 from tgospa_eval.batch.lock import locked
@@ -19,7 +20,7 @@ from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
 from tgospa_eval.batch.processes import Processes
 from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, tabulated
-from tgospa_eval.cli.batch.files import write_batch
+from tgospa_eval.cli.batch.files import folder_of, write_batch
 from tgospa_eval.cli.batch.worker import (
     Task,
     evaluate_job,
@@ -36,7 +37,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.reports.batch import BATCH_REPORTS
-from tgospa_eval.reports.proofs import folder_name
+from tgospa_eval.reports.batch_records import BatchTables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,9 +132,10 @@ def run_batch(
     rows = store.rows() if left else rows
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
-    _print(rows, batch, output)
+    tables = _tables(store, rows, batch)
+    emit(BATCH_REPORTS[output.format_](tables), output.format_)
     if shard == (1, 1):  # of others more is to come
-        write_batch(store, rows, _groups(rows, batch), output, lenient=True)
+        write_batch(store, tables, output, lenient=True)
     wrong = rows[rows["status"] == "failed"] if len(rows) else rows
     for name, message in zip(_names(wrong), wrong.get("message", ()), strict=True):
         print_notice(f"{name}: {message}")
@@ -155,9 +157,9 @@ def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> Non
     """
     store = Store(folder)
     store.settings()
-    rows = store.rows()
-    _print(rows, batch, output)
-    write_batch(store, rows, _groups(rows, batch), output, lenient=False)
+    tables = _tables(store, store.rows(), batch)
+    emit(BATCH_REPORTS[output.format_](tables), output.format_)
+    write_batch(store, tables, output, lenient=False)
 
 
 def _plan(paths: tuple[str, ...], batch: BatchOptions) -> Plan:
@@ -254,9 +256,7 @@ def _tasks(
             given = given_text(chosen)
         folder = None
         if batch.reports:
-            parts = [folder_name(value) for value in job.labels.values()]
-            parts += [f"{key}={folder_name(value)}" for key, value in job.options.items()]
-            folder = os.path.join(str(output.output), "reports", *parts)
+            folder = folder_of(str(output.output), job.labels, job.options)
         yield Task(
             job=job,
             options=chosen,
@@ -318,16 +318,13 @@ def _progress(done: int, count: int, failed: int, seconds: float) -> str:
     )
 
 
-def _print(rows: "pd.DataFrame", batch: BatchOptions, output: OutputOptions) -> None:
-    tables = tabulated(rows, _groups(rows, batch), roots=batch.mean_of_roots)
-    if not batch.groups:  # nobody asked what there is to compare
-        tables = replace(tables, notes=())
-    emit(BATCH_REPORTS[output.format_](tables), output.format_)
-
-
-def _groups(rows: "pd.DataFrame", batch: BatchOptions) -> list[str]:
-    """The labels of --by, or the first."""
-    return batch.groups or labels_of(rows)[:1]
+def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
+    """Of the labels of --by, or the first; with the curves of what is stored."""
+    by = batch.groups or labels_of(rows)[:1]
+    tables = tabulated(rows, by, roots=batch.mean_of_roots)
+    tables = replace(tables, curves=tuple(rms_curves(rows, store.steps(rows), by)))
+    # Without --by nobody asked what there is to compare.
+    return tables if batch.groups else replace(tables, notes=())
 
 
 def _names(rows: "pd.DataFrame") -> Iterator[str]:

@@ -1,0 +1,47 @@
+"""The page of a batch in a browser: it fits, is legible, and loads nothing."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from browser import Browser
+
+RUNS = 7
+
+OVERFLOW = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+SHADE = "getComputedStyle(document.querySelector('table.heat td.h8')).backgroundColor"
+
+
+@pytest.fixture
+def page(invoke: Callable, tmp_path: Path) -> Path:
+    """Runs of two trackers with names of many letters; steps are stored."""
+    for run in range(RUNS):
+        for name, error in (("gt", 0), ("out/a" + "b" * 40, 1), ("out/" + "long name " * 4, 2)):
+            Path(tmp_path, name).mkdir(parents=True, exist_ok=True)
+            rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
+            Path(tmp_path, name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+    patterns = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
+    steps = ("--per-step", "--curve", "--reports", "--workers", "1")
+    assert invoke("batch", *patterns, "-o", "r", *steps).status == 0
+    return tmp_path / "r" / "report.html"
+
+
+@pytest.mark.parametrize("width", [420, 1400])
+def test_it_fits_and_loads_nothing(chromium: Browser, page: Path, width: int) -> None:
+    shades = set()
+    for dark in (False, True):
+        chromium.open(page.as_uri(), width=width, dark=dark)
+        assert chromium.run(OVERFLOW) <= 0
+        shades.add(chromium.run(SHADE))
+        assert chromium.complaints == []
+        assert set(chromium.requests) <= {page.as_uri(), "about:blank"}
+    assert len(shades) == 2
+    assert chromium.run("document.querySelectorAll('.plot svg path.curve').length") == 4
+    box = chromium.box(".plot svg")
+    assert box["width"] > 0.6 * min(width, 600)
+
+
+def test_a_cell_leads_to_its_report(chromium: Browser, page: Path) -> None:
+    chromium.open(page.as_uri())
+    chromium.open(chromium.run("document.querySelector('table.heat td a').href"))
+    assert chromium.run("document.title").startswith("TGOSPA = ")

@@ -1,0 +1,123 @@
+"""The page of a batch and its pictures: what they show, where they are written."""
+
+import os
+import re
+from collections.abc import Callable
+from html import unescape
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+from pages import NASTY
+
+Invoke = Callable[..., Any]
+
+PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
+BATCH = ("batch", *PATTERNS, "-o", "r", "--workers", "1", "--unit", "m")
+RUNS = 3
+
+
+@pytest.fixture
+def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Some runs of two trackers: the error of tracker b is twice that of tracker a; b/2 fails."""
+    monkeypatch.chdir(tmp_path)
+    for folder in ("gt", "out/a", "out/b"):
+        Path(folder).mkdir(parents=True)
+    for run in range(RUNS):
+        for name, error in (("gt", 0), ("out/a", 1), ("out/b", 2)):
+            rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
+            Path(name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+    Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
+    return tmp_path
+
+
+def words(path: str) -> str:
+    """What a page says, without its style."""
+    text = re.sub("<style>.*?</style>", "", Path(path).read_text(encoding="utf-8"), flags=re.S)
+    return " ".join(unescape(re.sub("<[^>]*>", " ", text)).split())
+
+
+def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -> None:
+    assert invoke(*BATCH, "--reports", "--per-step").status == 5
+    text = words("r/report.html")
+    assert "a: TGOSPA 1 m per step 6 jobs all exact 1 failed" in text
+    assert "Proven order by the combined value, best first: a, b" in text
+    assert "Values are those of the 2 jobs that all have, of 3" in text
+    assert "run a b 0 1.000 2.000 1 1.000 2.000 2 1.000 failed" in text
+    assert "b/2 out/b/2.csv, line 1: no column for position" in text
+    assert "RMS of single steps" in text
+    html = Path("r/report.html").read_text(encoding="utf-8")
+    assert "<script" not in html
+    assert "default-src 'none'" in html
+    links = {unquote(link) for link in re.findall('href="([^#"]*)"', html)}
+    assert links == {f"reports/{name}/report.html" for name in ("a/0", "a/1", "a/2", "b/0", "b/1")}
+    assert all(Path("r", link).is_file() for link in links)
+
+
+def test_a_report_is_written_where_it_is_asked_for(invoke: Invoke, runs: Path) -> None:
+    invoke(*BATCH, "--reports")
+    assert invoke("batch", "report", "r").status == 0
+    assert sorted(os.listdir()) == ["gt", "out", "r"]
+    answer = invoke("batch", "report", "r", "--by", "run", "-o", "deep/page")
+    assert answer.status == 0
+    assert "wrote 1 file to deep/page/; open deep/page/report.html" in answer.err
+    html = Path("deep/page/report.html").read_text(encoding="utf-8")
+    links = {unquote(link) for link in re.findall('href="([^#"]*)"', html)}
+    assert all(Path("deep/page", link).is_file() for link in links)
+    assert "../../r/reports/a/0/report.html" in links
+    # The page of a run is made anew, also by the report.
+    assert invoke("batch", "report", "r", "--by", "run", "-o", "r").status == 0
+    assert "tracker by run" in words("r/report.html")
+    assert invoke("batch", "report", "r", "-o", ".").status == 2
+
+
+def test_a_shard_leaves_the_page_to_the_report(invoke: Invoke, runs: Path) -> None:
+    invoke(*BATCH, "--shard", "1/2")
+    assert not Path("r/report.html").exists()
+    invoke(*BATCH, "--shard", "2/2")
+    invoke("batch", "report", "r", "-o", "r")
+    assert "6 jobs" in words("r/report.html")
+
+
+def test_pictures(invoke: Invoke, runs: Path) -> None:
+    answer = invoke(*BATCH, "--per-step", "--pictures", "svg", "--style", "paper")
+    assert "wrote 2 files and 3 pictures to r/" in answer.err
+    for name in ("parts", "heat", "curve"):
+        assert Path(f"r/{name}.svg").read_bytes().startswith(b"<?xml")
+    answer = invoke("batch", "report", "r", "-o", "r", "--pictures", "none")
+    assert "removed 3 of the run before" in answer.err
+    assert invoke("batch", "report", "r", "-o", "r", "--pictures", "bmp").status == 2
+
+
+def test_without_extras_the_rest_is_written(
+    invoke: Invoke, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    invoke(*BATCH, "--per-step")
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
+    answer = invoke("batch", "report", "r", "-o", "q", "--pictures", "png")
+    assert answer.status == 0
+    assert "not written: report.html and the pictures, for want of" in answer.err
+    assert "tgospa-eval[report,plot]" in answer.err
+    assert [name for name in os.listdir("q") if not name.startswith(".")] == ["curve.csv"]
+
+
+def test_names_do_not_become_markup(invoke: Invoke, runs: Path) -> None:
+    rows = "".join(
+        f'gt/0.csv,out/{name}/0.csv,{name},"{label.replace(chr(34), chr(34) * 2)}"\n'
+        for label in NASTY
+        for name in ("a", "b")
+    )
+    Path("m.csv").write_text(f"truth,estimate,who,note\n{rows}", encoding="utf-8")
+    pictures = ("--pictures", "png")
+    answer = invoke(
+        "batch", "m.csv", "-o", "r", "--by", "note", "--unit", "<b>$x$", "-c", "10", *pictures
+    )
+    assert answer.status == 0
+    html = Path("r/report.html").read_text(encoding="utf-8")
+    assert "<script" not in html
+    assert "<b>$x$" not in html
+    for name in NASTY:
+        assert name in unescape(html)
+    assert Path("r/heat.png").stat().st_size > 0

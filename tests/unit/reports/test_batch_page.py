@@ -1,0 +1,141 @@
+"""Shades, numbers and axes of the page of a batch."""
+
+import pandas as pd
+import pytest
+
+from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
+from tgospa_eval.reports.charts import curve_chart, round_steps
+from tgospa_eval.reports.curves import RmsCurve
+from tgospa_eval.reports.heat import MOST_SQUARES, Heat, heat_of
+
+
+def luminance(colour: str) -> float:
+    """As WCAG has it."""
+    shares = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    red, green, blue = (x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in shares)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+@pytest.mark.parametrize("colours", [LIGHT, DARK], ids=["light", "dark"])
+def test_letters_are_legible_on_every_shade(colours: dict[str, str]) -> None:
+    shades = heat_shades(colours)
+    assert shades[0] == colours["paper"]
+    assert len(set(shades)) == HEAT_LEVELS
+    ink = luminance(colours["ink"])
+    for shade in shades:
+        low, high = sorted((ink, luminance(shade)))
+        assert (high + 0.05) / (low + 0.05) >= 4.5, shade
+
+
+def rows(values: dict[tuple[str, str], float | None], width: float = 0.0) -> pd.DataFrame:
+    """A job of one step for each row and column; its cost, or None if it failed."""
+    return pd.DataFrame(
+        [
+            {
+                "label.down": down,
+                "label.across": across,
+                "status": "failed" if value is None else "done",
+                "total_lower": None if value is None else value - width,
+                "total_upper": value,
+                "order": None if value is None else 2.0,
+                "sizes.occupied": None if value is None else 1,
+            }
+            for (down, across), value in values.items()
+        ]
+    ).astype({"total_lower": float, "total_upper": float, "sizes.occupied": float})
+
+
+def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Heat:
+    return heat_of(
+        rows(values, width), ("down", "across"), ["a", "b"], lambda row: str(row["label.down"])
+    )
+
+
+def test_cells_have_brackets_shades_and_links() -> None:
+    made = heat({("s2", "a"): 9.0, ("s2", "b"): 16.0, ("s10", "a"): None, ("s10", "b"): 1.0})
+    assert made.rows == ["s2", "s10"]
+    assert made.ends == (1.0, 4.0)
+    (first, second), (failed, third) = made.cells
+    assert first is not None
+    assert second is not None
+    assert third is not None
+    assert failed is not None
+    assert (first.best, second.best, third.best) == (True, False, True)
+    assert (first.level, second.level, third.level) == (6, 8, 0)
+    assert first.link == "s2"
+    assert (failed.value, failed.failed) == (None, 1)
+    assert first.value is not None
+    assert made.text(first.value) == "3.000"
+    # Brackets that overlap prove nothing of their order.
+    wide = heat({("s", "a"): 9.0, ("s", "b"): 16.0}, width=8.0).cells[0]
+    assert [cell.best for cell in wide if cell] == [False, False]
+    assert wide[1] is not None
+    assert wide[1].value is not None
+    assert made.text(wide[1].value) == "2.828 to 4.000"
+
+
+def test_jobs_of_a_cell_are_added_and_have_no_link() -> None:
+    both = pd.concat([rows({("s", "a"): 1.0}), rows({("s", "a"): 7.0, ("t", "b"): None})])
+    made = heat_of(both, ("down", "across"), ["a", "b"], lambda _: "x")
+    cell = made.cells[0][0]
+    assert cell is not None
+    assert cell.value is not None
+    assert cell.value.upper == pytest.approx(2.0)  # (8 / 2)^(1/2)
+    assert (cell.jobs, cell.link) == (2, "")
+    assert made.cells[0][1] is None
+
+
+def test_of_many_rows_those_that_lose_most_are_shown() -> None:
+    values: dict[tuple[str, str], float | None] = {
+        (f"{k}", "a"): float(k) for k in range(MOST_SQUARES + 200)
+    }
+    values["7", "a"] = None
+    made = heat(values)
+    assert made.squares
+    assert (len(made.rows), made.hidden_rows) == (MOST_SQUARES, 200)
+    assert made.rows[0] == "7"  # it failed
+    assert made.rows[1] == "201"
+    assert made.ends is not None
+    assert made.ends[0] == pytest.approx(201**0.5)
+
+
+def test_axes_have_round_numbers() -> None:
+    assert round_steps(0, 9.3) == [0, 2, 4, 6, 8]
+    assert round_steps(3, 59) == [20, 40]
+    assert round_steps(1, 1) == [1]
+
+
+def curve(times: list[str | None], rms: list[float]) -> RmsCurve:
+    band: list[float | None] = [2 * value for value in rms]
+    return RmsCurve(
+        group={"t": "a"},
+        kind="step",
+        times=times,
+        runs=[6] * len(rms),
+        rms=rms,
+        bounds=None,
+        band=([0.0] * len(rms), band),
+    )
+
+
+def test_a_chart_is_in_percent() -> None:
+    chart = curve_chart([(0, curve(["0", "10", "20"], [1.0, 2.0, 1.0]))], "step", "m")
+    assert chart is not None
+    (line,) = chart.lines
+    assert line.path == "M0.00 76.19L50.00 52.38L100.00 76.19"
+    assert line.band.startswith("M0.00 52.38L50.00 4.76L100.00 52.38L100.00 100.00")
+    assert [(tick.at, tick.text) for tick in chart.across] == [
+        (0.0, "0"), (50.0, "10"), (100.0, "20")
+    ]  # fmt: skip
+    assert curve_chart([], "step", "m") is None
+    # Times that runs do not share are no axis.
+    chart = curve_chart([(0, curve([None, "1"], [1.0, 1.0]))], "step", "")
+    assert chart is not None
+    assert chart.across_name == "number of the step"
+
+
+def test_a_long_chart_is_thinned() -> None:
+    chart = curve_chart([(0, curve([None] * 1000, [1.0] * 1000))], "step", "")
+    assert chart is not None
+    assert chart.stride == 3
+    assert chart.lines[0].path.count(" ") == 334

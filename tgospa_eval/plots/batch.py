@@ -1,0 +1,194 @@
+"""Pictures of a batch: values side by side, what costs are made of, curves over steps."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.common.palette import LIGHT, TRACK_COLOURS, heat_shades
+from tgospa_eval.plots import figure, written
+from tgospa_eval.plots.style import FILLS, SOFT, Style, legend, literal, power, styled, titled
+from tgospa_eval.reports.batch_view import BatchView
+from tgospa_eval.reports.curves import CURVE_KINDS, RmsCurve
+from tgospa_eval.reports.heat import Heat
+from tgospa_eval.results.records import PARTS, Part
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from tgospa_eval.plots.result_pictures import Pictures
+
+DASHES_OF_LINES = ("-", "--", ":", "-.")
+MOST_BARS = 40
+
+ROW = 0.21
+"""Inches of a row with letters."""
+
+
+def draw_curves(curves: Sequence[tuple[int, RmsCurve]], style: Style, unit: str) -> "Figure":
+    """Root mean squares over runs at each step, with bands; a panel for each kind.
+
+    Parameters
+    ----------
+    curves : sequence of (int, RmsCurve)
+        At least one, with the number of the colour of each.
+    style : Style
+        Sizes.
+    unit : str
+        Of the values.
+    """
+    kinds = [kind for kind in CURVE_KINDS if any(curve.kind == kind for _, curve in curves)]
+    made, axes = figure(style.width, style.low * len(kinds), len(kinds))
+    titled(axes[0, 0], style, "Root mean square over the runs")
+    lines, names = [], []
+    for axis, kind in zip(axes[:, 0], kinds, strict=True):
+        for track, curve in curves:
+            if curve.kind != kind:
+                continue
+            colour = TRACK_COLOURS[track % len(TRACK_COLOURS)]
+            steps = np.arange(1, len(curve.rms) + 1)
+            low, high = (np.array(end, float) for end in curve.band)
+            axis.fill_between(steps, low, high, color=colour, alpha=0.16, linewidth=0)
+            dashes = DASHES_OF_LINES[track % len(DASHES_OF_LINES)]
+            dot = "o" if len(steps) == 1 else None
+            found = axis.plot(steps, curve.rms, marker=dot, linestyle=dashes, color=colour)
+            if axis is axes[0, 0]:
+                lines += found
+                names.append(literal(curve.name or "all jobs"))
+        axis.set_ylim(0, None)
+        axis.margins(x=0)
+        what = "RMS of single steps" if kind == "step" else "RMS of steps so far"
+        axis.set_ylabel(f"{what} ({literal(unit)})" if unit else what, parse_math=False)
+    axes[-1, 0].set_xlabel("step")
+    legend(made, lines, names, 4 if style.titles else 3)
+    return made
+
+
+def draw_parts(groups: Mapping[str, Mapping[Part, float]], style: Style, about: str) -> "Figure":
+    """Cost per step of each group, stacked.
+
+    Parameters
+    ----------
+    groups : mapping of str to mapping
+        The parts of the cost per step by group, the first on top.
+    style : Style
+        Sizes.
+    about : str
+        What is along the bars.
+    """
+    shown = list(groups.items())[:MOST_BARS]
+    made, ((axis,),) = figure(style.width, 1.1 + ROW * 1.5 * len(shown))
+    places = np.arange(len(shown))
+    left = np.zeros(len(shown))
+    bars = []
+    for name in PARTS:
+        sizes = np.array([parts[name] for _, parts in shown])
+        bars.append(axis.barh(places, sizes, 0.62, left=left, **FILLS[name]))
+        left += sizes
+    _names(axis, [name for name, _ in shown], upright=True)
+    axis.grid(visible=False, axis="y")
+    axis.set_xlabel(about, parse_math=False)
+    titled(axis, style, "What the cost is made of")
+    legend(made, bars, list(PARTS), 4)
+    return made
+
+
+def draw_heat(heat: Heat, style: Style, unit: str) -> "Figure":
+    """Value per step of each cell; of many rows those lie across, without numbers.
+
+    Parameters
+    ----------
+    heat : Heat
+        At least one cell has a value.
+    style : Style
+        Sizes.
+    unit : str
+        Of the values.
+    """
+    from matplotlib.colors import ListedColormap
+
+    values = np.array(
+        [
+            [np.nan if cell is None or cell.value is None else cell.value.upper for cell in row]
+            for row in heat.cells
+        ]
+    )
+    if heat.squares:
+        values = values.T
+    high = ROW * len(values) * (2 if heat.squares else 1)
+    made, ((axis,),) = figure(style.width, 1.3 + high)
+    axis.grid(visible=False)
+    colours = ListedColormap(heat_shades(LIGHT))
+    seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat.squares)
+    made.colorbar(seen).set_label(
+        f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step", parse_math=False
+    )
+    axis.set_ylim(len(values), 0)
+    if heat.squares:
+        _names(axis, heat.columns, upright=True, shift=0.5)
+        axis.set_xlabel(f"{literal(heat.down, 40)}, in order", parse_math=False)
+    else:
+        _names(axis, heat.columns, upright=False, shift=0.5)
+        _names(axis, heat.rows, upright=True, shift=0.5)
+        _numbers(axis, heat)
+    for side in axis.spines.values():
+        side.set_visible(False)
+    titled(axis, style, f"{literal(heat.down)} by {literal(heat.across)}")
+    return made
+
+
+def _numbers(axis: "Axes", heat: Heat) -> None:
+    """The value in each cell, bold where it is proven to be the best of its row."""
+    for k, row in enumerate(heat.cells):
+        for column, cell in enumerate(row):
+            if cell is None:
+                continue
+            text = "failed" if cell.value is None else heat.text(cell.value)
+            weight = "bold" if cell.best else "normal"
+            axis.text(
+                column + 0.5, k + 0.5, text, ha="center", va="center", fontsize="small",
+                fontweight=weight, color=SOFT if cell.value is None else LIGHT["ink"],
+            )  # fmt: skip
+
+
+def _names(axis: "Axes", names: Sequence[str], *, upright: bool, shift: float = 0.0) -> None:
+    """Names of rows, the first on top, or of columns."""
+    which = axis.yaxis if upright else axis.xaxis
+    places = np.arange(len(names)) + shift
+    which.set_ticks(places, [literal(name, 30) for name in names], parse_math=False)
+    which.set_tick_params(length=0)
+    if upright and not shift:
+        axis.set_ylim(len(names) - 0.5, -0.5)
+
+
+def _cost_per_step(unit: str, order: float) -> str:
+    """What bars are lengths of."""
+    return f"cost per step{power(unit, order)}"
+
+
+def batch_pictures(
+    view: BatchView, wanted: "Pictures", notify: Callable[[str, float], None]
+) -> dict[str, bytes]:
+    """Files by name, those that have something to show, each in all formats.
+
+    `notify` takes the name of each before it is drawn, and the share that is done.
+    """
+    files: dict[str, bytes] = {}
+    with styled(wanted.style) as style:
+        draw: dict[str, Callable[[], Figure]] = {}
+        if view.groups:
+            orders = view.tables.rows["order"].dropna().unique()
+            about = _cost_per_step(view.unit, orders[0]) if len(orders) == 1 else "cost per step"
+            costs = {group.name or "all jobs": group.costs for group in view.groups}
+            draw["parts"] = lambda: draw_parts(costs, style, about)
+        heat = view.heat
+        if heat is not None and heat.ends is not None:
+            draw["heat"] = lambda: draw_heat(heat, style, view.unit)
+        if view.drawn_curves:
+            draw["curve"] = lambda: draw_curves(view.drawn_curves, style, view.unit)
+        for name, make in draw.items():
+            for kind in wanted.formats:  # each anew: a layout remembers the one before
+                notify(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
+                files[f"{name}.{kind}"] = written(make(), kind, style.dots)
+    return files

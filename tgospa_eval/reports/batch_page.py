@@ -1,0 +1,262 @@
+"""The page of a batch: who is best and how sure that is, job by job, part by part, over time.
+
+Words and numbers from a template, without a script; the page loads nothing. Everything that comes
+from the user passes through the autoescape of the template.
+"""
+
+import itertools
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from tgospa_eval.common.figures import number
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
+from tgospa_eval.reports.batch_records import Comparison, Ranking
+from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
+from tgospa_eval.reports.charts import curve_chart
+from tgospa_eval.reports.curves import CURVE_KINDS
+from tgospa_eval.reports.html import environment, inlined, page_colours
+from tgospa_eval.reports.order import order_in_words, place_in_words
+from tgospa_eval.results.records import PARTS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_GROUPS = 40
+MOST_FAULTS = 50
+COSTLIEST = 10
+
+ALL_PAIRS = 5
+"""Most that are compared each with each; of more every one is with the next."""
+
+DASHES_OF_TRACKS = ("none", "9 3", "2.5 3", "10 3 2 3")
+"""In turn, so that neighbours differ without colour."""
+
+
+def batch_page(view: BatchView) -> str:
+    """The whole page."""
+    rows, groups = view.tables.rows, view.groups
+    ranking = view.tables.rankings[0] if view.tables.rankings else None
+    failed = rows[rows["status"] == "failed"]
+    valued = rows[rows["status"] != "failed"]
+    charts = (curve_chart(view.drawn_curves, kind, view.unit) for kind in CURVE_KINDS)
+    html = (
+        environment()
+        .get_template("batch.html.j2")
+        .render(
+            view=view,
+            source=_source(view),
+            title=_title(view, ranking),
+            sentence=_sentence(ranking),
+            version=view.settings["version"],
+            jobs=len(rows),
+            failed=len(failed),
+            unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
+            rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
+            notes=view.tables.notes,
+            groups=[_group(view, group) for group in groups[:MOST_GROUPS]],
+            common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
+            heat=view.heat,
+            levels=HEAT_LEVELS,
+            tracks=len(TRACK_COLOURS),
+            charts=[chart for chart in charts if chart is not None],
+            curve_groups=len({curve.name for curve in view.tables.curves}),
+            costliest=_costliest(view, valued),
+            faults=[
+                {"name": view.name_of(row), "message": str(row["message"])}
+                for _, row in failed.head(MOST_FAULTS).iterrows()
+            ],
+            parts=PARTS,
+            settings=_settings(view),
+            style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
+        )
+    )
+    # a path may hold bytes that are no text
+    return html.encode("utf-8", "backslashreplace").decode()
+
+
+def _shades() -> str:
+    """Those of the heat table, on paper and on a dark screen, and the looks of groups."""
+    light, dark = (
+        " ".join(f"--heat-{k}: {shade};" for k, shade in enumerate(heat_shades(colours)))
+        for colours in (LIGHT, DARK)
+    )
+    levels = "\n".join(f".h{k} {{ background: var(--heat-{k}); }}" for k in range(HEAT_LEVELS))
+    tracks = "\n".join(
+        f".c{k} {{ background: var(--track-{k}); }} .curve.t{k} {{ stroke: var(--track-{k}); "
+        f"stroke-dasharray: {DASHES_OF_TRACKS[k % len(DASHES_OF_TRACKS)]}; }} "
+        f".band.t{k} {{ fill: var(--track-{k}); }}"
+        for k in range(len(TRACK_COLOURS))
+    )
+    return (
+        f":root {{ {light} }}\n"
+        f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
+        f"{levels}\n{tracks}\n"
+    )
+
+
+def _source(view: BatchView) -> tuple[str, str]:
+    """What was evaluated, and against what, as it was named."""
+    jobs = view.settings["jobs"]
+    paths = [str(path) for path in jobs["paths"]]
+    if jobs["layout"]:
+        return paths[1], paths[0]
+    return (str(jobs["estimate"]), str(jobs["truth"])) if jobs["estimate"] else (paths[0], "")
+
+
+def _title(view: BatchView, ranking: Ranking | None) -> str:
+    """The answer."""
+    if ranking is not None:
+        best = ranking.entries[0]
+        return f"{best.name}: TGOSPA {view.between(best.per_step)} per step"
+    if len(view.groups) == 1:
+        return f"TGOSPA {view.between(view.groups[0].values['per_step'])} per step"
+    return "TGOSPA of a batch"
+
+
+def _sentence(ranking: Ranking | None) -> str:
+    """What is proven of the order."""
+    if ranking is None:
+        return ""
+    verdicts = {(pair.first, pair.second): pair.verdict for pair in ranking.comparisons}
+    names = [entry.name for entry in ranking.entries]
+    places = [entry.place for entry in ranking.entries]
+    return order_in_words("the combined value", names, places, verdicts)
+
+
+def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
+    """A ranking in words, with the places of brackets and intervals on a common scale."""
+    entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
+    for entry in ranking.entries:
+        # Per step, as the value is: by the same number of steps in each resample.
+        share = entry.per_step.upper / entry.combined.upper if entry.combined.upper else 0.0
+        sure = entry.confidence and Interval(
+            lower=share * entry.confidence.lower, upper=share * entry.confidence.upper
+        )
+        words = {
+            "name": entry.name,
+            "track": view.compared[entry.name],
+            "place": place_in_words(*entry.place),
+            "statistical": place_in_words(*(entry.statistical_place or (0, 0))),
+            "per_step": view.between(entry.per_step),
+            "combined": view.between(entry.combined),
+            "sure": view.between(sure, 4) if sure else "",
+        }
+        entries.append((words, entry.per_step, sure))
+    shown = [found for _, *both in entries for found in both if found is not None]
+    low, high = min(found.lower for found in shown), max(found.upper for found in shown)
+    room = (high - low) * 0.04 or 1.0
+
+    def place(value: float) -> float:
+        return 100 * (value - low + room) / (high - low + 2 * room)
+
+    return {
+        "about": ranking,
+        "parameters": ", ".join(f"{name} {value}" for name, value in ranking.parameters.items()),
+        "entries": [
+            words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
+            for words, value, sure in entries
+        ],
+        "ends": [view.quantity(end, 4) for end in (low, high)],
+        "pairs": [_pair(view, pair) for pair in _pairs(ranking)],
+        "all_pairs": len(ranking.comparisons),
+    }
+
+
+def _span(place: Callable[[float], float], found: Interval) -> tuple[str, str]:
+    """Left end and width in percent."""
+    left, right = place(found.lower), place(found.upper)
+    return f"{left:.2f}", f"{right - left:.2f}"
+
+
+def _pairs(ranking: Ranking) -> list[Comparison]:
+    """All pairs of few, else those of neighbours."""
+    if len(ranking.entries) <= ALL_PAIRS:
+        return list(ranking.comparisons)
+    near = set(itertools.pairwise(entry.name for entry in ranking.entries))
+    return [pair for pair in ranking.comparisons if (pair.first, pair.second) in near]
+
+
+def _pair(view: BatchView, pair: Comparison) -> dict[str, str]:
+    """A comparison in words."""
+    proven = {"less": "proven", "equal": "equal", "not separated": "open"}
+    found = {
+        "first": pair.first,
+        "second": pair.second,
+        "difference": view.between(pair.difference),
+        "proven": proven[pair.verdict],
+    }
+    if pair.inference is None:
+        return found
+    sure = pair.inference.confidence
+    return found | {
+        "sure": f"{number(sure.lower, 4)} to {view.quantity(sure.upper, 4)}",
+        "p": number(pair.inference.p_holm, 2),
+        "significant": "yes" if pair.inference.significant else "no",
+    }
+
+
+def _group(view: BatchView, group: GroupCosts) -> dict[str, object]:
+    """A row of the table of groups, with what its cost is made of."""
+    widest = max(other.cost for other in view.groups) or 1.0
+    return {
+        "name": group.name or "all jobs",
+        "track": group.track,
+        "jobs": f"{group.jobs:,}",
+        **{name: view.between(value) for name, value in group.values.items()},
+        "cost": number(group.cost, 4),
+        "parts": [
+            {
+                "name": name,
+                "width": f"{100 * cost / widest:.2f}",
+                "cost": number(cost, 4),
+                "share": _share(cost, group.cost),
+            }
+            for name, cost in group.costs.items()
+        ],
+    }
+
+
+def _share(cost: float, total: float) -> str:
+    return f"{100 * cost / total:.0f} %" if total else "-"
+
+
+def _costliest(view: BatchView, valued: "pd.DataFrame") -> list[dict[str, object]]:
+    """The jobs with the largest cost per step."""
+    if len(valued) < 2:
+        return []
+    each = valued["total"] / valued["sizes.occupied"].clip(lower=1)
+    found: list[dict[str, object]] = []
+    for index in each.sort_values(ascending=False, kind="stable").index[:COSTLIEST]:
+        row = valued.loc[index]
+        steps, power = max(float(row["sizes.occupied"]), 1.0), 1 / float(row["order"])
+        value = Interval(
+            lower=(float(row["total_lower"]) / steps) ** power,
+            upper=(float(row["total_upper"]) / steps) ** power,
+        )
+        found.append(
+            {
+                "name": view.name_of(row),
+                "link": view.link(row),
+                "per_step": view.between(value),
+                "steps": f"{int(steps):,}",
+                "shares": [_share(float(row[name]), float(row["total"])) for name in PARTS],
+            }
+        )
+    return found
+
+
+def _settings(view: BatchView) -> dict[str, str]:
+    """What was evaluated, and how, in lines."""
+    rows, jobs = view.tables.rows, view.settings["jobs"]
+    found = {name: str(value) for name, value in jobs.items() if value and name != "paths"}
+    if jobs["paths"]:
+        found["paths"] = " ".join(map(str, jobs["paths"]))
+    for name in METRIC_COLUMNS:
+        values: list[float | str] = list(rows[name].dropna().unique()) if name in rows else []
+        if len(values) == 1:
+            value = values[0]
+            found[name] = value if isinstance(value, str) else number(float(value))
+        elif len(values):
+            found[name] = "as each job has it"
+    return {str(k): str(v) for k, v in view.settings["options"].items()} | found
