@@ -936,13 +936,13 @@ cdef class Chain:
 
     cdef readonly Py_ssize_t links, nodes, constraints, rows, steps
     cdef const double[::1] switch_price
-    cdef double[::1] kernel, none_kernel, ahead, behind, passed, total, into
+    cdef double[::1] kernel, none_kernel, ahead, behind, passed, share
     cdef double[::1] none_ahead, none_behind
     cdef double[::1] price, slack, cap, u, load, stay
     cdef double[::1] row
     cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
     cdef i32[::1] step_constraint, slot_first, slot_count
-    cdef i32[::1] node_of
+    cdef i32[::1] link_row
     cdef u8[::1] kind, ends
 
     def __init__(self, Layout layout, const u8[::1] chosen, const double[::1] price,
@@ -955,43 +955,62 @@ cdef class Chain:
         cdef i32[::1] after = np.empty(K + 1, np.int32)
         self._constrain(layout, chosen, price, constraint_of, after)
 
-        cdef i32[::1] node_at = np.zeros(self.steps + 1, np.int32)
-        cdef i32[::1] link_at = np.zeros(self.steps + 1, np.int32)
+        cdef i32[::1] at = np.zeros(2 * (self.steps + 1), np.int32)
+        cdef i32[::1] node_at = at[:self.steps + 1], link_at = at[self.steps + 1:]
         self._emit(False, layout, chosen, constraint_of, after, node_at, link_at)
-        nodes, links = np.asarray(node_at), np.asarray(link_at)
-        self.nodes, self.links = nodes.sum(dtype=np.int64), links.sum(dtype=np.int64)
+        cdef Py_ssize_t k, l, widest = 0
+        cdef i32 count
+        for k in range(self.steps):
+            count, node_at[k] = node_at[k], <i32>self.nodes
+            self.nodes += count
+            count, link_at[k] = link_at[k], <i32>(self.links + 1)
+            self.links += count
+            widest = max(widest, count)
         if self.links > most:
             return
-        node_at = np.concatenate(([0], np.cumsum(nodes)[:self.steps])).astype(np.int32)
-        link_at = np.concatenate(([1], 1 + np.cumsum(links)[:self.steps])).astype(np.int32)
-        self.step_node = np.append(np.asarray(node_at)[:self.steps], self.nodes).astype(np.int32)
-        self.state = np.zeros(self.links + 1, np.int32)
-        self.previous = np.zeros(self.links + 1, np.int32)
-        self.next = np.zeros(self.links + 1, np.int32)
-        self.constraint = np.arange(self.links + 1, dtype=np.int32) % FREE
-        self.node_of = np.zeros(self.links + 1, np.int32)
-        self.kind = np.zeros(self.links + 1, np.uint8)
-        self.ends = np.zeros(self.nodes + 1, np.uint8)
-        self.node_row = np.empty(self.nodes + 1, np.int32)
-        self.node_link = np.empty(self.nodes + 1, np.int32)
+        self._make_room(widest)
+        for k in range(self.steps):
+            self.step_node[k] = node_at[k]
+        self.step_node[self.steps] = <i32>self.nodes
+        for l in range(self.links + 1):
+            self.constraint[l] = l % FREE
+        for k in range(self.constraints + FREE):
+            self.slack[k] = self.cap[k] = self.u[k] = 1.0
         self.node_link[self.nodes] = <i32>(self.links + 1)
-        self.kernel = np.zeros(self.links + 1)
         self._emit(True, layout, chosen, constraint_of, after, node_at, link_at)
 
-        self.ahead = np.zeros(self.links + 1)
-        self.behind = np.zeros(self.links + 1)
-        self.passed = np.zeros(self.links + 1)
-        self.total = np.empty(nodes.max(initial=0) + 1)
-        self.into = np.empty(3 * (nodes.max(initial=0) + 1))
-        self.none_kernel = np.zeros(self.nodes + 1)
-        self.none_ahead = np.zeros(self.nodes + 1)
-        self.none_behind = np.zeros(self.nodes + 1)
-        self.slack = np.ones(self.constraints + FREE)
-        self.cap = np.ones(self.constraints + FREE)
-        self.u = np.ones(self.constraints + FREE)
-        self.load = np.zeros(self.constraints + FREE)
-        self.stay = np.empty(self.steps)
-        self.row = np.empty(4 * max(self.rows, 1))
+    cdef object _make_room(self, Py_ssize_t widest):
+        """All arrays, zeros, as stretches of three: small chains take no longer to make than to use.
+
+        `widest` is the largest number of links of a step.
+        """
+        cdef Py_ssize_t links = self.links + 1, nodes = self.nodes + 1
+        cdef Py_ssize_t constraints = self.constraints + FREE
+        cdef double[::1] numbers = np.zeros(4 * links + 3 * nodes + 4 * constraints + widest
+                                            + self.steps + 4 * self.rows + 1)
+        cdef i32[::1] places = np.zeros(5 * links + 2 * nodes + self.steps + 1, np.int32)
+        cdef u8[::1] marks = np.zeros(links + nodes, np.uint8)
+        self.kernel, numbers = numbers[:links], numbers[links:]
+        self.ahead, numbers = numbers[:links], numbers[links:]
+        self.behind, numbers = numbers[:links], numbers[links:]
+        self.passed, numbers = numbers[:links], numbers[links:]
+        self.none_kernel, numbers = numbers[:nodes], numbers[nodes:]
+        self.none_ahead, numbers = numbers[:nodes], numbers[nodes:]
+        self.none_behind, numbers = numbers[:nodes], numbers[nodes:]
+        self.slack, numbers = numbers[:constraints], numbers[constraints:]
+        self.cap, numbers = numbers[:constraints], numbers[constraints:]
+        self.u, numbers = numbers[:constraints], numbers[constraints:]
+        self.load, numbers = numbers[:constraints], numbers[constraints:]
+        self.share, numbers = numbers[:widest], numbers[widest:]
+        self.stay, self.row = numbers[:self.steps], numbers[self.steps:]
+        self.state, places = places[:links], places[links:]
+        self.previous, places = places[:links], places[links:]
+        self.next, places = places[:links], places[links:]
+        self.constraint, places = places[:links], places[links:]
+        self.link_row, places = places[:links], places[links:]
+        self.node_row, places = places[:nodes], places[nodes:]
+        self.node_link, self.step_node = places[:nodes], places[nodes:]
+        self.kind, self.ends = marks[:links], marks[links:]
 
     cdef object _constrain(self, Layout layout, const u8[::1] chosen, const double[::1] price,
                            i32[::1] constraint_of, i32[::1] after):
@@ -1152,7 +1171,7 @@ cdef class Chain:
                             self.state[link] = s
                             if entry[s] >= 0:
                                 self.kernel[link] = gain[s] + offset[g]
-                            self.node_of[link] = node_at[k] - 1
+                            self.link_row[link] = <i32>r
                             self.ends[node_at[k] - 1] |= chosen[s] & (CERTAIN | FINAL)
                             if k == first:
                                 self.ends[node_at[k] - 1] |= FIRST
@@ -1180,7 +1199,7 @@ cdef class Chain:
             at.link_at[k] = link + 1
             if fill:
                 self.state[link] = at.held[x]
-                self.node_of[link] = n
+                self.link_row[link] = self.node_row[n]
                 self.kind[link] |= INSIDE
                 self.kind[at.latest[x]] |= GOES_ON
                 self.previous[link] = at.latest[x]
@@ -1217,17 +1236,26 @@ cdef class Chain:
                 self.none_kernel[n] = exp(-top / epsilon) if top < 450.0 * epsilon else 3.7e-196
             self._pass(True, False)
 
-    def sweep(self, int count):
-        """Sweep forward and backward; the largest violation of a column in the last sweep."""
-        cdef double violation = 0.0, second
-        cdef int n
+    def sweep(self, int most, double calm=0.0):
+        """Sweep forward and backward until no column is violated by as much as `calm`.
+
+        Returns
+        -------
+        done : int
+            How many sweeps it took.
+        violation : float
+            The largest violation of a column in the last of them.
+        """
+        cdef double violation = 0.0
+        cdef int done = 0
         with nogil:
-            for n in range(count):
+            while done < most:
                 violation = self._pass(False, True)
-                second = self._pass(True, True)
-                if second > violation:
-                    violation = second
-        return violation
+                violation = fmax(violation, self._pass(True, True))
+                done += 1
+                if violation < calm:
+                    break
+        return done, violation
 
     def cool(self, double epsilon):
         """``v <- max(v - epsilon log u, 0)``: changes of prices out of the messages into `price`."""
@@ -1280,23 +1308,24 @@ cdef class Chain:
         may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,
         1 / w_0)`` (docs/theory/solvers.md, "Messages"). Scaled by r where they leave 1e-10..1e10.
         """
-        cdef Py_ssize_t step, k, n, l, c, low, high
+        cdef Py_ssize_t step, k, n, l, c, low, high, first
         cdef i32 row
-        cdef double r, q, none, unassigned, keep, filled, rho, part, violation = 0.0
+        cdef bint turn
+        cdef double r, q, none, filled, rho, part, total, violation = 0.0
+        cdef double factor[2]  # of a share that goes on: by way of "none", and without
+        cdef double added[2]
         cdef double *ahead = &self.ahead[0], *behind = &self.behind[0]
         cdef double *none_ahead = &self.none_ahead[0], *none_behind = &self.none_behind[0]
         cdef double *kernel = &self.kernel[0], *none_kernel = &self.none_kernel[0]
         cdef double *u = &self.u[0], *slack = &self.slack[0], *cap = &self.cap[0]
         cdef double *passed = &self.passed[0], *load = &self.load[0], *stay = &self.stay[0]
-        cdef double *total = &self.total[0]
-        # Of each node of one step: sum of the shares; from "none", and the factors of staying.
-        cdef double* into = &self.into[0]
+        cdef double *share = &self.share[0]  # of the links of a node, times all but its sum
         cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass through it, q
         cdef double* here
         cdef i32 *source = &self.next[0] if reverse else &self.previous[0]
         cdef i32 *constraint = &self.constraint[0], *step_constraint = &self.step_constraint[0]
         cdef i32 *node_link = &self.node_link[0], *node_row = &self.node_row[0]
-        cdef i32 *node_of = &self.node_of[0], *step_node = &self.step_node[0]
+        cdef i32 *step_node = &self.step_node[0], *link_row = &self.link_row[0]
         cdef u8 *kind = &self.kind[0], *ends = &self.ends[0]
         cdef u8 straight = GOES_ON if reverse else INSIDE  # no "none" between the link and its source
         cdef u8 held = INSIDE if reverse else GOES_ON      # no "none" after it
@@ -1317,35 +1346,34 @@ cdef class Chain:
                 here = at + 4 * node_row[n]
                 q = here[3] if reverse else stay[k]
                 if q < 0.0 or ends[n] & start:  # nothing to pay
-                    none, unassigned, keep, r = 0.0 if ends[n] & sure else 1.0, 1.0, 0.0, 1.0
+                    none = 0.0 if ends[n] & sure else 1.0
+                    factor[0], added[0], factor[1] = 0.0, 1.0, 1.0
                 else:
                     r = here[0] + here[1] + here[2]
                     r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
                     none = r * (here[0] + q * here[2])
-                    unassigned = q * none
-                    keep = r * (1.0 - q * q)
+                    factor[0], added[0], factor[1] = r * (1.0 - q * q), q * none, r
+                added[1] = 0.0
                 none_ahead[n] = none
                 none *= none_kernel[n]
                 here[0], here[1], here[2], here[3] = none, 0.0, 0.0, stay[k]
-                into[3 * (n - low)], into[3 * (n - low) + 1] = unassigned, keep
-                into[3 * (n - low) + 2] = r
-                total[n - low] = none * none_behind[n]
-            for l in range(node_link[low], node_link[high]):
-                n = node_of[l] - low
-                part = passed[source[l]]
-                part = into[3 * n + 2] * part if kind[l] & straight else (
-                    into[3 * n + 1] * part + into[3 * n])
-                ahead[l] = part
-                part *= kernel[l]
-                passed[l] = part
-                total[n] += part * u[constraint[l]] * behind[l]
-            if update:
-                for n in range(high - low):
+                total = none * none_behind[n]
+                first = node_link[n]
+                for l in range(first, node_link[n + 1]):
+                    turn = (kind[l] & straight) != 0
+                    part = factor[turn] * passed[source[l]] + added[turn]
+                    ahead[l] = part
+                    part *= kernel[l]
+                    passed[l] = part
+                    part = part * u[constraint[l]] * behind[l]
+                    share[l - first] = part
+                    total += part
+                if update:
                     # Underflow: such a row has no say until the next kernel.
-                    total[n] = 1.0 / total[n] if total[n] > 1e-290 else 0.0
-                for l in range(node_link[low], node_link[high]):
-                    c = constraint[l]
-                    load[c] += passed[l] * u[c] * behind[l] * total[node_of[l] - low]
+                    total = 1.0 / total if total > 1e-290 else 0.0
+                    for l in range(first, node_link[n + 1]):
+                        load[constraint[l]] += share[l - first] * total
+            if update:
                 for c in range(step_constraint[k], step_constraint[k + 1]):
                     # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
                     filled = u[c] * slack[c] + load[c]
@@ -1357,8 +1385,7 @@ cdef class Chain:
                     # At most 1 / slack, where the price is 0.
                     u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
             for l in range(node_link[low], node_link[high]):
-                here = at + 4 * node_row[node_of[l]]
                 part = passed[l] * u[constraint[l]]
                 passed[l] = part
-                here[1 if kind[l] & held else 2] += part
+                at[4 * link_row[l] + 2 - ((kind[l] & held) != 0)] += part
         return violation

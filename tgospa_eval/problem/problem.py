@@ -22,6 +22,10 @@ REGRET = 1e-11
 """What a row could gain by leaving its path that is rounding: sums of gains round to 1e-12."""
 
 
+_END = np.zeros(1)
+"""After the last value: reduceat knows no part that begins there."""
+
+
 def sum_by(index: Ints, value: Floats, size: int) -> Floats:
     """Sum of the values that share an index, (size,); added in the order given."""
     return np.bincount(index, value, minlength=size).astype(np.float64, copy=False)
@@ -29,7 +33,7 @@ def sum_by(index: Ints, value: Floats, size: int) -> Floats:
 
 def sum_parts(value: Floats, first: Ints) -> Floats:
     """Sum of each part of the values; part i begins at first[i] and ends before first[i + 1]."""
-    total: Floats = np.add.reduceat(np.append(value, 0.0), first[:-1])
+    total: Floats = np.add.reduceat(np.concatenate((value, _END)), first[:-1])
     total[first[1:] == first[:-1]] = 0.0  # reduceat gives the value at hand there
     return total
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Problem
-from tgospa_eval.problem.slots import Slots, make_slots
+from tgospa_eval.problem.slots import CACHE, Slots, make_slots
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +87,7 @@ class States:
         """Truth and estimate of each pair."""
         return self.pair_truth, self.pair_estimate
 
-    @property
+    @cached_property
     def track_blocks(self) -> tuple[Ints, Ints]:
         """Block of each truth, and of each estimate, -1 for those without a near pair."""
         blocks = np.full(self.problem.truths, -1), np.full(self.problem.estimates, -1)
@@ -123,6 +123,8 @@ class States:
     def cuts(self, size: int) -> list[tuple[int, int]]:
         """Ranges of blocks, for `between`, each but the last with at least `size` states."""
         blocks = len(self.block_begin)
+        if 0 < len(self.begin) <= size:
+            return [(0, blocks)]
         first = self.pair_first[np.searchsorted(self.pair_block, np.arange(blocks + 1))]
         cuts, low = [], 0
         while low < blocks:
@@ -134,7 +136,7 @@ class States:
     def between(self, low: int, high: int) -> tuple["States", slice, slice]:
         """The blocks from `low` to before `high` as a problem of their own; copies little.
 
-        Its `rows` live as long as it does: the whole does not keep them.
+        Its `rows` live as long as it does: the whole does not keep them, unless it is small.
 
         Returns
         -------
@@ -144,7 +146,8 @@ class States:
             Where its states and its column slots are here.
         """
         if (low, high) == (0, len(self.block_begin)):
-            return replace(self), slice(0, len(self.begin)), slice(0, len(self.columns.step))
+            whole = self if len(self.begin) <= CACHE else replace(self)
+            return whole, slice(0, len(self.begin)), slice(0, len(self.columns.step))
         pairs = slice(*np.searchsorted(self.pair_block, (low, high)))
         nodes = slice(*np.searchsorted(self.node_block, (low, high)))
         state = slice(*self.pair_first[[pairs.start, pairs.stop]])

@@ -27,6 +27,9 @@ LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
 unless it is tiny."""
 
+SWEPT_AT_ONCE = 100_000
+"""Links times sweeps before anyone looks at the clock: about a millisecond."""
+
 PRICE_ROUNDING = 8 * 2.0**-53
 """How wrong a sum of prices along a path may be, as a fraction of all of them: the kernels sum in
 two parts and relative to "none", so that the length of a recording does not count."""
@@ -83,6 +86,7 @@ class Ascent:
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
+        self.open = np.zeros_like(wanted)
         self.keep(wanted)
         self.unassigned_cost = unassigned_costs(states)
         taken_off = sum_parts(self.layout.offset, self.layout.group_first)
@@ -96,6 +100,8 @@ class Ascent:
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
+        if (blocks == self.open).all():
+            return
         self.open = blocks
         self.layout.keep(np.flatnonzero(blocks[self.states.node_block]))
 
@@ -137,17 +143,16 @@ class Ascent:
 
     def survey(self, prices: Floats, reach: float) -> Floats:
         """`look`, with `flags` of every state and the value of the best assignment of each row."""
-        kernels.survey(self.layout, prices, self.best, self.weights, reach, self.own, self.flags)
+        self.mark(prices, reach)
         return self._bounds(prices)
 
+    def mark(self, prices: Floats, reach: float) -> None:
+        """`survey` where nobody asks for the bound."""
+        kernels.survey(self.layout, prices, self.best, self.weights, reach, self.own, self.flags)
+
     def _bounds(self, prices: Floats) -> Floats:
-        blocks = len(self.states.block_begin)
-        total = np.zeros(self.states.nodes)
-        rows = self.layout.rows
-        total[rows] = self.best[rows]
-        total = sum_by(self.states.node_block, total, blocks)
         # What the values of paths may have lost by rounding counts as well.
-        return total + (1 + PRICE_ROUNDING) * self._paid(prices)
+        return self._sum_rows(self.best) + (1 + PRICE_ROUNDING) * self._paid(prices)
 
     def _paid(self, prices: Floats) -> Floats:
         """Sum of the prices of each open block, (B,)."""
@@ -162,18 +167,20 @@ class Ascent:
     def _values(self, weights: Weights) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
         kernels.own_values(self.layout, weights, self.own)
-        return self._sum_own()
+        return self._sum_rows(self.own)
 
-    def _sum_own(self) -> Floats:
-        states, rows = self.states, self.layout.rows
-        return sum_by(states.node_block[rows], self.own[rows], len(states.block_begin))
+    def _sum_rows(self, value: Floats) -> Floats:
+        """Sum of the values (nodes,) of the open rows of each block, (B,)."""
+        rows = self.layout.rows
+        return sum_by(self.states.node_block[rows], value[rows], len(self.open))
 
     def try_prices(self, prices: Floats) -> None:
         """Take the prices in the open blocks where they prove more."""
         dual = self.look(prices)
         wins = self.open & (dual < self.dual)
-        self.dual = np.where(wins, dual, self.dual)
-        np.copyto(self.prices, prices, where=self._slots_of(wins))
+        if wins.any():
+            self.dual = np.where(wins, dual, self.dual)
+            np.copyto(self.prices, prices, where=wins.all() or self._slots_of(wins))
 
     def try_weights(self, weights: Floats) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
@@ -181,8 +188,9 @@ class Ascent:
 
     def _try(self, primal: Floats, weights: Weights) -> None:
         wins = self.open & (primal > self.primal)
-        self.primal = np.where(wins, primal, self.primal)
-        np.copyto(self.weights, weights, where=self._states_of(wins))
+        if wins.any():
+            self.primal = np.where(wins, primal, self.primal)
+            np.copyto(self.weights, weights, where=wins.all() or self._states_of(wins))
 
     def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether the block of each column slot is one of these, (K,)."""
@@ -212,8 +220,9 @@ class Ascent:
         hot = time.perf_counter()
         done, violation = 0, np.inf
         while done < sweeps:
-            violation = chain.sweep(1)
-            done += 1
+            at_once = min(1 + SWEPT_AT_ONCE // max(chain.links, 1), sweeps - done)
+            more, violation = chain.sweep(at_once, calm)
+            done += more
             if violation < calm or late():
                 break
         self.work += 2 * done * (chain.links + chain.nodes)
@@ -244,7 +253,7 @@ class Ascent:
         """
         lost = PRICE_ROUNDING * self._paid(self.prices)
         if np.any(self.wide() & (self.gap < 4 * lost)):
-            self.survey(self.prices, float(self.prices.max()))
+            self.mark(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(kernels.NEAR))
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
@@ -254,7 +263,7 @@ class Ascent:
         chosen = np.zeros(len(s.begin), np.uint8)
         most = max(LINKS_EACH * len(s.begin), FEWEST_LINKS)
         while True:
-            self.survey(self.soft, threshold)
+            self.mark(self.soft, threshold)
             kernels.working_set(self.layout, self.weights, self.soft, self.flags, chosen)
             chain = kernels.Chain(self.layout, chosen, self.soft, most)
             if chain.links <= most:
@@ -272,7 +281,7 @@ class Ascent:
             changed = kernels.improve(self.layout, taken, rounded, self.own)
             if not changed:
                 break
-        self._try(self._sum_own(), rounded)
+        self._try(self._sum_rows(self.own), rounded)
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
