@@ -8,7 +8,8 @@ never on the same rows in two threads, so that many threads give the bytes of on
 
 import numpy as np
 
-from libc.math cimport exp, fabs, fmax, log, sqrt
+from libc.math cimport INFINITY, exp, fabs, fmax, log, nextafter, sqrt
+from libc.stdint cimport int64_t
 
 from tgospa_eval.errors import check_size
 from tgospa_eval.problem.problem import REGRET as SUM_ERROR
@@ -795,6 +796,96 @@ def improve(Layout layout, i32[::1] load, u8[::1] weight, double[::1] own):
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] += 1
     return changed
+
+
+# --- the certificate: the twins are in problem.paths, with the same bits -------------------------
+#
+# Nothing above or below is called, and no solver calls these.
+
+
+cdef inline double up(double value) noexcept nogil:
+    return nextafter(value, INFINITY)
+
+
+cdef inline double down(double value) noexcept nogil:
+    return nextafter(value, -INFINITY)
+
+
+def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,
+                const double[::1] cost, const double[::1] price, double base):
+    """`Gains` where A + B is `base` for all pairs; those of runs remain to be filled in.
+
+    `group` (S,) is the row and step that each state begins at, `price` (S,) that of each state.
+    """
+    cdef Py_ssize_t S = entry.shape[0], s, b, g
+    cdef double loss, d
+    relative_array, offset_array = np.empty(S), np.empty(groups)
+    best_array = np.empty(groups, np.int64)
+    cdef double[::1] relative = relative_array, offset = offset_array
+    cdef int64_t[::1] best = best_array
+    with nogil:
+        for g in range(groups):
+            best[g], offset[g] = -1, 0.0  # first the least loss
+        for s in range(S):
+            if entry[s] >= 0:
+                loss = cost[entry[s]] + price[s] - base
+                if loss < 0.0 and loss <= offset[group[s]]:
+                    best[group[s]], offset[group[s]] = s, loss
+        for g in range(groups):
+            b = best[g]
+            if b >= 0:
+                offset[g] = fmax(down(down(down(base) - cost[entry[b]]) - price[b]), 0.0)
+        for s in range(S):
+            if entry[s] < 0:
+                continue
+            b, d = best[group[s]], cost[entry[s]]
+            if b >= 0:
+                relative[s] = up(up(cost[entry[b]] - d) + up(price[b] - price[s]))
+            else:
+                relative[s] = up(up(up(base - d)) - price[s])
+    return relative_array, offset_array, best_array
+
+
+def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1] pair_first,
+                 const i32[::1] pair_row, const i32[::1] begin, const double[::1] value,
+                 const double[::1] switch_price, const double[::1] offset):
+    """Upper bound of the value of the best path of each row, (nodes,): `best_values`.
+
+    `group` (S,) is the row and step that each state begins at, `group_first` (nodes + 1,) the first
+    of each row; `switch_price` is one number, or one for each step.
+    """
+    cdef Py_ssize_t S = begin.shape[0], nodes = group_first.shape[0] - 1, a, c, p
+    cdef i32 i, g, s
+    cdef bint varies = switch_price.shape[0] > 1
+    cdef double price = switch_price[0], none, enter
+    cdef i32[::1] at = np.zeros(group_first[nodes] + 1, np.int32)
+    cdef i32[::1] order = np.empty(S, np.int32)
+    cdef double[::1] reached = np.empty(S)
+    none_array = np.zeros(nodes)
+    cdef double[::1] unassigned = none_array
+    with nogil:
+        sort_by(group, at, order)
+        a = 0
+        for i in range(<i32>nodes):
+            none = 0.0
+            for g in range(group_first[i], group_first[i + 1]):
+                if varies:
+                    price = switch_price[begin[order[a]]]
+                for c in range(a, at[g]):
+                    s = order[c]
+                    reached[s] = 0.0 if g == group_first[i] else reached[s - 1]
+                    none = fmax(none, up(reached[s] - price))
+                enter = up(none - price)
+                for c in range(a, at[g]):
+                    s = order[c]
+                    reached[s] = up(fmax(reached[s], enter) + value[s])
+                none = up(none - offset[g])
+                a = at[g]
+            unassigned[i] = none
+        for p in range(pair_row.shape[0]):
+            i = pair_row[p]
+            unassigned[i] = fmax(unassigned[i], reached[pair_first[p + 1] - 1])
+    return none_array
 
 
 # --- entropic sweeps ------------------------------------------------------------------------------

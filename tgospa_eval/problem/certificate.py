@@ -1,6 +1,7 @@
 """Proof: bounds of the optimum from whatever a solver left, and the split of the cost.
 
-Plain NumPy over the whole reduced problem; knows no solver, and no solver grades its own work.
+Over the whole reduced problem, in NumPy and in kernels of its own with NumPy twins; knows no
+solver, and no solver grades its own work.
 Weights become integers (multiples of 1/ONE) first, so that feasibility is checked, not estimated.
 Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 """

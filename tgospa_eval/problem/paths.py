@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
@@ -48,7 +49,7 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     return total
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Gains:
     """Gains less prices of states, relative to the best pair of their row and step.
 
@@ -79,10 +80,26 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
     problem, entry = states.problem, states.entry
     price = np.zeros(len(entry)) if price is None else price
     runs = np.flatnonzero(entry < 0)
+    if kernels and problem.pair_price is not None:
+        gains = Gains(
+            *kernels.upper_gains(
+                steps.begin, len(steps.step), entry, problem.cost, price, problem.pair_price
+            )
+        )
+    else:
+        gains = _relative_gains(states, steps, price)
+    # A run loses the offsets while it lasts.
+    gains.relative[runs] = up(-price[runs] - steps.totals(gains.offset, runs, floor=True))
+    return gains
+
+
+def _relative_gains(states: States, steps: Slots, price: Floats) -> Gains:
+    """`relative_gains`, those of runs apart."""
+    problem, entry = states.problem, states.entry
     at = steps.begin.astype(np.intp)
     cost = np.empty(len(entry))
     np.take(problem.cost, entry, out=cost, mode="clip")
-    cost[runs] = np.inf
+    cost[entry < 0] = np.inf
     base: float | Floats
     sides: tuple[Floats, ...] = ()
     if problem.pair_price is None:
@@ -106,8 +123,7 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
         single = np.flatnonzero((best[at] < 0) & (entry >= 0))
         own = up(np.broadcast_to(base, len(entry))[single] - cost[single])
         relative[single] = up(up(own) - price[single])
-    relative[runs] = up(-price[runs] - steps.totals(offset, runs, floor=True))
-    return Gains(relative=relative, offset=offset, best=best)
+    return Gains(relative, offset, best)
 
 
 def row_steps(states: States) -> Slots:
@@ -180,6 +196,24 @@ def best_values(
     the `steps` of `row_steps` (docs/theory/certificate.md, "The bounds that are computed").
     """
     steps = steps or row_steps(states)
+    if kernels:
+        one = isinstance(states.problem.switch_price, float)
+        found: Floats = kernels.upper_values(
+            steps.begin,
+            steps.first,
+            states.pair_first,
+            states.pair_row,
+            states.begin,
+            value,
+            np.array([states.problem.switch_price]) if one else states.problem.switch_price_at,
+            np.zeros(len(steps.step)) if offsets is None else offsets,
+        )
+        return found
+    return _best_values(states, value, steps, offsets)
+
+
+def _best_values(states: States, value: Floats, steps: Slots, offsets: Floats | None) -> Floats:
+    """`best_values` without kernels."""
     turn = turns(states, steps)
     value = value[turn.order]
     count = np.diff(steps.first)

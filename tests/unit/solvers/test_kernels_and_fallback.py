@@ -14,7 +14,7 @@ from tgospa_eval import Certified, Result, Sinkhorn, evaluate
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.problem import merging, slots, states
-from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.certificate import certify, lower_bounds
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
@@ -106,6 +106,39 @@ def ascent_of(states: States) -> ascent.Ascent:
         np.zeros(len(states.begin)),
         np.zeros(len(states.columns.step)),
     )
+
+
+@compiled_only
+@pytest.mark.parametrize("kind", ["plain", "varying", "priced"])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_certificate_compiled_has_the_bits_of_the_plain(
+    name: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, rng = PROBLEMS[name](), np.random.default_rng(7)
+    if kind == "varying":
+        price = rng.exponential(0.3, max(problem.steps - 1, 0))
+        problem = dataclasses.replace(problem, switch_price=price)
+    if kind == "priced":
+        price = problem.truth_price * rng.uniform(1, 2, len(problem.truth_price))
+        problem = dataclasses.replace(problem, truth_price=price)
+    states = merge_runs(problem)
+    slots_ = len(states.columns.step)
+    prices = np.where(rng.random(slots_) < 0.5, rng.exponential(0.3, slots_), 0.0)
+
+    def found() -> list[np.ndarray]:
+        steps = row_steps(states)
+        gains = relative_gains(states, steps, states.columns.totals(prices))
+        return [
+            *vars(gains).values(),
+            best_values(states, gains.relative, steps, gains.offset),
+            best_values(states, states.gain),
+            lower_bounds(states, prices),
+        ]
+
+    fast = found()
+    without_kernels(monkeypatch)
+    for one, other in zip(fast, found(), strict=True):
+        assert one.tobytes() == other.tobytes()
 
 
 @compiled_only
