@@ -104,8 +104,8 @@ def fitting_scales(states: States) -> Floats:
     most = np.zeros(blocks)
     # Truths alone often show that no cutoff is far; their entries are neighbours.
     first = np.concatenate(([0], np.flatnonzero(np.diff(problem.truth_row)) + 1))
-    block = states.track_blocks[0][problem.truth_track[problem.truth_row[first]]]
-    np.maximum.at(most, block, np.minimum.reduceat(problem.cost, first))
+    of_first = states.track_blocks[0][problem.truth_track[problem.truth_row[first]]]
+    np.maximum.at(most, of_first, np.minimum.reduceat(problem.cost, first))
     if (CUTOFF_ROOM * most > FAR_CUTOFF).all():
         return np.ones(blocks)
     for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
