@@ -8,8 +8,9 @@ never on the same rows in two threads, so that many threads give the bytes of on
 
 import numpy as np
 
-from libc.math cimport INFINITY, exp, fabs, fmax, log, nextafter, sqrt
-from libc.stdint cimport int64_t
+from libc.math cimport INFINITY, exp, fabs, floor, fmax, log, nextafter, rint, sqrt
+from libc.stdint cimport int64_t, uint64_t
+from libc.string cimport memcpy
 
 from tgospa_eval.errors import check_size
 from tgospa_eval.problem.problem import REGRET as SUM_ERROR
@@ -233,6 +234,65 @@ def by_row(const i32[::1] order, const i32[::1] pair_first, const i32[::1] pair_
             out[at[row_of[s]]] = <i32>s
             at[row_of[s]] += 1
     return ordered, row_first
+
+
+# --- exact sums over slots: the twins are in problem.slots, with the same bits -------------------
+#
+# Sums over all slots may overflow, differences of them do not: they are computed without sign.
+
+
+def slot_sums(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+              const i32[::1] pair_node, const int64_t[::1] weight):
+    """Sum of the integer weights (S,) of the states over each slot, (K,): `Slots.sums`."""
+    cdef Py_ssize_t K = first[first.shape[0] - 1], p, s, t
+    cdef int64_t held
+    change = np.zeros(K + 1, np.int64)
+    cdef uint64_t[::1] total = change.view(np.uint64)
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            held = 0
+            for s in range(pair_first[p], pair_first[p + 1]):
+                if weight[s] != held:
+                    total[begin[s]] += <uint64_t>weight[s] - <uint64_t>held
+                    held = weight[s]
+            total[first[pair_node[p] + 1]] -= <uint64_t>held
+        for t in range(1, K):
+            total[t] += total[t - 1]
+    return change[:-1]
+
+
+def whole_sums(const double[::1] value, const i32[::1] first, const double[::1] unit, bint down):
+    """Sums of ``value / unit`` before each slot (K + 1,), rounded first: `exact_running`."""
+    cdef Py_ssize_t i, t
+    cdef double whole
+    sums = np.zeros(value.shape[0] + 1, np.int64)
+    cdef uint64_t[::1] total = sums.view(np.uint64)
+    with nogil:
+        for i in range(unit.shape[0]):
+            for t in range(first[i], first[i + 1]):
+                whole = value[t] / unit[i]
+                whole = floor(whole) if down else rint(whole)
+                total[t + 1] = total[t] + <uint64_t><int64_t>whole
+    return sums
+
+
+def spans(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+          const i32[::1] pair_node, const double[::1] unit, const int64_t[::1] sums, bint down):
+    """Sum over the slots of each state, (S,), from the sums before each: `Slots.spans`."""
+    cdef Py_ssize_t p, s
+    cdef uint64_t before, after
+    found = np.empty(begin.shape[0])
+    cdef double[::1] total = found
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            after = <uint64_t>sums[first[pair_node[p] + 1]]
+            for s in range(pair_first[p + 1] - 1, pair_first[p] - 1, -1):
+                before = <uint64_t>sums[begin[s]]
+                total[s] = unit[pair_node[p]] * <double><int64_t>(after - before)
+                if down:
+                    total[s] = nextafter(total[s], 0.0)
+                after = before
+    return found
 
 
 # --- gains relative to the cheapest pair: the twin is problem.paths.relative_gains --------------
@@ -804,11 +864,20 @@ def improve(Layout layout, i32[::1] load, u8[::1] weight, double[::1] own):
 
 
 cdef inline double up(double value) noexcept nogil:
-    return nextafter(value, INFINITY)
+    """The next larger double: `nextafter`, of which the library takes several times as long."""
+    cdef int64_t bits
+    if value == 0.0:
+        return 5e-324
+    if not value < INFINITY:
+        return value
+    memcpy(&bits, &value, sizeof(bits))
+    bits += 1 if value > 0.0 else -1
+    memcpy(&value, &bits, sizeof(bits))
+    return value
 
 
 cdef inline double down(double value) noexcept nogil:
-    return nextafter(value, -INFINITY)
+    return -up(-value)
 
 
 def upper_gains(const i32[::1] group, Py_ssize_t groups, const i32[::1] entry,

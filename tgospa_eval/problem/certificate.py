@@ -7,6 +7,7 @@ Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -175,8 +176,9 @@ def unpaired_prices(states: States) -> tuple[float, float]:
     """Cost of the truths and of the estimates that are in no block, rounded down."""
     found = []
     for side, blocks in zip(states.problem.sides, states.track_blocks, strict=True):
-        price = side.price[blocks[side.track] < 0]
-        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]))
+        unpaired = blocks < 0
+        price = side.price[unpaired[side.track]] if unpaired.any() else side.price[:0]
+        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]) if len(price) else 0.0)
     return found[0], found[1]
 
 
@@ -190,9 +192,8 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    unit, whole = running[0], np.diff(running[1])
-    # Prices less those of the pairs put aside, in two halves so that no sum overflows.
-    left = np.stack([_whole_sums(half, columns.first) for half in _halves(whole)])
+    unit, whole = running[0], running[1][1:] - running[1][:-1]
+    left = np.ones(len(whole), np.int32)  # less one for each pair of the slot that is put aside
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -203,18 +204,19 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
         price[runs] = np.nextafter(price[runs], 0.0)
         gains = relative_gains(rows, steps, price)
         terms[:, 1] -= best_values(rows, gains.relative, steps, gains.offset)
-        best = gains.best[gains.best >= 0]
-        least = np.zeros(len(gains.best))
-        least[gains.best >= 0] = problem.cost[rows.entry[best]]
+        found = gains.best >= 0
+        best = gains.best[found]
+        entry = rows.entry[best]
+        least = np.zeros(len(found))
+        least[found] = problem.cost[entry]
         terms[:, 2] += lower_sums(least, steps.first)
-        groups += sum_parts((gains.best >= 0).astype(np.float64), steps.first)
-        taken.append(rows.entry[best])
-        priced = best[rows.columns.end[best] > rows.columns.begin[best]]
-        slot = rows.columns.begin[priced]
-        node = rows.pair_column[np.searchsorted(rows.pair_first, priced, side="right") - 1]
-        for half, of_slot in zip(left, _halves(whole[slot]), strict=True):
-            np.subtract.at(half, node, of_slot)
-    terms[:, 0], terms[:, 3] = -up(unit * left[0]), -up(unit * HALF_WORD * left[1])
+        groups += sum_parts(found.astype(np.float64), steps.first)
+        taken.append(entry)
+        slot, end = rows.columns.begin[best], rows.columns.end[best]
+        np.subtract.at(left, slot[end > slot], 1)
+    # In two halves, so that no sum overflows.
+    low_sum, high_sum = (_whole_sums(half * left, columns.first) for half in _halves(whole))
+    terms[:, 0], terms[:, 3] = -up(unit * low_sum), -up(unit * HALF_WORD * high_sum)
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
     if objects.half is not None:
@@ -237,7 +239,7 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
 
 def _halves(whole: Ints) -> tuple[Ints, Ints]:
     """Integers >= 0 as remainders and multiples of HALF_WORD."""
-    return whole % HALF_WORD, whole // HALF_WORD
+    return whole & (HALF_WORD - 1), whole // HALF_WORD
 
 
 def _whole_sums(value: Ints, first: Ints) -> Ints:
@@ -292,6 +294,17 @@ def _in_chunks(terms: Floats) -> list[float]:
     )
 
 
+def _used(states: States, weights: Ints) -> Iterator[tuple[Ints, Ints, Ints]]:
+    """Step, entry and weight of the pairs in use, part by part; of a small problem there is one."""
+    for part in parts(len(weights)):
+        used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
+        yield (
+            states.begin[part][used],
+            states.entry[part][used].astype(np.intp),
+            weights[part][used],
+        )
+
+
 def break_down(states: States, weights: Ints) -> Breakdown:
     """``W D``, ``A (1 - row sums)``, ``B (1 - column sums)`` and ``lambda |W' - W|`` by step.
 
@@ -303,17 +316,16 @@ def break_down(states: States, weights: Ints) -> Breakdown:
     chunks: list[float] = []  # of all terms, for the sum
 
     truths, estimates = problem.sides
+    once = list(_used(states, weights)) if len(weights) <= PART else None
 
     def unassigned(side: Objects) -> tuple[Floats, Floats]:
         """Cost and number of one side's unassigned objects at each step; one side at a time."""
         free = np.full(len(side.step), ONE)
-        for part in parts(len(weights)):
-            used = np.flatnonzero((weights[part] != 0) & (states.entry[part] >= 0))
-            entry, whole = states.entry[part][used].astype(np.intp), weights[part][used]
+        for step, entry, whole in once or _used(states, weights):
             np.subtract.at(free, side.row[entry].astype(np.intp), whole)
             if side is truths:
                 paid = whole / ONE * problem.cost[entry]
-                np.add(localisation, sum_by(states.begin[part][used], paid, steps), localisation)
+                np.add(localisation, sum_by(step, paid, steps), localisation)
                 chunks.extend(_in_chunks(paid))
         cost, count = np.zeros(steps), np.zeros(steps)
         for part in parts(len(free)):

@@ -35,7 +35,7 @@ def lower_sums(value: Floats, first: Ints) -> Floats:
     and then of these, keep n small.
     """
     if len(value) <= SUMMANDS:
-        total, terms = sum_parts(value, first), np.diff(first)
+        total, terms = sum_parts(value, first), first[1:] - first[:-1]
     else:
         begins = np.zeros(len(value), bool)
         begins[::SUMMANDS] = begins[first[first < len(value)]] = True

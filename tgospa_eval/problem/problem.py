@@ -140,6 +140,8 @@ class Problem:
 
     def gains(self, entry: Ints | slice) -> Floats:
         """The gain of some entries."""
+        if self.pair_price is not None:
+            return self.pair_price - self.cost[entry]
         price = self.truth_price[self.truth_row[entry]]
         price += self.estimate_price[self.estimate_row[entry]]
         price -= self.cost[entry]

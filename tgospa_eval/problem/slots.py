@@ -50,6 +50,9 @@ def exact_running(value: Floats, first: Ints, *, floor: bool = False) -> tuple[F
     rounded = np.floor if floor else np.rint
     size = sum_parts(np.abs(value), first)
     unit = np.ldexp(1.0, np.frexp(np.maximum(size, 1e-270))[1] - 62)
+    if kernels:
+        sums: Ints = kernels.whole_sums(value, first, unit, floor)
+        return unit, sums
     running = np.zeros(len(value) + 1, np.int64)
     for part in parts(len(value)):
         edges = np.minimum(np.maximum(first, part.start), part.stop)
@@ -117,6 +120,11 @@ class Slots:
         return self._sums(weight)
 
     def _sums(self, weight: Ints) -> Ints:
+        if kernels:
+            found: Ints = kernels.slot_sums(
+                self.first, self.begin, self.pair_first, self.pair_node, weight
+            )
+            return found
         change = np.zeros(len(self.step) + 1, np.int64)
         # All pairs of a node open at its first slot and close after its last.
         for state, slot, sign in (
@@ -145,6 +153,11 @@ class Slots:
     ) -> Floats:
         """`totals` where the running sums are known; with `floor` no sum is too large."""
         unit, sums = running
+        if kernels:
+            total: Floats = kernels.spans(
+                self.first, self.begin, self.pair_first, self.pair_node, unit, sums, floor
+            )
+            return total if chosen is None else total[chosen]
         begin, end = self.begin, self.end
         total = np.repeat(unit[self.pair_node], np.diff(self.pair_first))
         if chosen is not None:

@@ -387,6 +387,8 @@ class Ascent:
 
 def _unassigned_prices(problem: Problem) -> tuple[float, Floats | None]:
     """Price of leaving both objects of an entry unassigned: of all entries, or else of each."""
+    if problem.pair_price is not None:
+        return problem.pair_price, None
     truth, estimate = problem.truth_price, problem.estimate_price
     if all((side == side[0]).all() for side in (truth, estimate) if len(side)):
         return float(truth[0] + estimate[0]), None
