@@ -11,9 +11,6 @@ from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.results.summary import Summary
 
-FOLDER = "proof"
-"""In a result folder."""
-
 NO_NAME = "%20"
 """Folder of objects without a class: no name is quoted so."""
 

@@ -19,7 +19,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
-from tgospa_eval.reports.proofs import FOLDER, proof_files
+from tgospa_eval.reports.folders import PROOF_FOLDER
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
 
@@ -63,7 +63,7 @@ class Task:
     @property
     def is_written(self) -> bool:
         """Whether the folder that is asked for is there."""
-        parts = (FOLDER,) if self.proof else ()
+        parts = (PROOF_FOLDER,) if self.proof else ()
         return self.folder is None or Path(self.folder, *parts).is_dir()
 
     def keeping(self, row: Mapping[Hashable, Any]) -> "Task":
@@ -256,6 +256,8 @@ def _write(result: Summary, task: Task, folder: str) -> None:
     result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
     texts, _ = result_texts(result, (task.job.truth, task.job.estimate))
     if task.proof:
+        from tgospa_eval.reports.proofs import proof_files
+
         files = proof_files(result, task.options.given)
-        texts |= {f"{FOLDER}/{name}": text for name, text in files.items()}
+        texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in files.items()}
     write_texts(texts, folder, RESULT, force=False)

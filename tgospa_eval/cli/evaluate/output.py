@@ -13,8 +13,7 @@ from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import REPORTS
 from tgospa_eval.reports.files import result_texts
-from tgospa_eval.reports.folders import RESULT
-from tgospa_eval.reports.proofs import FOLDER, proof_files
+from tgospa_eval.reports.folders import PROOF_FOLDER, RESULT
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
@@ -90,9 +89,11 @@ def _write(
         notify("report.html", 0.0)
         texts, missing = result_texts(result, names)
         if output.proof:
-            notify(FOLDER, 0.0)
+            from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
+
+            notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
-            texts |= {f"{FOLDER}/{name}": text for name, text in proof.items()}
+            texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
         absent.extend(("report.html", extra) for extra in missing)
         if wanted is None:
             return texts

@@ -18,8 +18,7 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.reports.folders import PROOF_FILES, RESULT, probe_folder
-from tgospa_eval.reports.proofs import FOLDER
+from tgospa_eval.reports.folders import PROOF_FILES, PROOF_FOLDER, RESULT, probe_folder
 from tgospa_eval.results.summary import Summary
 
 NARROWEST = 1e-12
@@ -58,7 +57,7 @@ def evaluate_files(
         also = () if wanted is None else wanted.names
         also += ("curve.csv",) if options.curve else ()
         also += ("per_class.csv",) if options.by else ()
-        also += tuple(f"{FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
+        also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
         probe_folder(output.output, RESULT, force=output.force, also=also)
     stopwatch = Stopwatch()
     if not output.quiet:

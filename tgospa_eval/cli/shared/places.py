@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from tgospa_eval.batch.jobs import layout_of
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import listed
 
@@ -117,6 +116,8 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
         return
     name = names[0]
     yield _type(truth[name], estimate[name])
+    from tgospa_eval.batch.jobs import layout_of  # here: slow to import, for faults only
+
     layout = layout_of(*paths) if len(names) > 1 else None
     if layout is not None:
         folders = " ".join(map(shlex.quote, paths))

@@ -19,7 +19,7 @@ from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.tables import difference, proof_tables
 from tgospa_eval.proof.write import proof_parameters
-from tgospa_eval.reports.proofs import FOLDER
+from tgospa_eval.reports.folders import PROOF_FOLDER
 
 Files = tuple[str, str]
 
@@ -59,7 +59,7 @@ def verify_folder(folder: str, files: Files | None) -> bool:
 
 def _folders(folder: str) -> list[str]:
     """The folders that have a proof: the one that was named, or those of classes in it."""
-    for path in (folder, os.path.join(folder, FOLDER)):
+    for path in (folder, os.path.join(folder, PROOF_FOLDER)):
         found = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
         if found:
             return found
