@@ -102,7 +102,9 @@ def test_p_values_of_many_pairs_are_those_of_scipy() -> None:
         axis=-1,
         random_state=np.random.default_rng(BOOTSTRAP_SEED),
     )
-    assert p_values(differences, differences) == pytest.approx(direct.pvalue, abs=1e-12)
+    # Other flips are drawn: four standard deviations of the difference of two such shares.
+    spread = 4 * np.sqrt(2 * direct.pvalue / RESAMPLES)
+    assert (np.abs(p_values(differences, differences) - direct.pvalue) < 2 * spread).all()
 
 
 def test_p_values_hold_for_all_differences_between_the_bounds() -> None:
