@@ -123,11 +123,6 @@ class Ascent:
         return float(self.gap[self.open].sum())
 
     @property
-    def open_dual(self) -> float:
-        """What the prices prove that the open blocks can gain at most, together."""
-        return float(self.dual[self.open].sum())
-
-    @property
     def open_cost(self) -> float:
         """Cost of the best assignment of the open blocks together."""
         return float(self.cost[self.open].sum())
