@@ -86,7 +86,8 @@ class Certified:
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         programmes = Programmes(ascent, batch)
-        programmes.report_progress()
+        if batch.limit.progress.watched:
+            programmes.report_progress()
         if batch.warm_start is not None:
             ascent.try_prices(batch.warm_start.prices)
             for weights in batch.warm_start.weights:
@@ -133,7 +134,8 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: Batch, *, near: bool) 
         threshold = min(10 * stage.epsilon, 1.3) + half
         sweeps += _stage(ascent, stage, threshold, batch.limit.late)
         ascent.keep(ascent.wide())
-        programmes.report_progress()
+        if batch.limit.progress.watched:
+            programmes.report_progress()
         skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and stage.epsilon > skip_above
         early = stage.epsilon <= PROGRAMMES.early_from
         if early and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
