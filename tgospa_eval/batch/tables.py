@@ -13,6 +13,7 @@ from tgospa_eval.batch.others import joined_metrics, metrics_of
 from tgospa_eval.batch.pairing import LABEL, labels_of, pair_numbers, truths
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.problem.states import connected_components
 from tgospa_eval.reports.batch_records import BatchTables, Ranking
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS
 
@@ -203,17 +204,14 @@ class _Groups:
         array of int, shape (groups,)
         """
         import numpy as np
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
 
         count = len(self.heads)
         alone = truths(self.rows).groupby(self.numbers).nunique().max() == 1
         pairs = pair_numbers(self.rows, self.by, self.differing, truth=not alone).to_numpy()
-        edges = self.numbers.to_numpy(), count + pairs
         size = count + int(pairs.max()) + 1
-        graph = coo_array((np.ones(len(pairs)), edges), shape=(size, size))
-        _, parts = connected_components(graph, directed=False)
-        return np.maximum(np.bincount(parts[count:])[parts[:count]], np.bincount(self.numbers))
+        parts = connected_components(self.numbers.to_numpy(), count + pairs, size)
+        alike = np.bincount(parts[count:], minlength=size)[parts[:count]]
+        return np.maximum(alike, np.bincount(self.numbers))
 
 
 def _sorted_by(head: Sequence[Any], labels: int) -> tuple[Any, ...]:

@@ -20,6 +20,7 @@ from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.batch_view import BatchView
 from tgospa_eval.reports.curves import curves_csv
 from tgospa_eval.reports.folders import BATCH
+from tgospa_eval.reports.manifest import read_manifest, unchanged
 from tgospa_eval.reports.proofs import folder_name
 
 if TYPE_CHECKING:
@@ -92,6 +93,12 @@ def write_batch(store: Store, tables: BatchTables, output: OutputOptions, *, len
         if not lenient:
             raise
         print_notice(f"the page is not written: {error}")
+
+
+def is_written(store: Store) -> bool:
+    """Whether the folder of a store has its page and pictures."""
+    listed = read_manifest(store.folder, BATCH.name) or ()
+    return bool(listed) and unchanged(store.folder, listed) == {entry.name for entry in listed}
 
 
 def _link(store: Store, target: str, rows: "pd.DataFrame") -> "Callable[[pd.Series[Any]], str]":

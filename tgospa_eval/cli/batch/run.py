@@ -1,5 +1,6 @@
 """From the options of a batch to its store and tables."""
 
+import functools
 import os
 import time
 from collections.abc import Iterator
@@ -20,9 +21,10 @@ from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
 from tgospa_eval.batch.processes import Processes
 from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, tabulated
-from tgospa_eval.cli.batch.files import folder_of, write_batch
+from tgospa_eval.cli.batch.files import folder_of, is_written, write_batch
 from tgospa_eval.cli.batch.worker import (
     Task,
+    digest_of,
     evaluate_job,
     files_of,
     given_text,
@@ -134,7 +136,8 @@ def run_batch(
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
     tables = _tables(store, rows, batch)
     emit(BATCH_REPORTS[output.format_](tables), output.format_)
-    if shard == (1, 1):  # of others more is to come
+    # Of shards more is to come; where nothing is new, the page is there.
+    if shard == (1, 1) and (left or batch.by or not is_written(store)):
         write_batch(store, tables, output, lenient=True)
     wrong = rows[rows["status"] == "failed"] if len(rows) else rows
     for name, message in zip(_names(wrong), wrong.get("message", ()), strict=True):
@@ -248,6 +251,7 @@ def _tasks(
     shared = replace(options, jobs=1)
     of_all = given_text(shared)
     base = os.getcwd() if batch.scheduler else ""
+    digest = functools.cache(digest_of)
     for job in plan.jobs:
         chosen, given = shared, of_all
         if job.options:
@@ -260,7 +264,7 @@ def _tasks(
         yield Task(
             job=job,
             options=chosen,
-            key=key_of(job, given, files_of(job, chosen)),
+            key=key_of(job, given, files_of(job, chosen), digest),
             folder=folder,
             proof=batch.proof,
             per_step=batch.per_step,

@@ -5,7 +5,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,7 +82,9 @@ class Task:
         return row[STORED_STEPS] > 0 and (bool(row[STORED_CURVE]) or not self.options.curve)
 
 
-def key_of(job: Job, given: str, files: Iterable[str]) -> str:
+def key_of(
+    job: Job, given: str, files: Iterable[str], digest: Callable[[str], bytes] | None = None
+) -> str:
     """A digest of what makes the row: its files, labels, options and the schema of a result.
 
     Parameters
@@ -92,16 +94,24 @@ def key_of(job: Job, given: str, files: Iterable[str]) -> str:
     given : str
         Its options, as `given_text` has them.
     files : iterable of str
-        What is read. What cannot be read counts as nothing; the job will say so.
+        What is read.
+    digest : callable, optional
+        That of a file; `digest_of`, or one that reads a file of many jobs once.
     """
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
     for path in files:
-        with suppress(OSError), open(path, "rb") as file:
-            start = file.read(SMALL)
-            more = hashlib.file_digest(file, "sha256").digest() if len(start) == SMALL else b""
-            sha.update(hashlib.sha256(start).digest() + more)
+        sha.update((digest or digest_of)(path))
     return sha.hexdigest()
+
+
+def digest_of(path: str) -> bytes:
+    """Of the bytes of a file. What cannot be read counts as nothing; the job will say so."""
+    with suppress(OSError), open(path, "rb") as file:
+        start = file.read(SMALL)
+        more = hashlib.file_digest(file, "sha256").digest() if len(start) == SMALL else b""
+        return hashlib.sha256(start).digest() + more
+    return b""
 
 
 def given_text(options: EvaluationOptions) -> str:
