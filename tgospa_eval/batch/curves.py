@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.batch.pairing import labels_of
+from tgospa_eval.batch.pairing import labels_of, with_parameters
 from tgospa_eval.batch.per_step import StoredSteps
 from tgospa_eval.batch.resampling import BOOTSTRAP_SEED, CONFIDENCE, LEAST_PAIRS
-from tgospa_eval.batch.tables import PARAMETERS
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import RmsCurve
 
@@ -43,8 +42,8 @@ def rms_curves(
     """
     if steps is None:
         return []
+    rows, differing = with_parameters(rows)
     valued = rows[rows["status"] != "failed"]
-    differing = [name for name in PARAMETERS if valued[name].nunique() > 1]
     keys = [*(f"label.{name}" for name in by if name in labels_of(rows)), *differing]
     grouped = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
     codes = _codes(steps.times)

@@ -1,7 +1,10 @@
 """Which jobs belong together: those that differ in nothing but the labels that are compared."""
 
+import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from tgospa_eval.results.saved import ACCURACY, NEUTRAL
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -13,9 +16,47 @@ TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "e
 """Columns with digests of ids, times and states."""
 
 
+PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
+"""Parameters of the metric that every row has as columns."""
+
+OF_FILES = (
+    *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
+    *("on_duplicate", "fix_cov", "missing_cov", "inner_cov"),
+)
+"""Parameters that say how a file is read, or come from what is in it: each job may have its own."""
+
+
 def labels_of(rows: "pd.DataFrame") -> list[str]:
     """Names of the labels."""
     return [name.removeprefix(LABEL) for name in rows.columns if name.startswith(LABEL)]
+
+
+def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
+    """The rows, and names of columns with parameters in which jobs that have a value differ.
+
+    Jobs in which these differ are never added up, nor compared. A parameter that a job does not
+    have is a dash, and so is any of a job without a value.
+    """
+    having = rows[rows["status"] != "failed"]
+    differing = [name for name in PARAMETERS if having[name].nunique() > 1]
+    if "parameters" not in having:
+        return rows, differing
+    found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
+    names = {name for settings in found.values() for name in settings}
+    for name in sorted(names - {*PARAMETERS, *ACCURACY, *NEUTRAL, *OF_FILES}):
+        shown = {text: _in_words(settings.get(name)) for text, settings in found.items()}
+        if len(set(shown.values())) > 1:
+            rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})
+            differing.append(name)
+    return rows, differing
+
+
+def _in_words(value: object) -> str:
+    if isinstance(value, list):
+        return ",".join(map(_in_words, value))
+    if isinstance(value, str):
+        return value
+    return "-" if value is None else json.dumps(value)
 
 
 def truths(rows: "pd.DataFrame") -> "pd.Series[str]":

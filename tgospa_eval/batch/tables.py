@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batch.others import joined_metrics, metrics_of
-from tgospa_eval.batch.pairing import LABEL, labels_of, pair_numbers, truths
+from tgospa_eval.batch.pairing import LABEL, labels_of, pair_numbers, truths, with_parameters
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
@@ -20,13 +20,13 @@ from tgospa_eval.results.records import COUNTED_PARTS, PARTS
 if TYPE_CHECKING:
     import pandas as pd
 
-PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
-"""Jobs in which these differ are never added up."""
-
 SUMS = (
     "total_lower", "total", "total_upper", *PARTS, *(f"counts.{name}" for name in COUNTED_PARTS),
     "sizes.occupied",
 )  # fmt: skip
+
+OF_INTERVALS = ("confidence_lower", "confidence_upper", "resamples")
+"""Columns of the intervals of groups."""
 
 ENDS = ("", "_lower", "_upper")
 """Of the names of a value and its bounds."""
@@ -70,18 +70,19 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     check_labels(by, labels_of(rows))
     if not len(rows) or (rows["status"] == "failed").all():
         return BatchTables(rows=rows, groups=rows.iloc[:0], by=tuple(by))
-    groups = _Groups(rows, by)
+    rows, parameters = with_parameters(rows)
+    groups = _Groups(rows, by, parameters)
     table = _summed(groups, roots=roots)
     having = groups.having
     items: list[Ranking | str] = []
     if by:
-        names = groups.rows[LABEL + by[0]].drop_duplicates()
-        items = list(rankings(having, by[0], groups.differing, names))
+        items = list(rankings(having, by[0], parameters, groups.names))
     intervals = confidence(having, groups.numbers[having.index], groups.orders())
     return BatchTables(
         rows=rows,
         groups=table.assign(**intervals),
         by=tuple(by),
+        parameters=tuple(parameters),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
         seed=BOOTSTRAP_SEED,
@@ -117,7 +118,8 @@ def combined(
     check_labels(by, labels_of(rows))
     if not len(rows) or (rows["status"] == "failed").all():
         return rows.iloc[:0]
-    return _summed(_Groups(rows, by), roots=roots)
+    rows, parameters = with_parameters(rows)
+    return _summed(_Groups(rows, by, parameters), roots=roots)
 
 
 def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
@@ -147,11 +149,9 @@ def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
         values = [having["total" + end] ** (1 / having["order"]) for end in ENDS]
         for end, value in zip(ENDS, values, strict=True):
             table["mean_of_roots" + end] = value.groupby(groups.numbers[having.index]).mean()
-    labels = [LABEL + name for name in groups.by]
+    taken = {*table, *OF_INTERVALS, *groups.differing}
     plain = {
-        label: label.removeprefix(LABEL)
-        for label in labels
-        if label.removeprefix(LABEL) not in {*table, *groups.differing}
+        LABEL + name: name for name in groups.by if name not in taken and not name.startswith(LABEL)
     }
     return heads.rename(columns=plain).join(table)
 
@@ -165,15 +165,17 @@ class _Groups:
         Of a store, of which one at least has a value.
     by : sequence of str
         Labels that make a group.
+    differing : sequence of str
+        Columns with parameters in which they differ.
     """
 
-    def __init__(self, rows: "pd.DataFrame", by: Sequence[str]) -> None:
+    def __init__(self, rows: "pd.DataFrame", by: Sequence[str], differing: Sequence[str]) -> None:
         import pandas as pd
 
         rows = rows.fillna({LABEL + name: "" for name in labels_of(rows)})
         having = rows[rows["status"] != "failed"]
-        self.by = list(by)
-        self.differing = [name for name in PARAMETERS if having[name].nunique() > 1]
+        self.by, self.differing = list(by), list(differing)
+        self.names = rows[LABEL + by[0]].drop_duplicates() if by else ()
         # Of a job without value the parameters are not known.
         self.rows = having if self.differing else rows
         self.having = having

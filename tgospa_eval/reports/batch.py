@@ -31,8 +31,6 @@ LEAST_P = 1e-4
 THRESHOLDS = ".at."
 """In names of columns with a list in each row: a number for each threshold of HOTA."""
 
-_PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
-
 
 def document(tables: BatchTables) -> Document:
     """The tables by groups and the rankings, with what they are."""
@@ -50,15 +48,8 @@ def document(tables: BatchTables) -> Document:
     )
 
 
-def _heads(tables: BatchTables) -> dict[str, str]:
-    """Columns of labels and of parameters that differ, with the names that they are shown by."""
-    columns = tables.groups.columns
-    labels = {f"label.{name}" if f"label.{name}" in columns else name: name for name in tables.by}
-    return labels | {name: name for name in _PARAMETERS if name in columns}
-
-
 def _sums_table(tables: BatchTables) -> Table:
-    heads, groups = _heads(tables), tables.groups
+    heads, groups = tables.heads, tables.groups
     with_intervals = groups["confidence_upper"].notna().any()
     values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
     if "mean_of_roots" in groups:
@@ -84,7 +75,7 @@ def _sums_table(tables: BatchTables) -> Table:
 
 
 def _parts_table(tables: BatchTables) -> Table:
-    heads = _heads(tables)
+    heads = tables.heads
     return Table(
         head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
         rows=[
@@ -100,7 +91,7 @@ def _parts_table(tables: BatchTables) -> Table:
 
 def _other_tables(tables: BatchTables) -> Iterator[Table]:
     """Other metrics of the groups, where they were asked for."""
-    heads, rows = _heads(tables), _with_values(tables)
+    heads, rows = tables.heads, _with_values(tables)
     names = [tuple(_name(row[name]) for name in heads) for row in rows]
     yield from grouped_table(tuple(heads.values()), names, list(other_records(rows)))
 

@@ -140,6 +140,8 @@ class BatchTables:
         A row for each group.
     by : tuple of str
         The labels that make a group; values of the first are compared.
+    parameters : tuple of str
+        Those in which jobs differ, and with them groups.
     rankings : tuple of Ranking
         One for each set of parameters.
     notes : tuple of str
@@ -153,7 +155,16 @@ class BatchTables:
     rows: "pd.DataFrame"
     groups: "pd.DataFrame"
     by: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
     rankings: tuple[Ranking, ...] = ()
     notes: tuple[str, ...] = ()
     seed: int = 0
     curves: tuple[RmsCurve, ...] = ()
+
+    @property
+    def heads(self) -> dict[str, str]:
+        """Columns of `groups` that tell them apart, with the names that these are shown by."""
+        found = {
+            f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
+        }
+        return found | {name: name for name in self.parameters}

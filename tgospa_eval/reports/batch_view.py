@@ -115,11 +115,10 @@ class BatchView:
     @cached_property
     def groups(self) -> list[GroupCosts]:
         """All groups, in the order of the ranking."""
-        groups = self.tables.groups
+        groups, names = self.tables.groups, list(self.tables.heads)
         if self.tables.by and len(groups):
-            first = groups[self.tables.by[0]].astype(str).map(self.compared)
+            first = groups[names[0]].astype(str).map(self.compared)
             groups = groups.loc[first.sort_values(kind="stable").index]
-        names = [*self.tables.by, *(name for name in METRIC_COLUMNS if name in groups)]
         return [
             GroupCosts(
                 name="/".join(str(row[name]) for name in names),
@@ -141,7 +140,8 @@ class BatchView:
         if len(labels) < 2:
             return None
         across = list(self.compared) or sorted(self.values_of(labels[0]).unique())
-        return heat_of(self.tables.rows, (labels[1], labels[0]), across, self.link)
+        parameters = self.tables.parameters
+        return heat_of(self.tables.rows, (labels[1], labels[0]), across, self.link, parameters)
 
     @cached_property
     def drawn_curves(self) -> list[tuple[int, RmsCurve]]:

@@ -103,6 +103,7 @@ def heat_of(
     labels: tuple[str, str],
     columns: Sequence[str],
     link: Callable[["pd.Series[Any]"], str],
+    parameters: Sequence[str] = (),
 ) -> Heat:
     """The picture of the jobs of some rows.
 
@@ -116,8 +117,12 @@ def heat_of(
         Values of the label across, in order; others are left out.
     link : callable
         Where the report of the job of a row is; nothing if there is none.
+    parameters : sequence of str
+        Columns in which rows differ: costs are not added up over these, they are named down.
     """
     down, across = (rows[f"label.{name}"].fillna("").astype(str) for name in labels)
+    for name in parameters:
+        down = down + [f" {name}={_in_words(value)}" for value in rows[name]]
     shown = list(columns)[:MOST_COLUMNS]
     of_shown = across.isin(shown)
     found = rows[of_shown].assign(_down=down[of_shown], _across=across[of_shown])
@@ -165,6 +170,13 @@ def heat_of(
     )
 
 
+def _in_words(value: float | str) -> str:
+    """A parameter, which a failed job does not have."""
+    if isinstance(value, str):
+        return value
+    return f"{value:g}" if value == value else "-"
+
+
 def _sums(found: "pd.DataFrame", shape: tuple[int, int]) -> tuple[Any, Any, Any, Any]:
     """Bounds of TGOSPA per step, and numbers of jobs and of those that failed, by cell."""
     place = found["_row"].to_numpy(), found["_column"].to_numpy()
@@ -179,7 +191,8 @@ def _sums(found: "pd.DataFrame", shape: tuple[int, int]) -> tuple[Any, Any, Any,
         nothing = np.full(shape, np.nan)
         return nothing, nothing, added(1), added(bad)
     steps = added(found["sizes.occupied"].fillna(0.0).to_numpy(float))
-    order = float(found["order"].dropna().iloc[0])
+    orders = found.groupby("_row")["order"].first().reindex(range(shape[0]))
+    order = orders.fillna(1.0).to_numpy(float)[:, None]
     valued = added(~bad) > 0
     bounds = []
     for name in ("total_lower", "total_upper"):

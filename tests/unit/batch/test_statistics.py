@@ -264,6 +264,30 @@ def test_parameters_are_ranked_apart() -> None:
     assert heads == [["vs", "a", "cutoff"], ["vs", "b", "cutoff"]]
 
 
+def test_other_parameters_are_other_groups_too() -> None:
+    """Those of the result that no column has; how files are read may be each job's own."""
+    texts = [json.dumps({"grid": grid, "unit": grid, "time": grid}) for grid in ("union", "truth")]
+    rows = table({"a": [1.0], "b": [4.0]}).assign(parameters=texts[0])
+    more = table({"a": [4.0], "b": [1.0]}).assign(parameters=texts[1], options='{"grid": "truth"}')
+    lost = failed(table({"c": [1.0]}), [0])
+    tables = tabulated(pd.concat([rows, more, lost], ignore_index=True), ["tracker"])
+    assert tables.parameters == ("grid",)
+    assert [
+        (row["tracker"], row["grid"], row["combined"]) for row in tables.groups.to_dict("records")
+    ] == [
+        ("a", "truth", 2.0),
+        ("a", "union", 1.0),
+        ("b", "truth", 1.0),
+        ("b", "union", 2.0),
+    ]
+    assert [[entry.name for entry in item.entries] for item in tables.rankings] == [
+        ["b", "a"],
+        ["a", "b"],
+    ]
+    assert {item.left_out for item in tables.rankings} == {("c",)}
+    assert "grid truth: Proven order by combined, best first: b, a" in words(tables)
+
+
 @pytest.mark.parametrize(
     ("rows", "by", "note"),
     [

@@ -42,13 +42,24 @@ def rows(values: dict[tuple[str, str], float | None], width: float = 0.0) -> pd.
             }
             for (down, across), value in values.items()
         ]
-    ).astype({"total_lower": float, "total_upper": float, "sizes.occupied": float})
+    ).astype({"total_lower": float, "total_upper": float, "sizes.occupied": float, "order": float})
 
 
 def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Heat:
     return heat_of(
         rows(values, width), ("down", "across"), ["a", "b"], lambda row: str(row["label.down"])
     )
+
+
+def test_parameters_that_differ_are_never_added_up() -> None:
+    first, second = rows({("s", "a"): 9.0}), rows({("s", "a"): 4.0}).assign(order=1.0)
+    lost = rows({("s", "b"): None})
+    made = heat_of(
+        pd.concat([first, second, lost], ignore_index=True),
+        ("down", "across"), ["a", "b"], lambda _: "", ("order",),
+    )  # fmt: skip
+    assert made.rows == ["s order=1", "s order=2", "s order=-"]
+    assert [row[0] and row[0].value and row[0].value.upper for row in made.cells] == [4, 3, None]
 
 
 def test_cells_have_brackets_shades_and_links() -> None:
