@@ -19,7 +19,7 @@ TRUTH_DIGEST, ESTIMATE_DIGEST = (f"input.{role}.sha256" for role in ("truth", "e
 PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
 """Parameters of the metric that every row has as columns."""
 
-OF_FILES = (
+READ_AS_GIVEN = (
     *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
     *("on_duplicate", "fix_cov", "missing_cov", "inner_cov"),
 )
@@ -43,7 +43,7 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
         return rows, differing
     found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
     names = {name for settings in found.values() for name in settings}
-    for name in sorted(names - {*PARAMETERS, *ACCURACY, *NEUTRAL, *OF_FILES}):
+    for name in sorted(names - {*PARAMETERS, *ACCURACY, *NEUTRAL, *READ_AS_GIVEN}):
         shown = {text: _in_words(settings.get(name)) for text, settings in found.items()}
         if len(set(shown.values())) > 1:
             rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})
