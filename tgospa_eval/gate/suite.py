@@ -136,6 +136,11 @@ def _pairs(
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
         yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
+    for file, _ in patterns.found(estimate, folder) if others else ():
+        if patterns.is_ambiguous(estimate, file):
+            fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
+            yield Pair(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
+            return
     for values in (group | own for group in groups for own in found):
         yield Pair(
             name=patterns.fill(name, values) or ONLY_PAIR,
