@@ -2,7 +2,6 @@
 
 import csv
 import importlib.util
-import io
 import os
 from pathlib import Path
 
@@ -19,13 +18,25 @@ def per_step_csv(result: Summary) -> str:
     return csv_text(result.per_step_table())
 
 
+ENDS_OF_LINES = "\r\n"
+"""Characters of which a text in a CSV file is quoted that has one."""
+
+
 def csv_text(table: Columns) -> str:
     """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
+    lines = _Lines()
+    writer = csv.writer(lines, lineterminator=ENDS_OF_LINES)
     writer.writerow(map(csv_cell, table))
     writer.writerows(zip(*(map(csv_cell, column) for column in table.values()), strict=True))
-    return text.getvalue()
+    return "".join(lines)
+
+
+class _Lines(list[str]):
+    """Lines as a writer makes them, which quotes no ends of lines but those that it writes."""
+
+    def write(self, line: str) -> None:
+        """Add one with an end of our kind."""
+        self.append(f"{line[: -len(ENDS_OF_LINES)]}\n")
 
 
 def result_texts(

@@ -462,6 +462,10 @@ def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> Non
         (("gt/{run}.csv", "a.csv"), "a.csv: has no {run}, but gt/{run}.csv has"),
         (("gt/{run}.csv", "out/*.csv"), "out/*.csv: has a *, and gt/{run}.csv has fields"),
         (("gt/r1.csv", "out/{tracker}.csv"), "out/{tracker}.csv: no such files"),
+        (
+            ("gt/{run}.csv", "on/{tracker}/{run}.csv"),
+            "on/{tracker}/{run}.csv: fits {x}, which is like a field itself",
+        ),
         (("gt/{run}.csv", "gt/{run}.csv", "{run}.csv"), "r1.csv: no such file"),
         (
             ("gt/r1.csv", "gt/{tracker}_{run}.csv"),
@@ -472,7 +476,7 @@ def test_fields_stand_for_runs_and_estimates(tree: Write, invoke: Invoke) -> Non
 def test_fields_that_do_not_fit(
     tree: Write, invoke: Invoke, paths: tuple[str, ...], message: str
 ) -> None:
-    for name in ("gt/r1.csv", "gt/r2.csv", "a.csv", "gt/x_y_z.csv"):
+    for name in ("gt/r1.csv", "gt/r2.csv", "a.csv", "gt/x_y_z.csv", "on/{x}/r1.csv"):
         tree(name, TRUTH)
     answer = invoke("compare", *paths)
     assert answer.status in (2, 3)
@@ -504,6 +508,8 @@ def test_tables_escape_everything() -> None:
     assert r"\{\textasciitilde{}\textasciicircum{}\textbackslash{}\}" in as_latex(page)
     table = {"=a": ["@x", -1.0, None, "-1", "'=x", "it's"]}
     assert csv_text(table) == "'=a\n'@x\n-1.0\n\"\"\n-1\n''=x\nit's\n"
+    ends = ["a\rb", "a\nb", "a\r\nb"]
+    assert csv_text({"a\r": ends}) == '"a\r"\n"a\rb"\n"a\nb"\n"a\r\nb"\n'
 
 
 def test_tables_have_80_columns_and_every_cell(write: Write, invoke: Invoke) -> None:

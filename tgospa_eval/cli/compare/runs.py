@@ -1,6 +1,7 @@
 """Patterns that stand for several runs, and for several estimates: ``*``, or fields in braces."""
 
 import glob
+import itertools
 import os
 from collections.abc import Iterator, Mapping
 
@@ -31,7 +32,7 @@ def each_estimate(truth: str, estimates: tuple[str, ...]) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        No file is like a pattern.
+        No file is like a pattern, or a name would be one.
     """
     own = _fields(truth)
     found: list[str] = []
@@ -41,6 +42,9 @@ def each_estimate(truth: str, estimates: tuple[str, ...]) -> tuple[str, ...]:
             found.append(path)
             continue
         groups = {tuple(values[name] for name in others) for values in _values(path)}
+        for text in itertools.chain(*groups):
+            if own and patterns.fields(text):
+                raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
         kept = {name: f"{{{name}}}" for name in own}
         found += [
             patterns.fill(path, kept | dict(zip(others, group, strict=True)))
