@@ -48,6 +48,9 @@ MOST_COMPARED = 100
 TOTAL_ENDS = ["total_lower", "total_upper"]
 """Columns of the bracket of a total."""
 
+NOTHING = Interval(lower=0.0, upper=0.0)
+"""The difference of what is the same."""
+
 Parameters = Mapping[str, float | str]
 
 
@@ -84,9 +87,13 @@ class _Paired:
             for low, high in zip(*(end.tolist() for end in ends), strict=True)
         ]
 
+    def same(self, first: int, second: int) -> bool:
+        """Whether two have the same data, and so the same values, whatever the brackets are."""
+        return bool(self.data[first]) and self.data[first] == self.data[second]
+
     def verdict(self, values: Sequence[Interval], first: int, second: int) -> Verdict:
-        """What is proven of two: equal data have equal values, whatever the brackets are."""
-        if self.data[first] and self.data[first] == self.data[second]:
+        """What is proven of two."""
+        if self.same(first, second):
             return "equal"
         if less(values[first], values[second]):
             return "less"
@@ -201,7 +208,9 @@ def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tupl
             first=paired.names[a],
             second=paired.names[b],
             verdict=paired.verdict(values, a, b),
-            difference=Interval(
+            difference=NOTHING
+            if paired.same(a, b)
+            else Interval(
                 lower=values[b].lower - values[a].upper, upper=values[b].upper - values[a].lower
             ),
             inference=inference,
@@ -233,13 +242,17 @@ def _inferences(
 ) -> list[Inference]:
     """What is concluded of each pair."""
     first, second = (list(side) for side in zip(*found, strict=True))
-    p_value = p_values(
-        paired.lower[second] - paired.upper[first], paired.upper[second] - paired.lower[first]
-    )
+    least = paired.lower[second] - paired.upper[first]
+    most = paired.upper[second] - paired.lower[first]
+    same = [paired.same(a, b) for a, b in found]
+    least[same] = most[same] = 0.0
+    p_value = p_values(least, most)
     lower, upper = draws
     return [
         Inference(
-            confidence=percentiles(lower[b] - upper[a], upper[b] - lower[a]),
+            confidence=NOTHING
+            if paired.same(a, b)
+            else percentiles(lower[b] - upper[a], upper[b] - lower[a]),
             p_value=float(p),
             p_holm=float(adjusted),
             significant=bool(adjusted < 1 - CONFIDENCE),

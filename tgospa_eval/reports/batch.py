@@ -201,6 +201,8 @@ def _tested(pair: Comparison) -> Iterator[str]:
 
 
 def _notes(tables: BatchTables) -> Iterator[str]:
+    if not len(tables.groups):
+        return
     sums = (
         "combined: (sum of the totals)^(1/p); per step: (that sum / steps)^(1/p); RMS: (mean "
         "of the totals)^(1/p), as of Monte Carlo runs; "
@@ -216,6 +218,12 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             f"the jobs have {lengths[0]:,} to {counted(lengths[-1], 'step')}: long ones "
             "weigh more, and per step each step weighs the same"
         )
+    for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
+        yield (
+            f"{row['jobs']} of {row['expected']} jobs: of the others there is no value; sums, and "
+            "with them combined, are without their costs and look better than they are"
+        )
+        break
     yield from tables.notes
     if tables.rankings:
         yield "proven place: by the brackets of combined, on these files"
@@ -224,8 +232,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             "statistical place, for other truths drawn as these were: by a two-sided permutation "
             "test, p adjusted for all pairs (Holm), significant below 0.05"
         )
-    groups = tables.groups
-    if len(groups) and groups["confidence_upper"].notna().any():
+    if tables.groups["confidence_upper"].notna().any():
         yield f"{INTERVAL}: of the value before it, by bootstrap"
     for ranking in tables.rankings:
         if ranking.left_out:

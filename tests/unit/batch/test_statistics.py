@@ -229,7 +229,11 @@ def test_ties_share_their_places() -> None:
     assert "no significant difference at the top between a, b" in text
     # Equal data have equal values, whatever the brackets are.
     rows = table({"a": A, "b": A}, width=3.0, **{"input.estimate.sha256": "1"})
-    assert only(tabulated(rows, ["tracker"])).comparisons[0].verdict == "equal"
+    (pair,) = only(tabulated(rows, ["tracker"])).comparisons
+    assert pair.verdict == "equal"
+    assert (pair.difference.lower, pair.difference.upper) == (0.0, 0.0)
+    assert pair.inference is not None
+    assert (pair.inference.p_value, pair.inference.confidence) == (1.0, pair.difference)
 
 
 def test_only_common_jobs_are_compared() -> None:
@@ -243,6 +247,7 @@ def test_only_common_jobs_are_compared() -> None:
     )
     assert tables.groups["jobs"].tolist() == [8, 6, 0]
     assert tables.groups["expected"].tolist() == [8, 8, 8]
+    assert words(tables).count("of the others there is no value") == 1
     for part in ("6 of 8", "0 of 8", "over the 6 jobs that all 2 have, of 8", "c: no job with"):
         assert part in words(tables)
     # Jobs that were never there are missed as well.
@@ -305,7 +310,7 @@ def test_nothing_to_rank(rows: pd.DataFrame, by: str, note: str) -> None:
 
 def test_no_job_has_a_value() -> None:
     tables = tabulated(failed(table({"a": A}), range(8)), ["tracker"])
-    assert words(tables).startswith("8 jobs, 8 failed combined:")
+    assert words(tables) == "8 jobs, 8 failed"
     document = json.loads(BATCH_REPORTS["json"](tables))
     assert (document["groups"], document["ranking"], len(document["jobs"])) == ([], [], 8)
 
