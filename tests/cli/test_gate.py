@@ -768,14 +768,14 @@ def test_a_pattern_without_a_file_does_not_stop_the_others(suite: Invoke, write:
 
 def test_a_pair_is_never_read_in_two_ways(suite: Invoke, write: Write) -> None:
     """The tracker s of run 10 would also be the tracker s1 of run 0."""
-    for name in ("s/gt/0.csv", "s/gt/10.csv", "s/of/s10.csv", "s/of/s0.csv"):
+    for name in ("s/gt0.csv", "s/gt10.csv", "s/of-s10.csv", "s/of-s0.csv"):
         write(name, estimate(1))
-    more = '[[pair]]\nname = "{t}/{run}"\ntruth = "gt/{run}.csv"\nestimate = "of/{t}{run}.csv"\n'
+    more = '[[pair]]\nname = "{t}/{run}"\ntruth = "gt{run}.csv"\nestimate = "of-{t}{run}.csv"\n'
     write("s/suite.toml", SUITE + more)
     answer = suite("--format", "json")
     assert answer.status == 3
-    assert verdicts(answer) == {"a": "pass", "b": "pass", "of/s10.csv": "error"}
-    assert "fit of/s10.csv in two ways" in answer.err
+    assert verdicts(answer) == {"a": "pass", "b": "pass", "of-s10.csv": "error"}
+    assert "fit of-s10.csv in two ways" in answer.err
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="has no full device")
