@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
 
+import batch
 import click
 import curve
 import exactness
@@ -41,6 +42,7 @@ class Plan:
     curve: tuple[Scene, ...]
     scale: tuple[Scene, ...]
     gaussian: tuple[str, ...]
+    batch: tuple[batch.Case, ...]
     exactness: exactness.Plan
     deadline: float
 
@@ -105,6 +107,13 @@ def run_scale(plan: Plan, store: Store) -> list[Table]:
     return report.of_scale(plan.scale, store)
 
 
+def run_batch(plan: Plan, store: Store) -> list[Table]:
+    """Many small evaluations."""
+    for case in plan.batch:
+        missing(store, lambda case=case: batch.measure(case), batch.PART, str(case))
+    return report.of_batch(plan.batch, store)
+
+
 def run_startup(plan: Plan, store: Store) -> list[Table]:
     """Start-up of the command."""
     missing(store, startup.measure, startup.PART)
@@ -125,6 +134,7 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "page": run_page,
     "curve": run_curve,
     "scale": run_scale,
+    "batch": run_batch,
     "startup": run_startup,
     "exactness": run_exactness,
 }
@@ -191,6 +201,7 @@ def main(  # noqa: PLR0913  (an argument for each option)
         page=page.SMALL if small else page.SCENES,
         curve=curve.SMALL if small else curve.SCENES,
         scale=scale.SMALL if small else scale.SCENES,
+        batch=batch.SMALL if small else batch.CASES,
         gaussian=tuple(gaussian.CASES)[: 1 if small else None],
         exactness=exactness.Plan(
             scenes=scenes or (SMALL_SCENES if small else exactness.Plan.scenes),

@@ -44,7 +44,7 @@ def fingerprint() -> str:
     sha = hashlib.sha256(json.dumps(describe(), sort_keys=True).encode())
     sources = [path for path in PACKAGE.rglob("*") if path.is_file()]
     sources += [path for path in HERE.glob("*.py") if path.name not in SHOWING]
-    sources += [HERE.parent / name for name in REFEREE]
+    sources += [HERE.parent / "support" / name for name in REFEREE]
     for path in sorted(sources):
         if "__pycache__" not in path.parts:
             sha.update(path.name.encode() + path.read_bytes())

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
+import batch
 import curve
 import exactness
 import gaussian
@@ -332,6 +333,40 @@ def _scale_row(scene: Scene, found: Values) -> list[str]:
         return [*row, *[ABSENT] * 5]
     stages = (str(Number(found[stage])) for stage in ("read", "solve", "certify"))
     return [*row, f"{found['pair_steps']:,}", *stages, f"{found['relative_gap']:.0e}"]
+
+
+def of_batch(cases: Sequence[batch.Case], store: Store) -> list[Table]:
+    """A batch against a loop."""
+    rows = []
+    for case in cases:
+        found = store.get(batch.PART, str(case))
+        if found is None:
+            continue
+        loop, spent = case.pairs * found["loop"], found["batch"]
+        rows.append(
+            (
+                str(case),
+                f"{loop:.0f}",
+                f"{spent:.1f}",
+                f"{loop / spent:.1f}",
+                f"{1 - found['jobs'] / batch.WORKERS / spent:.0%}",
+                f"{found['again']:.1f}",
+                f"{found['peak'] / 1e6:.0f}",
+            )
+        )
+    return [
+        Table(
+            "Many small evaluations",
+            ("pairs", "loop s", "batch s", "loop/batch", "overhead", "again s", "MB"),
+            rows,
+            (
+                f"loop: one command after the other, from {2 * batch.LOOPED} of them, half before "
+                f"and half after the batch; batch: {batch.WORKERS} processes; overhead: what is "
+                "not work on jobs, of the time on the wall; again: the same command when all is "
+                "done, and the memory of its process.",
+            ),
+        )
+    ]
 
 
 def of_startup(store: Store) -> list[Table]:

@@ -1,0 +1,31 @@
+"""The benchmarks can be run: who changes the package or the tests does not see them otherwise."""
+
+import subprocess
+import sys
+
+import pytest
+from checkout import ROOT
+
+LOADS = """
+import runpy, sys
+sys.path.insert(0, sys.argv[1])
+names = runpy.run_path(sys.argv[1] + "/__main__.py")
+import machine, page
+assert len(machine.fingerprint()) == 16
+assert page.measure(page.SMALL[0])["bytes"] > 10_000
+print(*names["PARTS"])
+"""
+
+
+@pytest.mark.process
+def test_benchmarks_load_and_measure(environment: dict[str, str]) -> None:
+    folder = str(ROOT / "tests" / "benchmarks")
+    done = subprocess.run(
+        [sys.executable, "-c", LOADS, folder],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split()[:2] == ["grid", "kernel"]
