@@ -222,6 +222,8 @@ def test_other_metrics_are_combined_by_their_counts(
     table = invoke("batch", "report", "r", "--by", "tracker").out
     assert "  a        " in table
     assert "best is high: HOTA, DetA, AssA, MOTA, MOTP, IDF1" in table
+    page = Path("r/report.html").read_text(encoding="utf-8")
+    assert "<td>50.00 %</td>" in page[page.index("Other metrics") :]
     assert len(invoke("batch", "report", "r", "--format", "csv").out.splitlines()) == 3
     assert "holds a batch with other settings: with was" in invoke(*sequences).err
     refused = invoke(*sequences, "--with", "mota")

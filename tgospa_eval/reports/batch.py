@@ -42,7 +42,7 @@ def document(tables: BatchTables) -> Document:
         tables=[
             *([_sums_table(tables), _parts_table(tables)] if len(groups) else []),
             *(table for ranking in tables.rankings for table in _ranking_tables(ranking)),
-            *_other_tables(tables),
+            *other_tables(tables),
         ],
         notes=list(_notes(tables)),
     )
@@ -89,7 +89,7 @@ def _parts_table(tables: BatchTables) -> Table:
     )
 
 
-def _other_tables(tables: BatchTables) -> Iterator[Table]:
+def other_tables(tables: BatchTables) -> Iterator[Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tuple(_name(row[name]) for name in heads) for row in rows]
@@ -239,7 +239,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             names = ", ".join(ranking.left_out)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     yield from _preprocessed(tables.rows)
-    yield from _about_others(tables)
+    yield from about_others(tables)
 
 
 def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
@@ -249,7 +249,8 @@ def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
         yield f"boxes were left out by --preprocess {name} before all metrics"
 
 
-def _about_others(tables: BatchTables) -> Iterator[str]:
+def about_others(tables: BatchTables) -> Iterator[str]:
+    """What other metrics are, where they were asked for."""
     found = next(other_records(_with_values(tables)), {})
     if found:
         yield "other metrics are joined as TrackEval joins sequences: counts over all jobs of a row"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
+from tgospa_eval.reports.batch import about_others, other_tables
 from tgospa_eval.reports.batch_records import Comparison, Ranking
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
 from tgospa_eval.reports.charts import curve_chart
@@ -56,6 +57,8 @@ def batch_page(view: BatchView) -> str:
             notes=view.tables.notes,
             groups=[_group(view, group) for group in groups[:MOST_GROUPS]],
             common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
+            others=list(other_tables(view.tables)),
+            about_others=list(about_others(view.tables)),
             heat=view.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),
