@@ -102,6 +102,8 @@ def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Pat
     assert answer.status == 0
     assert [group["cutoff"] for group in json.loads(answer.out)["groups"]] == [10.0, 1.5]
     assert invoke("verify", "r/reports/b/cutoff=1.5", "gt/0.csv", "out/b/0.csv").status == 0
+    Path("out/b/0.csv").write_text("id,t\n1,2\n", encoding="utf-8")
+    assert "b cutoff=1.5: out/b/0.csv, line 1: " in invoke("batch", "m.csv", "-o", "r2", "-q").err
 
 
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:

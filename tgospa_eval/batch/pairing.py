@@ -54,6 +54,10 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
 def _in_words(value: object) -> str:
     if isinstance(value, list):
         return ",".join(map(_in_words, value))
+    if isinstance(value, dict):
+        return ",".join(f"{name}={_in_words(item)}" for name, item in value.items())
+    if isinstance(value, float):
+        return f"{value:g}"
     if isinstance(value, str):
         return value
     return "-" if value is None else json.dumps(value)

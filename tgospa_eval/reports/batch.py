@@ -128,7 +128,8 @@ def _orders(ranking: Ranking) -> Iterator[str]:
 
 def _where(ranking: Ranking) -> str:
     """For which parameters a ranking is, if there are several."""
-    return "".join(f"{name} {_name(value)}: " for name, value in ranking.parameters.items())
+    parameters = [f"{name} {_name(value)}" for name, value in ranking.parameters.items()]
+    return f"{', '.join(parameters)}: " if parameters else ""
 
 
 def _jobs(ranking: Ranking) -> str:
@@ -224,6 +225,12 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             "with them combined, are without their costs and look better than they are"
         )
         break
+    opened = int(tables.groups["open"].sum())
+    if opened:
+        yield (
+            f"{counted(opened, 'job')} did not reach the accuracy that was asked for: values are "
+            "between the proven bounds"
+        )
     yield from tables.notes
     if tables.rankings:
         yield "proven place: by the brackets of combined, on these files"

@@ -271,12 +271,16 @@ def test_parameters_are_ranked_apart() -> None:
 
 def test_other_parameters_are_other_groups_too() -> None:
     """Those of the result that no column has; how files are read may be each job's own."""
-    texts = [json.dumps({"grid": grid, "unit": grid, "time": grid}) for grid in ("union", "truth")]
+    scale = {"x": 2.0, "y": 1.0}
+    texts = [
+        json.dumps({"grid": "union", "unit": "m", "time": "0:1"}),
+        json.dumps({"grid": "truth", "unit": "km", "time": "1:2", "scale": scale}),
+    ]
     rows = table({"a": [1.0], "b": [4.0]}).assign(parameters=texts[0])
     more = table({"a": [4.0], "b": [1.0]}).assign(parameters=texts[1], options='{"grid": "truth"}')
     lost = failed(table({"c": [1.0]}), [0])
     tables = tabulated(pd.concat([rows, more, lost], ignore_index=True), ["tracker"])
-    assert tables.parameters == ("grid",)
+    assert tables.parameters == ("grid", "scale")
     assert [
         (row["tracker"], row["grid"], row["combined"]) for row in tables.groups.to_dict("records")
     ] == [
@@ -290,7 +294,7 @@ def test_other_parameters_are_other_groups_too() -> None:
         ["a", "b"],
     ]
     assert {item.left_out for item in tables.rankings} == {("c",)}
-    assert "grid truth: Proven order by combined, best first: b, a" in words(tables)
+    assert "grid truth, scale x=2,y=1: Proven order by combined, best first: b, a" in words(tables)
 
 
 @pytest.mark.parametrize(
@@ -358,3 +362,10 @@ def test_a_label_may_be_called_like_a_column() -> None:
     assert tables.groups["label.jobs"].tolist() == ["a", "b"]
     assert tables.groups["jobs"].tolist() == [8, 8]
     assert "  jobs  jobs  combined" in BATCH_REPORTS["table"](tables)
+
+
+def test_open_jobs_are_counted() -> None:
+    rows = pd.concat([table({"a": A}, width=1.0, certified=False), table({"b": A})])
+    tables = tabulated(rows.reset_index(drop=True), ["tracker"])
+    assert "8 jobs did not reach the accuracy that was asked for" in words(tables)
+    assert "accuracy" not in words(tabulated(table({"b": A}), ["tracker"]))

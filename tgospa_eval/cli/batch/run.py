@@ -1,6 +1,7 @@
 """From the options of a batch to its store and tables."""
 
 import functools
+import json
 import os
 import time
 from collections.abc import Iterator
@@ -332,10 +333,11 @@ def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTab
 
 
 def _names(rows: "pd.DataFrame") -> Iterator[str]:
-    """Jobs in words."""
+    """Jobs in words: labels, and options of their own."""
     labels = [f"label.{name}" for name in labels_of(rows)]
     for _, row in rows.iterrows():
-        yield "/".join(str(row[name]) for name in labels) or str(row["estimate"])
+        own = [f"{key}={value}" for key, value in json.loads(row["options"]).items()]
+        yield " ".join(("/".join(str(row[name]) for name in labels) or row["estimate"], *own))
 
 
 def _plain(value: Any) -> Any:
