@@ -150,6 +150,7 @@ def _ranking(
         jobs=len(common) // len(names),
         all_jobs=int(part["_pair"].nunique()),
         pairs=count,
+        truths=common["_truth"].nunique(),
         resamples=resamples_of(count),
         permutations=permutations_of(count),
         seed=BOOTSTRAP_SEED,

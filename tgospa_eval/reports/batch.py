@@ -117,7 +117,7 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     begin = f"{where}Statistical order, {counted(ranking.pairs, 'pair')}"
     places = [item.statistical_place for item in entries if item.statistical_place]
     if not places:
-        yield f"{begin}: fewer than 6, nothing can be concluded about other truths"
+        yield f"{begin}: fewer than 6, nothing can be concluded about {ranking.others}"
         return
     first = [item.name for item, place in zip(entries, places, strict=True) if place[0] == 1]
     if len(first) == 1 and places[0] == (1, 1):
@@ -234,9 +234,9 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     yield from tables.notes
     if tables.rankings:
         yield "proven place: by the brackets of combined, on these files"
-    if any(ranking.resamples for ranking in tables.rankings):
+    for others in dict.fromkeys(item.others for item in tables.rankings if item.resamples):
         yield (
-            "statistical place, for other truths drawn as these were: by a two-sided permutation "
+            f"statistical place, for {others} drawn as these were: by a two-sided permutation "
             "test, p adjusted for all pairs (Holm), significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():

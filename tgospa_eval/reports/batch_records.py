@@ -105,6 +105,8 @@ class Ranking:
         How many jobs of each are compared; how many there are of which one at least has a value.
     pairs : int
         What is resampled: truths, or jobs if there is one truth alone.
+    truths : int
+        How many there are.
     resamples, permutations : int
         Of the bootstrap and the test; 0 where there are too few pairs.
     seed : int
@@ -121,11 +123,17 @@ class Ranking:
     jobs: int
     all_jobs: int
     pairs: int
+    truths: int
     resamples: int
     permutations: int
     seed: int
     parameters: Mapping[str, float | str] = field(default_factory=dict)
     left_out: tuple[str, ...] = ()
+
+    @property
+    def others(self) -> str:
+        """What a conclusion by statistics is about."""
+        return "other runs on this truth" if self.truths == 1 else "other truths"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

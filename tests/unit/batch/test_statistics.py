@@ -214,6 +214,7 @@ def test_runs_of_one_truth_count_once() -> None:
     rows["truth"] = "gt"  # one truth alone: its runs are what is drawn
     ranking = only(tabulated(rows, ["tracker"]))
     assert (ranking.jobs, ranking.pairs) == (12, 12)
+    assert "statistical place, for other runs on this truth" in words(tabulated(rows, ["tracker"]))
 
 
 def test_ties_share_their_places() -> None:

@@ -1,6 +1,7 @@
 """``tgospa-eval batch``: a whole benchmark or Monte Carlo study, stored and tabulated."""
 
 import click
+from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option
@@ -12,6 +13,12 @@ from tgospa_eval.cli.shared.options import (
     REPORT_FORMATS,
     WITH,
 )
+
+OF_REPORT = {
+    *("paths", "by", "mean_of_roots", "output", "force", "format_", "pictures", "style"),
+    *("config", "quiet"),
+}
+"""Parameters that mean something to ``batch report``."""
 
 LAYOUTS = ("motchallenge", "kitti")
 
@@ -122,9 +129,25 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
     if paths[:1] == ("report",):
         if len(paths) != 2:
             raise click.UsageError("batch report takes one folder, a store")
+        _check_typed(ctx)
         report_batch(paths[1], batch, output)
         return
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
     chosen = EvaluationOptions.of({**options, "by": None})
     ctx.exit(run_batch(ctx, paths, batch, chosen, output))
+
+
+def _check_typed(ctx: click.Context) -> None:
+    """Whether all options are for what is stored.
+
+    Raises
+    ------
+    click.UsageError
+        One is for evaluating, which a report does not.
+    """
+    for name in ctx.params:
+        if name in OF_REPORT or ctx.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        text = name.removesuffix("_").replace("_", "-")
+        raise click.UsageError(f"--{text} is for evaluating; batch report shows what is stored")
