@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.common.words import install
+from tgospa_eval.problem.problem import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.patches import StepPatch
 
     from tgospa_eval.plots.lanes import plot_lanes
     from tgospa_eval.plots.overtime import plot_costs, plot_cumulative
@@ -41,6 +43,9 @@ MARKERS = "osD^vPX"
 DOTS = 150
 """Dots per inch."""
 
+QUICK = 4
+"""Level of compression: two thirds of the time of the usual 6, a fiftieth larger."""
+
 MISSING = f"no pictures: they need the extra plot: {install('plot')}"
 
 _HOMES = {
@@ -52,7 +57,7 @@ _HOMES = {
 }
 
 FILES: Mapping[str, dict[str, Any]] = {
-    "png": {"metadata": {"Software": None}},
+    "png": {},
     "svg": {"metadata": {"Creator": None, "Date": None}},
     "pdf": {"metadata": {"Creator": None, "Producer": None, "CreationDate": None}},
 }
@@ -112,19 +117,40 @@ def pictures(draw: Draw, formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
 def written(made: "Figure", kind: str = "png", dots: int = DOTS) -> bytes:
     """The picture as a file of one of `FILES`; to be called under `styled`."""
     import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     matplotlib.rcParams.update(_SAME)
     target = io.BytesIO()
     with warnings.catch_warnings():
         # An id in a script that the font does not have is drawn as boxes, which says enough.
         warnings.filterwarnings("ignore", message=".*(missing from|does not support)")
-        if kind == "png":  # as savefig does it, which draws everything once more before
-            made.set_dpi(dots)
-            FigureCanvasAgg(made).print_png(target, **FILES[kind])
+        if kind == "png":
+            _write_png(made, target, dots)
         else:
             made.savefig(target, format=kind, dpi=dots, **FILES[kind])
     return target.getvalue()
+
+
+def _write_png(made: "Figure", target: io.BytesIO, dots: int) -> None:
+    """As savefig does it, which draws everything once more before, and stores opacities too."""
+    import numpy as np
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    made.set_dpi(dots)
+    canvas = FigureCanvasAgg(made)
+    canvas.draw()
+    colours = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3])  # all is opaque
+    image = Image.fromarray(colours)
+    image.save(target, "png", compress_level=QUICK, dpi=(dots, dots))
+
+
+def stairs(axis: "Axes", top: Floats, edges: Floats, **looks: Any) -> "StepPatch":
+    """Filled steps within limits that are set by hand: to find theirs takes longer than to draw."""
+    from matplotlib.patches import StepPatch
+
+    made = StepPatch(top, edges, fill=True, **looks)
+    axis.add_artist(made)
+    return made
 
 
 def counted(which: "Axis") -> None:

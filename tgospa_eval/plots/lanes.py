@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval.common.palette import TRACK_COLOURS
-from tgospa_eval.plots import figure
+from tgospa_eval.plots import figure, stairs
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
     FALSE,
@@ -120,7 +120,7 @@ def draw_lanes(seen: View, style: Style) -> "Figure":
             words: Any = {"fontsize": letters, "fontweight": "bold", "color": SOFT, "va": "center"}
             at, of = (0.004, lanes.first - 0.95), ("axes fraction", "data")
             axis.annotate(lanes.title, at, xycoords=of, **words)
-    handles |= _switches(axis, truths, seen, style)
+    handles |= _switches(axis, truths, seen, style, columns)
     _ids(axis, (truths, estimates), letters)
     time_axis(axis, seen, style)
     titled(axis, style, "Who followed whom", seen.about)
@@ -272,10 +272,22 @@ def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     height = np.where(count > 0, np.maximum(count / most, 0.15), 0.0) * 2 * HALF
     name, colour = lanes.side.name, MISSED if lanes.side.name == "truth" else FALSE
     top, places = low - height, np.append(begin, end[-1])
-    axis.stairs(top, places, baseline=low, fill=True, color=colour, label=f"{name}/others")
+    looks = {"facecolor": colour, "linewidth": 0, "label": f"{name}/others"}
+    stairs(axis, top, places, baseline=low, **looks)
 
 
-def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> "dict[str, Artist]":
+def _seen_switches(place: Floats, switches: dict[str, Ints], columns: int, steps: int) -> Ints:
+    """One of those that would lie on each other in a column of a lane: the largest, the first."""
+    if steps <= columns:
+        return np.arange(len(place))
+    cell = place.astype(np.int64) * columns + _columns(switches["step"], columns, steps)
+    order = np.lexsort((switches["step"], -switches["mass"], cell))
+    return np.sort(order[np.unique(cell[order], return_index=True)[1]])
+
+
+def _switches(
+    axis: "Axes", truths: Lanes, seen: View, style: Style, columns: int
+) -> "dict[str, Artist]":
     """Triangles at the top of the lanes; small ones for parts of a switch."""
     switches = seen.switches
     if not len(switches["step"]):
@@ -286,9 +298,10 @@ def _switches(axis: "Axes", truths: Lanes, seen: View, style: Style) -> "dict[st
     size = (22.0 if style.titles else 9.0) * (0.5 if many else 1.0)
     looks: dict[str, Any] = {"marker": "v", "color": INK, "edgecolors": "white", "zorder": 4}
     looks |= {"linewidths": 0 if many else 0.3, "clip_on": False}
+    kept = _seen_switches(place, switches, columns, seen.steps)
+    place, sizes = place[kept], np.where(switches["mass"][kept] >= 0.99, size, size / 2)
+    x = seen.edges[0][switches["step"][kept]]
     looks["rasterized"] = len(place) > VECTOR_SHAPES
-    sizes = np.where(switches["mass"] >= 0.99, size, size / 2)
-    x = seen.edges[0][switches["step"]]
     marks = axis.scatter(x, place - HALF, sizes, label="switch", **looks)
     return {"switch (small: half of one)" if (switches["mass"] < 0.99).any() else "switch": marks}
 

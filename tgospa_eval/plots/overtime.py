@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tgospa_eval.plots import figure
+from tgospa_eval.plots import figure, stairs
 from tgospa_eval.plots.clock import Clock
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import View, binned, parts_of, view
@@ -81,8 +81,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
         height = np.where(cost[costliest] > 0, cost[costliest], np.nan)
         places, (top, foot) = _with_gaps(begin, end, base + height, base)
         looks = {"linewidth": thin, "label": name, **FILLS[name]}
-        bars = axis.stairs(top, places, baseline=foot, fill=True, **looks)
-        handles.append(bars)
+        handles.append(stairs(axis, top, places, baseline=foot, **looks))
         base = base + cost[costliest]
     axis.set_ylim(0, float(base.max(initial=0.0)) * 1.03 or 1.0)
     time_axis(axis, seen, style)
@@ -92,7 +91,7 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     cost_unit = power(seen.data["unit"], seen.data["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
     titled(axis, style, "Cost of each step", seen.about)
-    legend(made, handles, [bars.get_label() for bars in handles], 4)
+    legend(made, handles, [str(bars.get_label()) for bars in handles], 4)
     return made
 
 

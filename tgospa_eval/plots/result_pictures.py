@@ -11,6 +11,7 @@ from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder, write_texts
+from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -74,10 +75,12 @@ def result_pictures(
     result: Summary,
     wanted: Pictures,
     notify: Callable[[str, float], None] = lambda name, share: None,  # noqa: ARG005
+    drawn: Drawn | None = None,
 ) -> dict[str, bytes]:
     """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
 
-    `notify` takes the name of each before it is drawn, and the share that is done.
+    `notify` takes the name of each before it is drawn, and the share that is done; `drawn` is the
+    `document` of the result, where it is known.
     """
     if not wanted.formats:
         return {}
@@ -86,7 +89,7 @@ def result_pictures(
     from tgospa_eval.plots.plane import draw_plane
     from tgospa_eval.plots.worst import draw_worst
 
-    seen, parts = view(result), parts_of(wanted.components)
+    seen, parts = view(result, drawn), parts_of(wanted.components)
     files: dict[str, bytes] = {}
     with styled(wanted.style) as style:
         draw: dict[str, Callable[[], Figure]] = {
@@ -108,9 +111,10 @@ def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> N
     path = os.fspath(folder)
     try:
         probe_folder(path, RESULT, force=force, option="folder")
-        files: dict[str, str | bytes] = {**result_texts(result)[0]}
+        drawn = document(result)
+        files: dict[str, str | bytes] = {**result_texts(result, drawn=drawn)[0]}
         if available():
-            files |= result_pictures(result, Pictures())
+            files |= result_pictures(result, Pictures(), drawn=drawn)
         write_texts(files, path, RESULT, force=force, option="folder")
     except ConfigError as error:
         raise ConfigError(str(error).replace("--force", "force=True")) from None

@@ -16,7 +16,7 @@ from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.moments import edges, placed
-from tgospa_eval.reports.page_data import NONE, PageData, document
+from tgospa_eval.reports.page_data import NONE, Drawn, PageData, document
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -115,9 +115,9 @@ class View:
         return edges(self.at)
 
 
-def view(result: Summary) -> View:
-    """What the pictures of a result draw."""
-    data, arrays = document(result)
+def view(result: Summary, drawn: Drawn | None = None) -> View:
+    """What the pictures of a result draw; `drawn` is its `document`, where it is known."""
+    data, arrays = document(result) if drawn is None else drawn
     parameters, unit = result.proof.parameters, data["unit"]
     unit = f" {unit}" if unit else ""
     about = (

@@ -4,6 +4,7 @@ import csv
 import importlib.util
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.files import named, patience
 from tgospa_eval.errors import ConfigError
@@ -11,6 +12,9 @@ from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.reports.manifest import unique
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    from tgospa_eval.reports.page_data import Drawn
 
 
 def per_step_csv(result: Summary) -> str:
@@ -40,7 +44,7 @@ class _Lines(list[str]):
 
 
 def result_texts(
-    result: Summary, names: tuple[str, str] = ("truth", "estimate")
+    result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: "Drawn | None" = None
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """The files of a result folder.
 
@@ -50,6 +54,8 @@ def result_texts(
         What they show.
     names : pair of str
         What truth and estimate are called in the report.
+    drawn : Drawn, optional
+        What `page_data.document` makes of the result, where it is known.
 
     Returns
     -------
@@ -75,7 +81,7 @@ def result_texts(
         return texts, ("report",)
     from tgospa_eval.reports.html import page
 
-    return texts | {"report.html": page(result, names)}, ()
+    return texts | {"report.html": page(result, names, drawn)}, ()
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

@@ -18,7 +18,7 @@ from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_CO
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.console import meaning, part_rows
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.page_data import document
+from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 
@@ -33,7 +33,9 @@ DISTANCE = "distance of assigned pairs"
 """What localisation is, which has no count."""
 
 
-def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str:
+def page(
+    result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: Drawn | None = None
+) -> str:
     """The whole page.
 
     Parameters
@@ -42,8 +44,10 @@ def page(result: Summary, names: tuple[str, str] = ("truth", "estimate")) -> str
         What to show.
     names : pair of str
         What truth and estimate are called, as the paths of their files.
+    drawn : Drawn, optional
+        The `document` of the result, where it is known.
     """
-    data, arrays = document(result)
+    data, arrays = document(result) if drawn is None else drawn
     return (
         environment()
         .get_template("page.html.j2")

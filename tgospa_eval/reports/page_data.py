@@ -5,7 +5,7 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 """
 
 from dataclasses import dataclass, replace
-from typing import TypedDict
+from typing import TypeAlias, TypedDict
 
 import numpy as np
 
@@ -88,7 +88,11 @@ class PageData(TypedDict):
     arrays: list[tuple[str, int]]
 
 
-def document(result: Summary) -> tuple[PageData, dict[str, Ints]]:
+Drawn: TypeAlias = tuple[PageData, dict[str, Ints]]
+"""What page and pictures draw, by `document`."""
+
+
+def document(result: Summary) -> Drawn:
     """What the page draws: a JSON document, and whole numbers by name, as long as the data.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.

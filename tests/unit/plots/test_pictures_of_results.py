@@ -185,6 +185,24 @@ def test_of_more_steps_than_dots_lanes_show_shares() -> None:
     assert any(box[:, 0].min() <= 1000 <= box[:, 0].max() for box in boxes)
 
 
+def test_of_switches_that_lie_on_each_other_one_is_drawn() -> None:
+    # two truths whose estimates change places at every step of two short stretches
+    truth = np.zeros((2000, 2, 1))
+    truth[:, 1] = 1.0
+    estimate = truth.copy()
+    for begin in (500, 1500):
+        estimate[begin : begin + 8 : 2] = truth[begin : begin + 8 : 2, ::-1]
+    result = evaluate(truth, estimate, cutoff=10.0, switch_penalty=0.01)
+    marks = artist(plot_lanes(result), "switch").get_offsets()
+    assert len(result.switches_table()["t"]) == 32
+    lanes = sorted({float(place) for place in marks[:, 1]})
+    assert len(lanes) == 2
+    steps = [np.round(marks[marks[:, 1] == lane, 0] + 0.5).astype(int) for lane in lanes]
+    for found in steps:  # the first of each of the columns, which are of three or four steps
+        assert 4 <= len(found) <= 8
+        assert {500, 1500} <= set(found.tolist())
+
+
 def test_plane() -> None:
     made = plot_plane(swap())
     assert points(made, "missed") == [pytest.approx([3, 0], abs=0.01)]

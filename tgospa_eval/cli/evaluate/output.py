@@ -86,8 +86,11 @@ def _write(
     absent: list[tuple[str, str]] = []
 
     def make(notify: Callable[[str, float], None]) -> Files:
+        from tgospa_eval.reports.page_data import document  # here: for folders only
+
         notify("report.html", 0.0)
-        texts, missing = result_texts(result, names)
+        drawn = document(result)
+        texts, missing = result_texts(result, names, drawn)
         if output.proof:
             from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
 
@@ -102,7 +105,7 @@ def _write(
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
-        return {**texts, **result_pictures(result, wanted, notify)}
+        return {**texts, **result_pictures(result, wanted, notify, drawn)}
 
     write_output(output, RESULT, make)
     if absent and not output.quiet:
