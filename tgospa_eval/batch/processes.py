@@ -41,11 +41,12 @@ class Processes:
 
         # Of a pool that is broken off the process that looks after its locks would complain.
         os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+        _begin_trackers()
         number = max(1, min(self.number or cores(), most))
         free = available_memory()
         share = None if free is None else free // (self.number or cores())
         pool = ProcessPoolExecutor(
-            max_workers=number, initializer=_begin, initargs=(share,), env=ONE_THREAD
+            max_workers=number, initializer=_begin, initargs=(share, os.getpid()), env=ONE_THREAD
         )
         try:
             yield Local(pool, number)
@@ -90,6 +91,14 @@ def _died_told() -> Iterator[None]:
         raise DiedError from None
 
 
+def _begin_trackers() -> None:
+    """Have what loky begins with its first worker: Python up to 3.13 lets Ctrl-C through then."""
+    if hasattr(signal, "pthread_sigmask"):
+        from multiprocessing import resource_tracker
+
+        resource_tracker.ensure_running()
+
+
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
     """Ctrl-C waits; processes that begin meanwhile never get any: it is for the one who asked."""
@@ -103,8 +112,11 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(share: int | None) -> None:
-    """A worker keeps to its share of the memory, and does not outlive the one who asked."""
+def _begin(share: int | None, parent: int) -> None:
+    """A worker keeps to its share of the memory, and does not outlive the one who asked.
+
+    Who that is has to be told: it may be gone already.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if share is not None and sys.platform == "linux":
         import resource
@@ -114,7 +126,7 @@ def _begin(share: int | None) -> None:
         if hard == resource.RLIM_INFINITY or share < hard:
             with suppress(ValueError, OSError):  # others may have set less meanwhile
                 resource.setrlimit(resource.RLIMIT_DATA, (share, hard))
-    threading.Thread(target=_watch, args=(os.getppid(),), daemon=True).start()
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 
 def _watch(parent: int) -> None:

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import subprocess
 import sys
 import types
 from collections.abc import Callable, Iterator
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from browser import PATIENCE
 from checkout import ROOT
 from faults import FATAL, FATAL_ONCE, double, greedy
 
@@ -184,3 +186,11 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with locked(tmp_path, (1, 1)):
         pass
     assert told == [f"-o {tmp_path}: no locks there; let nothing else work on it meanwhile"]
+
+
+def test_a_worker_whose_parent_is_gone_when_it_begins() -> None:
+    code = "import time\nfrom tgospa_eval.batch.processes import _begin\n_begin(None, 0)\n"
+    end = subprocess.run(
+        [sys.executable, "-c", f"{code}time.sleep({PATIENCE})"], timeout=PATIENCE, check=False
+    )
+    assert end.returncode == 1
