@@ -29,6 +29,11 @@ def visible(text: str) -> str:
     return text
 
 
+def as_unicode(text: str) -> str:
+    """The text with bytes that are no UTF-8, as names of files may have them, in hexadecimal."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
 def visible_lines(text: str) -> str:
     """The same for a text of several lines, which remain lines; tabs remain too."""
     return "\n".join("\t".join(map(visible, line.split("\t"))) for line in text.split("\n"))

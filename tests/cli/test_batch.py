@@ -3,9 +3,12 @@
 import json
 import math
 import os
+import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 from checkout import SAMPLES
@@ -148,6 +151,30 @@ def test_reports_that_are_asked_for_later_are_written(invoke: Invoke, runs: Path
         assert answer.out.startswith("8 jobs, 0 failed")
         assert Path(folder).is_dir()
     assert "8 jobs of 8 done before" in batch(invoke, "--reports", "--proof").err
+
+
+def test_a_report_that_cannot_be_written_later_is_told(invoke: Invoke, runs: Path) -> None:
+    batch(invoke)
+    Path("r/reports/a").mkdir(parents=True)
+    Path("r/reports/a/2").touch()
+    half = Path("r/jobs/part-1.new")  # of a process that was killed
+    half.touch()
+    answer = batch(invoke, "--reports")
+    assert answer.status == 5
+    assert answer.out.startswith("8 jobs, 0 failed")  # the value is there as before
+    assert "\na/2: --output r/reports/a/2: is a file; name a folder\n" in answer.err
+    assert not half.exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux")
+def test_names_that_are_no_text(invoke: Invoke, runs: Path) -> None:
+    os.rename("out/a", b"out/\xff")
+    answer = batch(invoke, "--by", "tracker", "--reports")
+    assert answer.status == 0
+    assert r"Proven order by combined, best first: \udcff, b" in answer.out
+    address = re.search(r'href="(reports/[^"]*udcff/0/[^"]*)"', Path("r/report.html").read_text())
+    assert address is not None
+    assert Path("r", unquote(address[1])).is_file()
 
 
 def test_names_of_folders_stay_in_the_store(invoke: Invoke, runs: Path) -> None:

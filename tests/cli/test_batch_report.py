@@ -47,6 +47,7 @@ def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -
     assert "run a b 0 1.000 2.000 1 1.000 2.000 2 1.000 failed" in text
     assert "b/2 out/b/2.csv, line 1: no column for position" in text
     assert "RMS of single steps" in text
+    assert "2 to 3 runs at each step." in text
     html = Path("r/report.html").read_text(encoding="utf-8")
     assert "<script" not in html
     assert "default-src 'none'" in html
@@ -118,6 +119,7 @@ def test_names_do_not_become_markup(invoke: Invoke, runs: Path) -> None:
     html = Path("r/report.html").read_text(encoding="utf-8")
     assert "<script" not in html
     assert "<b>$x$" not in html
+    assert html.count('<td class="rank">1=</td>') == len(NASTY)
     for name in NASTY:
         assert name in unescape(html)
     assert Path("r/heat.png").stat().st_size > 0

@@ -135,7 +135,9 @@ class Store:
         )
 
     def join(self) -> None:
-        """Make one part of many; for who is sure that nobody else writes meanwhile.
+        """Make one part of many, and take away what was half written when a process was killed.
+
+        For who is sure that nobody else writes meanwhile.
 
         Raises
         ------
@@ -144,6 +146,8 @@ class Store:
         """
         import pyarrow.parquet as pq
 
+        for left in self.folder.glob("*/part-*.new"):
+            left.unlink(missing_ok=True)
         paths = self._parts()
         if len(paths) <= MANY_PARTS:
             return

@@ -142,19 +142,13 @@ def _jobs(ranking: Ranking) -> str:
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     """The proven order, and below it the statistical one."""
     of = [_name(value) for value in ranking.parameters.values()]
-    equal = {
-        name
-        for pair in ranking.comparisons
-        if pair.verdict == "equal"
-        for name in (pair.first, pair.second)
-    }
     yield Table(
         head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
         rows=[
             (
                 item.name,
                 *of,
-                place_in_words(*item.place, shared=item.name in equal),
+                place_in_words(*item.place, shared=item.name in ranking.equal),
                 _between(item.combined),
                 _between(item.per_step),
             )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
-from tgospa_eval.reports.batch import about_others, other_tables
+from tgospa_eval.reports.batch import NARROW, about_others, other_tables
 from tgospa_eval.reports.batch_records import Comparison, Ranking
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
 from tgospa_eval.reports.charts import curve_chart
@@ -19,6 +19,7 @@ from tgospa_eval.reports.curves import CURVE_KINDS
 from tgospa_eval.reports.html import environment, inlined, page_colours
 from tgospa_eval.reports.order import order_in_words, place_in_words
 from tgospa_eval.results.records import PARTS
+from tgospa_eval.text import as_unicode
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,8 +75,7 @@ def batch_page(view: BatchView) -> str:
             style=page_colours() + _shades() + inlined("page.css") + inlined("batch.css"),
         )
     )
-    # a path may hold bytes that are no text
-    return html.encode("utf-8", "backslashreplace").decode()
+    return as_unicode(html)
 
 
 def _shades() -> str:
@@ -130,6 +130,7 @@ def _sentence(ranking: Ranking | None) -> str:
 def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
     """A ranking in words, with the places of brackets and intervals on a common scale."""
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
+    equal = ranking.equal
     for entry in ranking.entries:
         # Per step, as the value is: by the same number of steps in each resample.
         share = entry.per_step.upper / entry.combined.upper if entry.combined.upper else 0.0
@@ -139,7 +140,7 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
         words = {
             "name": entry.name,
             "track": view.compared[entry.name],
-            "place": place_in_words(*entry.place),
+            "place": place_in_words(*entry.place, shared=entry.name in equal),
             "statistical": place_in_words(*(entry.statistical_place or (0, 0))),
             "per_step": view.between(entry.per_step),
             "combined": view.between(entry.combined),
@@ -148,7 +149,7 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
         entries.append((words, entry.per_step, sure))
     shown = [found for _, *both in entries for found in both if found is not None]
     low, high = min(found.lower for found in shown), max(found.upper for found in shown)
-    room = (high - low) * 0.04 or 1.0
+    room = (high - low) * 0.04 if high - low > NARROW * high else 1.0
 
     def place(value: float) -> float:
         return 100 * (value - low + room) / (high - low + 2 * room)

@@ -135,6 +135,12 @@ class Ranking:
         """What a conclusion by statistics is about."""
         return "other runs on this truth" if self.truths == 1 else "other truths"
 
+    @property
+    def equal(self) -> frozenset[str]:
+        """Names that share a place, for they are proven to be equal."""
+        pairs = [pair for pair in self.comparisons if pair.verdict == "equal"]
+        return frozenset(name for pair in pairs for name in (pair.first, pair.second))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BatchTables:

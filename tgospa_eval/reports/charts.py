@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.words import counted
 from tgospa_eval.reports.curves import CURVE_KINDS, CurveKind, RmsCurve
 
 MOST_POINTS = 400
@@ -133,7 +134,7 @@ def curve_chart(curves: Sequence[tuple[int, RmsCurve]], kind: CurveKind, unit: s
         up=[Tick(at=_percent(y, top), text=number(y, 4)) for y in round_steps(0.0, top)],
         across=[Tick(at=_place(k, size), text=names[k]) for k in _marked(names)],
         stride=stride,
-        runs=" to ".join(f"{count:,}" for count in (spread[0], spread[-1])[: len(spread)]),
+        runs=(f"{spread[0]:,} to " if len(spread) > 1 else "") + counted(spread[-1], "run"),
         across_name="time" if by_time else "number of the step",
     )
 

@@ -21,6 +21,7 @@ from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import as_unicode
 
 SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
 """Files of the script, in order; they share one scope."""
@@ -52,8 +53,7 @@ def page(
         environment()
         .get_template("page.html.j2")
         .render(
-            # a path may hold bytes that are no text
-            names=[name.encode("utf-8", "backslashreplace").decode() for name in names],
+            names=list(map(as_unicode, names)),
             result=result,
             value=result.quantity(result.tgospa),
             bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],

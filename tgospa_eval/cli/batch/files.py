@@ -22,6 +22,7 @@ from tgospa_eval.reports.curves import curves_csv
 from tgospa_eval.reports.folders import BATCH
 from tgospa_eval.reports.manifest import read_manifest, unchanged
 from tgospa_eval.reports.proofs import folder_name
+from tgospa_eval.text import as_unicode
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +32,7 @@ REPORT_FOLDER = "reports"
 
 def folder_of(store: str, labels: Mapping[str, str], options: Mapping[str, str]) -> str:
     """Where the result folder of a job is, of labels and options of its own."""
-    parts = [folder_name(value) for value in labels.values()]
+    parts = [folder_name(as_unicode(value)) for value in labels.values()]
     parts += [f"{key}={folder_name(value)}" for key, value in options.items()]
     return os.path.join(store, REPORT_FOLDER, *parts)
 
@@ -111,6 +112,6 @@ def _link(store: Store, target: str, rows: "pd.DataFrame") -> "Callable[[pd.Seri
         found = Path(folder, "report.html")
         if not found.is_file():
             return ""
-        return quote(Path(os.path.relpath(found, target)).as_posix())
+        return quote(os.fsencode(Path(os.path.relpath(found, target)).as_posix()))
 
     return link

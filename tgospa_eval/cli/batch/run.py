@@ -4,7 +4,7 @@ import functools
 import json
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -131,7 +131,7 @@ def run_batch(
         left.sort(key=_size, reverse=True)
         if not output.quiet and len(left) < len(tasks):
             print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
-        _work(left, store, batch.engine, quiet=output.quiet)
+        faults = _work(left, store, batch.engine, quiet=output.quiet)
     rows = store.rows() if left else rows
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
@@ -141,9 +141,13 @@ def run_batch(
     if shard == (1, 1) and (left or batch.by or not is_written(store)):
         write_batch(store, tables, output, lenient=True)
     wrong = rows[rows["status"] == "failed"] if len(rows) else rows
-    for name, message in zip(_names(wrong), wrong.get("message", ()), strict=True):
-        print_notice(f"{name}: {message}")
-    if len(wrong):
+    known = set(wrong.get("key", ()))
+    # A row that is done stays so when what was asked for beside it fails.
+    faults = [row for row in faults if row["key"] not in known]
+    told: list[Mapping[Any, Any]] = [*wrong.to_dict("records"), *faults]
+    for row in told:
+        print_notice(f"{_name(row)}: {row['message']}")
+    if told:
         return 5
     opened = len(rows) and (rows["status"] == "open").any()
     return ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
@@ -292,16 +296,24 @@ def _size(task: Task) -> int:
     return sum(os.path.getsize(path) for path in (task.job.truth, task.job.estimate))
 
 
-def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> None:
-    """Do the jobs, and store their rows every now and then, also when interrupted."""
+def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> list[Row]:
+    """Do the jobs, and store their rows every now and then, also when interrupted.
+
+    Returns
+    -------
+    list of Row
+        Those that failed.
+    """
     pending: list[Row] = []
+    faults: list[Row] = []
     begin = flushed = shown = time.monotonic()
-    failed = held = 0
+    held = 0
     rows = spread(evaluate_job, tasks, lost_job, engine)
     try:
         for done, row in enumerate(rows, 1):
             pending.append(row)
-            failed += row["status"] == "failed"
+            if row["status"] == "failed":
+                faults.append(row)
             held += len(row.get(STEPS) or ())
             now = time.monotonic()
             if now - flushed > FLUSH or held > MOST_HELD:
@@ -309,10 +321,11 @@ def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> No
                 pending, flushed, held = [], now, 0
             if not quiet and now - shown > FLUSH:
                 shown = now
-                print_notice(_progress(done, len(tasks), failed, now - begin))
+                print_notice(_progress(done, len(tasks), len(faults), now - begin))
     finally:
         rows.close()  # nothing is worked on when nobody takes its answer
         store.add(pending)
+    return faults
 
 
 def _progress(done: int, count: int, failed: int, seconds: float) -> str:
@@ -332,12 +345,11 @@ def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTab
     return tables if batch.groups else replace(tables, notes=())
 
 
-def _names(rows: "pd.DataFrame") -> Iterator[str]:
-    """Jobs in words: labels, and options of their own."""
-    labels = [f"label.{name}" for name in labels_of(rows)]
-    for _, row in rows.iterrows():
-        own = [f"{key}={value}" for key, value in json.loads(row["options"]).items()]
-        yield " ".join(("/".join(str(row[name]) for name in labels) or row["estimate"], *own))
+def _name(row: Mapping[Any, Any]) -> str:
+    """A job in words: labels, and options of its own."""
+    labels = [str(value) for name, value in row.items() if str(name).startswith("label.")]
+    own = [f"{key}={value}" for key, value in json.loads(row["options"]).items()]
+    return " ".join(("/".join(labels) or str(row["estimate"]), *own))
 
 
 def _plain(value: Any) -> Any:

@@ -22,6 +22,7 @@ from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.reports.folders import PROOF_FOLDER
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
+from tgospa_eval.text import as_unicode
 
 SMALL = 1 << 20
 """Bytes of a file that are read at once for its digest."""
@@ -204,8 +205,8 @@ def lost_job(task: Task) -> Row:
 
 
 def finished_row(task: Task, row: Mapping[str, object], seconds: float) -> Row:
-    """With what every row has."""
-    return {
+    """With what every row has; texts as Parquet takes them."""
+    whole = {
         "key": task.key,
         **{f"label.{name}": value for name, value in task.job.labels.items()},
         "truth": task.job.truth,
@@ -215,6 +216,9 @@ def finished_row(task: Task, row: Mapping[str, object], seconds: float) -> Row:
         "seconds": seconds,
         "finished": time.time_ns(),
         "version": __version__,
+    }
+    return {
+        key: as_unicode(value) if isinstance(value, str) else value for key, value in whole.items()
     }
 
 
