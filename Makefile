@@ -8,7 +8,7 @@ demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
 
 test: .venv/installed-test
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 # What runs where there is no C compiler.
 test-fallback: .venv/installed-test
@@ -18,7 +18,7 @@ test-fallback: .venv/installed-test
 # Lines and branches that the tests reach, the processes that they start included.
 coverage: .venv/installed-dev
 	$(BIN)/coverage erase
-	$(BIN)/coverage run -m pytest -n auto
+	$(BIN)/coverage run -m pytest -n auto --dist worksteal
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report
 

@@ -34,11 +34,11 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def batch(invoke: Invoke, *arguments: str) -> Any:
     """A batch of these runs to the folder r."""
-    return invoke("batch", *PATTERNS, "-o", "r", "--workers", "2", *arguments)
+    return invoke("batch", *PATTERNS, "-o", "r", "--workers", "1", *arguments)
 
 
 def test_a_folder_of_runs(invoke: Invoke, runs: Path) -> None:
-    answer = batch(invoke, "--by", "tracker", "--format", "json")
+    answer = batch(invoke, "--by", "tracker", "--format", "json", "--workers", "2")
     assert answer.status == 0
     document = json.loads(answer.out)
     # Five steps with an error of 1 or 2 in each of four runs: totals of 20 and 80.
@@ -101,12 +101,17 @@ def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Pat
         "truth,estimate,who,cutoff\ngt/0.csv,out/a/0.csv,a,10\ngt/0.csv,out/b/0.csv,b,1.5\n",
         encoding="utf-8",
     )
-    answer = invoke("batch", "m.csv", "-o", "r", "--reports", "--proof", "--format", "json")
+    answer = invoke(
+        "batch", "m.csv", "--workers", "1", "-o", "r", "--reports", "--proof", "--format", "json"
+    )
     assert answer.status == 0
     assert [group["cutoff"] for group in json.loads(answer.out)["groups"]] == [10.0, 1.5]
     assert invoke("verify", "r/reports/b/cutoff=1.5", "gt/0.csv", "out/b/0.csv").status == 0
     Path("out/b/0.csv").write_text("id,t\n1,2\n", encoding="utf-8")
-    assert "b cutoff=1.5: out/b/0.csv, line 1: " in invoke("batch", "m.csv", "-o", "r2", "-q").err
+    assert (
+        "b cutoff=1.5: out/b/0.csv, line 1: "
+        in invoke("batch", "m.csv", "--workers", "1", "-o", "r2", "-q").err
+    )
 
 
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
@@ -182,7 +187,7 @@ def test_names_of_folders_stay_in_the_store(invoke: Invoke, runs: Path) -> None:
         "truth,estimate,who,cutoff\ngt/0.csv,out/a/0.csv,..,10\ngt/0.csv,out/a/0.csv,..,2\n",
         encoding="utf-8",
     )
-    assert invoke("batch", "m.csv", "-o", "r", "--reports").status == 0
+    assert invoke("batch", "m.csv", "--workers", "1", "-o", "r", "--reports").status == 0
     found = [path.relative_to("r/reports") for path in Path("r/reports").rglob("result.json")]
     assert len(found) == 2
     assert {path.name for path in Path().iterdir()} == {"gt", "out", "m.csv", "r"}
@@ -229,7 +234,7 @@ def sequences(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...
         Path(name, "t.csv").write_text(truth, encoding="utf-8")
         Path(name, "by-a.csv").write_text(estimate, encoding="utf-8")
     patterns = ("--truth", "{sequence}/t.csv", "--estimate", "{sequence}/by-{tracker}.csv")
-    return ("batch", *patterns, "-c", "1", "-p", "1", "-g", "1", "-o", "r")
+    return ("batch", *patterns, "-c", "1", "-p", "1", "-g", "1", "-o", "r", "--workers", "1")
 
 
 def test_other_metrics_are_combined_by_their_counts(

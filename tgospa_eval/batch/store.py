@@ -98,6 +98,8 @@ class Store:
             The folder holds no batch.
         """
         path = self.folder / SETTINGS_FILE
+        if self.folder.is_dir() and not path.exists():
+            raise InputError(f"{self.folder}: holds no batch, for {SETTINGS_FILE} is not there")
         with named(str(path), InputError):
             settings: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if settings.get("schema") != SCHEMA:
