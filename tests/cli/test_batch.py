@@ -12,10 +12,10 @@ from urllib.parse import unquote
 
 import pytest
 from checkout import SAMPLES
+from runs import PATTERNS, write_runs
 
 Invoke = Callable[..., Any]
 
-PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
 RUNS = 4
 
 
@@ -23,12 +23,7 @@ RUNS = 4
 def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Some runs of two trackers: the error of tracker b is twice that of tracker a."""
     monkeypatch.chdir(tmp_path)
-    for folder in ("gt", "out/a", "out/b"):
-        Path(folder).mkdir(parents=True)
-    for run in range(RUNS):
-        for name, error in (("gt", 0), ("out/a", 1), ("out/b", 2)):
-            rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
-            Path(name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+    write_runs(RUNS)
     return tmp_path
 
 

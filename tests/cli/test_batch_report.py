@@ -10,10 +10,10 @@ from urllib.parse import unquote
 
 import pytest
 from pages import NASTY
+from runs import PATTERNS, write_runs
 
 Invoke = Callable[..., Any]
 
-PATTERNS = ("--truth", "gt/{run}.csv", "--estimate", "out/{tracker}/{run}.csv", "-c", "10")
 BATCH = ("batch", *PATTERNS, "-o", "r", "--workers", "1", "--unit", "m")
 RUNS = 3
 
@@ -22,12 +22,7 @@ RUNS = 3
 def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Some runs of two trackers: the error of tracker b is twice that of tracker a; b/2 fails."""
     monkeypatch.chdir(tmp_path)
-    for folder in ("gt", "out/a", "out/b"):
-        Path(folder).mkdir(parents=True)
-    for run in range(RUNS):
-        for name, error in (("gt", 0), ("out/a", 1), ("out/b", 2)):
-            rows = "".join(f"1,{k},{k + error},{run}\n" for k in range(5))
-            Path(name, f"{run}.csv").write_text(f"id,t,x,y\n{rows}", encoding="utf-8")
+    write_runs(RUNS)
     Path("out/b/2.csv").write_text("id,t\n1,2\n", encoding="utf-8")
     return tmp_path
 

@@ -99,7 +99,7 @@ class Store:
         """
         path = self.folder / SETTINGS_FILE
         if self.folder.is_dir() and not path.exists():
-            raise InputError(f"{self.folder}: holds no batch, for {SETTINGS_FILE} is not there")
+            raise InputError(f"{self.folder}: holds no batch: {SETTINGS_FILE} is missing")
         with named(str(path), InputError):
             settings: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
             if settings.get("schema") != SCHEMA:

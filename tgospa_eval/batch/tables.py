@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batch.others import joined_metrics, metrics_of
 from tgospa_eval.batch.pairing import LABEL, labels_of, pair_numbers, truths, with_parameters
+from tgospa_eval.batch.resampling import BOOTSTRAP_SEED
+from tgospa_eval.batch.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
@@ -64,9 +66,6 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
     ConfigError
         There is no such label.
     """
-    from tgospa_eval.batch.resampling import BOOTSTRAP_SEED
-    from tgospa_eval.batch.statistics import confidence, rankings  # here: needs SciPy
-
     check_labels(by, labels_of(rows))
     if not len(rows) or (rows["status"] == "failed").all():
         return BatchTables(rows=rows, groups=rows.iloc[:0], by=tuple(by))
