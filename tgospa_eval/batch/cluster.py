@@ -11,12 +11,12 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 from tgospa_eval._version import __version__
 from tgospa_eval.batch.engine import POLL, DiedError, Future
 from tgospa_eval.common import files
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 

@@ -9,8 +9,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
+
+from tgospa_eval.common.frozen import dataclass
 
 J = TypeVar("J")
 R = TypeVar("R")

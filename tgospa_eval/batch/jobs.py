@@ -7,10 +7,11 @@ import csv
 import itertools
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from tgospa_eval.common import patterns
 from tgospa_eval.common.files import named
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import listed, quoted
 

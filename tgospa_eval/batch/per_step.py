@@ -6,13 +6,13 @@ count.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tgospa_eval.common.files import named
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.results.records import PARTS

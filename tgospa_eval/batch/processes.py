@@ -7,11 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 from tgospa_eval.batch.engine import DiedError, Future
 from tgospa_eval.common.cores import cores
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import available_memory
 
 PARENT_CHECK = 1.0

@@ -8,7 +8,6 @@ truth are not independent of each other, or the jobs where there is one truth al
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from tgospa_eval.batch.resampling import (
     resamples_of,
 )
 from tgospa_eval.common.brackets import equal, less, places
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import natural
 from tgospa_eval.problem.problem import Floats

@@ -1,6 +1,6 @@
 """What is known of a number that is between two others. Knows no metric."""
 
-from dataclasses import dataclass
+from tgospa_eval.common.frozen import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

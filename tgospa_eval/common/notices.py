@@ -3,8 +3,8 @@
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import TgospaError
 from tgospa_eval.text import visible
 

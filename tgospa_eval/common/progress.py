@@ -7,9 +7,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Generic, TypeVar
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.solver_status import Status
 
 T = TypeVar("T")

@@ -7,11 +7,11 @@ with n_k changes into step k.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.gospa import (
     Changes,
     changes_since_last_step,

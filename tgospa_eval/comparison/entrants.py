@@ -1,11 +1,11 @@
 """Estimates that are compared: what is needed of their evaluations, and how long each run is."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.comparison.against import Against, against
 from tgospa_eval.comparison.runs import bracket_of, costs_of

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import cast
 
 from tgospa_eval._version import __version__
 from tgospa_eval.common.brackets import excess, narrowest, overlap, shortfall
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.comparison import SCHEMA

@@ -1,11 +1,11 @@
 """Costs of estimates step by step, and their differences."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tgospa_eval.common.brackets import EQUAL
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.comparison.entrants import Entrant, Outcome
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.records import RULES

@@ -9,12 +9,13 @@ is there as it is.
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Literal, cast
 
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted

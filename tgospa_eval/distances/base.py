@@ -2,12 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError

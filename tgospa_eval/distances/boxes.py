@@ -1,10 +1,10 @@
 """Distance of boxes in an image: what they do not share."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150

@@ -3,11 +3,11 @@
 import math
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Distance, Floats, Pairs, Settings, Sides
 from tgospa_eval.distances.vector import Norm
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning

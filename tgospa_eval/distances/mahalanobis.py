@@ -1,12 +1,12 @@
 """The Mahalanobis distance with one covariance for the whole run."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import (
     REACH_ROUNDING,
     Distance,

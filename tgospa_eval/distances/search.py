@@ -11,12 +11,13 @@ those with a large one, and so on. Where it leaves many all the same, a tree is 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Floats
 from tgospa_eval.tracks.trajectories import Ints
 

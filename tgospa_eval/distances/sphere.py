@@ -1,10 +1,10 @@
 """Distance on the surface of the Earth."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
 
 RADIUS = 6371008.8

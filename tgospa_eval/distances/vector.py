@@ -1,11 +1,11 @@
 """Norms of the difference of two points, their components scaled or on a circle."""
 
 from collections.abc import Iterable, Iterator, Sequence, Sized
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Floats, Settings, Sides
 from tgospa_eval.errors import ConfigError, real_number
 

@@ -7,12 +7,13 @@ of the whole, and proven as any result is.
 
 import itertools
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices, lower_bounds, prove

@@ -12,11 +12,11 @@ costs, and nothing of them is proven.
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from typing import Any, overload
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.distances.base import Sides
 from tgospa_eval.distances.gating import prepared_pairs

@@ -2,10 +2,10 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Pairs
 from tgospa_eval.distances.checks import check_columns, check_states

@@ -1,9 +1,10 @@
 """What is asked of an evaluation, whoever asks: a command line, a suite, or Python."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib.util import find_spec
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError

@@ -1,11 +1,11 @@
 """Fields of text: the one rule of what is a number, and columns that hold each text once."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 

@@ -2,11 +2,11 @@
 
 import math
 import re
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times

@@ -1,8 +1,8 @@
 """How to read a file, and which rows of it. Knows no format."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
 from tgospa_eval.text import quoted

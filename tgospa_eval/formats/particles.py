@@ -1,9 +1,8 @@
 """Rows with weights as particles: the rows of one (id, t) are one cloud."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.filters import Flags

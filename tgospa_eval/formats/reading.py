@@ -1,10 +1,11 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python
 from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.tracks.trajectories import Ints, Trajectories

@@ -1,11 +1,12 @@
 """The rows of a file before anything is left out: what every reader yields."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.filters import Flags

@@ -3,10 +3,10 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from tgospa_eval.common.files import is_missing, read_bytes
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.gate.measured import Measured
 from tgospa_eval.gate.rules import PROVEN, SPLIT, Key

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.gate.baseline import BASELINE_VALUES, Baseline, Entry, differences
 from tgospa_eval.gate.measured import Measured

@@ -7,9 +7,9 @@ keeps it only if its upper bound is not; between the two nothing is proven, and 
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import StrEnum
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.results.records import PARTS

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import cached_property
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.reports.moments import DAY, TimeAxis
 from tgospa_eval.results.records import Time
 

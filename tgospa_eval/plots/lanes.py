@@ -1,10 +1,10 @@
 """Swim-lanes: who followed whom. A lane for each truth, below them estimates with false steps."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
 from tgospa_eval.plots import figure, stairs
 from tgospa_eval.plots.overtime import MARGIN, time_axis

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import LIGHT
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import DOTS, MISSING, available

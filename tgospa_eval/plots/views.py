@@ -5,12 +5,12 @@ suit matplotlib. No artist, no choice of looks.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.plots.clock import Clock, words

@@ -5,11 +5,11 @@ changes from step to step is counted afterwards, by the rules of two tools. Know
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import connected_components
 

@@ -5,10 +5,10 @@ numbers (docs/theory/certificate.md, "Rounding").
 """
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_parts
 from tgospa_eval.problem.slots import Slots

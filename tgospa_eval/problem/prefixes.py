@@ -5,11 +5,11 @@ Its assignment up to k is feasible there, and its prices up to k are prices ther
 """
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.paths import down, up
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import States

@@ -6,13 +6,13 @@ over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain 
 is divided by c^p: LP tolerances are absolute, unscaled small units give silently wrong values.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 
 Ints = NDArray[np.integer]

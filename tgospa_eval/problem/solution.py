@@ -1,10 +1,11 @@
 """What solvers propose and what is proven of it: solutions, bounds, breakdowns, curves."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.problem.problem import Floats

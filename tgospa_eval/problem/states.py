@@ -6,12 +6,13 @@ merging"). Their number grows with the gains, not with pairs x steps. Blocks (co
 of the pair graph, each in its own window of time) share nothing and are contiguous in every array.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.slots import CACHE, Slots, make_slots

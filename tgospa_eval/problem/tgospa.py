@@ -1,10 +1,10 @@
 """TGOSPA as numbers of a `Problem`: its three parameters, powers of distances, their rounding."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 

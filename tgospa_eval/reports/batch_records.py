@@ -4,9 +4,10 @@ Proven is what holds for these files; statistical is what they say of others lik
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Literal
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.reports.curves import RmsCurve
 

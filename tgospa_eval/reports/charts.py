@@ -5,9 +5,9 @@ A browser stretches the shapes to any width, and keeps the letters as they are.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.curves import CURVE_KINDS, CurveKind, RmsCurve
 

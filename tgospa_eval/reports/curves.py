@@ -1,9 +1,9 @@
 """Curves over the steps of many runs, as records, and as CSV and JSON."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.results.records import Columns, Json, records
 

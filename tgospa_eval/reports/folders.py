@@ -3,11 +3,11 @@
 import os
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path, PurePosixPath
 
 from tgospa_eval.common.files import named
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import manifest

@@ -9,8 +9,9 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+
+from tgospa_eval.common.frozen import dataclass
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"

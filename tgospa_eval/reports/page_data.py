@@ -4,11 +4,12 @@ A lane is a trajectory; its runs are stretches of steps on which it exists and i
 other, or to none. Rows are its states, thinned where there are very many, but never an event.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias, TypedDict
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.weights import ONE

@@ -2,8 +2,8 @@
 
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.reports.escape import latex, latex_comment, markdown
 from tgospa_eval.text import clipped, ending, visible
 

@@ -2,12 +2,13 @@
 
 import hashlib
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
 from tgospa_eval.results.records import (
     PARTS,

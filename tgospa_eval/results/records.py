@@ -1,9 +1,10 @@
 """The plain records of a result: tables, labels, costs, and the parts of its JSON document."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.solution import Bounds, Breakdown
 from tgospa_eval.problem.tgospa import Parameters
 

@@ -1,13 +1,13 @@
 """The result that a user holds. Knows no solver and no file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States

@@ -6,12 +6,12 @@ What draws and writes is imported when it is asked for.
 import math
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.notebook import card

@@ -1,11 +1,12 @@
 """What a sweep of a parameter holds: a row of plain numbers for each of its values."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.results.records import Columns, FileRecord, Json, json_text
 

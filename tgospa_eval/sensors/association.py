@@ -5,12 +5,12 @@ unassigned, have the smallest sum: a pair gains ``c - d``, and none at the cutof
 beyond is taken.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances import DISTANCES, Distance, Effort, Norm, Pairs, near_pairs
 from tgospa_eval.distances.checks import check_columns, check_states
 from tgospa_eval.distances.clouds.transport import cross_covariance

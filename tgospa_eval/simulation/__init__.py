@@ -1,11 +1,12 @@
 """Synthetic scenes: a ground truth by name, and what a tracker with known errors makes of it."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import LARGEST_COUNT, ConfigError, real_number
 from tgospa_eval.simulation import tracker as errors
 from tgospa_eval.simulation.encounters import encounters

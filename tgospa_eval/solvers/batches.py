@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tgospa_eval.common.cores import cores
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch

@@ -1,11 +1,10 @@
 """Capacities as constraints of a linear programme, on the states that it decides."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots, parts
 

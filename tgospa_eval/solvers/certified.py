@@ -5,11 +5,11 @@ Whatever happens here only proposes; the bracket is made by `problem.certificate
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.problem.compiled import kernels

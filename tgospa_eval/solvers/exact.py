@@ -7,12 +7,12 @@ formulation, another modelling tool and another algorithm. The only file that kn
 import sys
 import time
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy import sparse
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.progress import StoppedError
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch

@@ -1,11 +1,11 @@
 """The linear programme of some states, the others held, as sparse arrays; knows no LP solver."""
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.capacities import CapacityRows, capacity_rows

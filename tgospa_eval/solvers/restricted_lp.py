@@ -4,11 +4,12 @@ HiGHS only proposes; bounds are evaluated on all states afterwards.
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import highspy
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.basis import Marks, suggest

@@ -5,10 +5,11 @@ weights from above. The numbers decide how soon both meet. Measurements are thos
 docs/theory/solvers.md and of the log of changes; "not measured" says that a round number was taken.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
 
 
 class Stage(NamedTuple):

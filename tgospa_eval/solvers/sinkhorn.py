@@ -9,12 +9,12 @@ rounded assignment, not the entropic value, which is no bound.
 """
 
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, real_number

@@ -3,11 +3,10 @@
 A programme on a piece costs what the piece costs, however long the recording is.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States

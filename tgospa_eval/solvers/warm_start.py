@@ -6,10 +6,9 @@ for the bound L is concave in prices and C = c^p, or gamma^p (docs/theory/solver
 parameter"). Where both neighbours have the same best assignment the chord is met.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.problem import Floats, Ints, Problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE

@@ -4,12 +4,13 @@ Nothing is interpolated. Knows no file and no metric.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError, real_number
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, Ints, Trajectories

@@ -1,13 +1,14 @@
 """Weighted particles of many states in one flat table. Knows no file and no distance."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated, freeze
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 
 Ints = NDArray[np.integer]

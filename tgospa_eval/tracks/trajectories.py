@@ -1,13 +1,14 @@
 """Trajectories: one flat table, a row per object and step. Knows no file and no metric."""
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import freeze, index_type
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted

@@ -7,7 +7,7 @@ import socket
 import time
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCo
 from tgospa_eval.batch.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.files import reason
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
 from tgospa_eval.reports.folders import PROOF_FOLDER

@@ -1,11 +1,11 @@
 """Options of ``compare`` as records, and the solvers that they name."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Self, TypeVar
 
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.comparison.runs import check_solvers
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.folders import COMPARISON, probe_folder

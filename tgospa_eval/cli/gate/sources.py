@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Self
 
 import click
@@ -11,6 +10,7 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION
 from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.gate.baseline import Entry
 from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules

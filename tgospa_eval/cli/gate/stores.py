@@ -3,13 +3,14 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tgospa_eval._version import __version__
 from tgospa_eval.batch.store import SETTINGS_FILE, Row, Store
 from tgospa_eval.cli.gate.sources import Given, relative_path
 from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION
 from tgospa_eval.cli.verbs import TYPED
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry

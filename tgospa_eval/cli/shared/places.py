@@ -5,9 +5,9 @@ import os
 import re
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import listed
 

@@ -1,11 +1,12 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Fitted, fit

@@ -1,8 +1,10 @@
 """Values of options as typed records; what a verb has no option for keeps its default here."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Self
+
+from tgospa_eval.common.frozen import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,7 @@
 """Options of ``simulate`` as a record."""
 
-from dataclasses import dataclass
-
 from tgospa_eval.cli.shared.values import Values
+from tgospa_eval.common.frozen import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,11 +4,12 @@ Which pairs of them are near is found in `tgospa_eval.distances.clouds.pairs`.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import Distance, Effort, Floats, Settings, Sides
 from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce

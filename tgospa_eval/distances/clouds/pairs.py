@@ -11,11 +11,11 @@ the cutoff or beyond it gains nothing, so that only pairs whose bounds are below
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from tgospa_eval.common.cores import cores
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Sides
 from tgospa_eval.distances.clouds.transport import (

@@ -16,11 +16,11 @@ corrected there.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Settings
 from tgospa_eval.distances.clouds.sampling import (
     RESAMPLING,

@@ -6,7 +6,7 @@ evenly, of which bounds settle all but suspicious cases.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import median
 from tgospa_eval.common.figures import number, shortest
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance

@@ -7,13 +7,14 @@ each truth and of each estimate bound G from above, a greedy choice from below. 
 computed only where these bounds leave an answer open.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
 from tgospa_eval.problem.problem import Floats

@@ -5,11 +5,12 @@ would at least halve the per-step GOSPA cost.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations, permutations, product
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (

@@ -1,12 +1,13 @@
 """Which column is what: headers to roles."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.columns.asked import BOX, PREFIXES, WEIGHT, parse_columns
 from tgospa_eval.formats.columns.headers import Headers, Mix

@@ -9,13 +9,13 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, is_number
 from tgospa_eval.formats.guess import COMMENTS

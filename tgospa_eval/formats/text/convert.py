@@ -3,11 +3,11 @@
 import os
 import stat
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from tgospa_eval.common.files import SETTINGS, is_missing, named, read_bytes
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles
