@@ -1,5 +1,6 @@
 """Batches as users meet them: a folder of runs to a table, again after faults."""
 
+import csv
 import json
 import math
 import os
@@ -109,6 +110,30 @@ def test_manifest_with_options_and_reports_with_proofs(invoke: Invoke, runs: Pat
     )
 
 
+def test_labels_with_commas_and_names_of_columns(invoke: Invoke, runs: Path) -> None:
+    names = ["step", "rms", "curve", "t", "label.t", "runs", "by whom, and when"]
+    rows = [
+        ",".join((f"gt/0.csv,out/{name}/0.csv", *(f"{name}-{k}" for k in range(len(names)))))
+        for name in ("a", "b")
+    ]
+    head = ",".join(("truth,estimate", *names[:-1], f'"{names[-1]}"'))
+    Path("m.csv").write_text("\n".join((head, *rows)), encoding="utf-8")
+    by = [option for name in names[-1:] for option in ("--by", name)]
+    by += ["--by", ",".join(names[:-1])]
+    answer = invoke("batch", "m.csv", "-o", "r", "--per-step", *by, "--workers", "1")
+    assert answer.status == 0, answer.err
+    with open("r/curve.csv", encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    heads = [names[-1], "label.step", "label.rms", "label.curve", "label.t", "label.label.t",
+             "label.runs", "curve", "step", "t", "runs", "rms"]  # fmt: skip
+    assert list(table[0])[: len(heads)] == heads
+    assert [(row[names[-1]], row["label.step"], row["step"], row["rms"]) for row in table[4:6]] == [
+        ("a-6", "a-0", "5", "1.0"), ("b-6", "b-0", "1", "2.0")
+    ]  # fmt: skip
+    unknown = invoke("batch", "report", "r", "--by", "step", "--by", "by whom")
+    assert (unknown.status, "--by by whom: no such label; there are " in unknown.err) == (2, True)
+
+
 def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
     counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2, 3)]
     assert counts == ["3", "3", "2"]
@@ -153,7 +178,9 @@ def test_reports_that_are_asked_for_later_are_written(invoke: Invoke, runs: Path
     assert "8 jobs of 8 done before" in batch(invoke, "--reports", "--proof").err
 
 
-def test_a_report_that_cannot_be_written_later_is_told(invoke: Invoke, runs: Path) -> None:
+def test_a_report_that_cannot_be_written_is_told_and_tried_again(
+    invoke: Invoke, runs: Path
+) -> None:
     batch(invoke)
     Path("r/reports/a").mkdir(parents=True)
     Path("r/reports/a/2").touch()
@@ -164,6 +191,12 @@ def test_a_report_that_cannot_be_written_later_is_told(invoke: Invoke, runs: Pat
     assert answer.out.startswith("8 jobs, 0 failed")  # the value is there as before
     assert "\na/2: --output r/reports/a/2: is a file; name a folder\n" in answer.err
     assert not half.exists()
+    assert "8 jobs of 8 done before" in batch(invoke).err  # without folders nothing is wrong
+    Path("r/reports/a/2").unlink()
+    answer = batch(invoke, "--reports")
+    assert (answer.status, "7 jobs of 8 done before" in answer.err) == (0, True)
+    assert Path("r/reports/a/2/result.json").is_file()
+    assert "8 jobs of 8 done before" in batch(invoke, "--reports").err
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux")

@@ -41,6 +41,8 @@ def test_the_page_says_who_is_best_and_what_failed(invoke: Invoke, runs: Path) -
     assert "Values are those of the 2 jobs that all have, of 3" in text
     assert "run a b 0 1.000 2.000 1 1.000 2.000 2 1.000 failed" in text
     assert "b/2 out/b/2.csv, line 1: no column for position" in text
+    assert "switch a 3 1 m" in text  # jobs, per step
+    assert "b 2 of 3 2 m" in text
     assert "RMS of single steps" in text
     assert "2 to 3 runs at each step." in text
     html = Path("r/report.html").read_text(encoding="utf-8")
@@ -118,3 +120,28 @@ def test_names_do_not_become_markup(invoke: Invoke, runs: Path) -> None:
     for name in NASTY:
         assert name in unescape(html)
     assert Path("r/heat.png").stat().st_size > 0
+
+
+def test_parameters_are_shown_apart(invoke: Invoke, runs: Path) -> None:
+    rows = "".join(
+        f"gt/{run}.csv,out/{who}/{run}.csv,{who},{run},{cutoff},{unit}\n"
+        for run in range(2)
+        for who in ("a", "b")
+        for cutoff, unit in ((1.5, "m"), (10, "m"), (10, "km"))
+    )
+    Path("m.csv").write_text(f"truth,estimate,who,run,cutoff,unit\n{rows}", encoding="utf-8")
+    assert invoke("batch", "m.csv", "-o", "r", "--workers", "1").status == 0
+    text = words("r/report.html")
+    assert text.startswith("\u2068TGOSPA of a batch\u2069")
+    assert "Jobs have 3 different sets of parameters" in text
+    lost = text[text.index("Jobs that lose most") :]
+    assert "switch cutoff 1.5, unit m b/0/cutoff=1.5/unit=m" in lost
+    assert lost.count("/cutoff=10/unit=km") == lost.count("/cutoff=1.5/unit=m") == 3
+    assert "Of each set of parameters by themselves" in lost
+    made = text[text.index("What it is made of") : text.index("Jobs that lose most")]
+    assert "from the least to the largest of the same parameters" in made
+    widths = re.findall(
+        'class="swatch localisation" style="width:([0-9.]+)%',
+        Path("r/report.html").read_text(encoding="utf-8"),
+    )
+    assert widths.count("100.00") == 2  # of the other nothing is localisation

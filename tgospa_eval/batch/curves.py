@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.batch.pairing import labels_of, with_parameters
+from tgospa_eval.batch.pairing import LABEL, in_words, labels_of, shown_labels, with_parameters
 from tgospa_eval.batch.per_step import StoredSteps
 from tgospa_eval.batch.resampling import BOOTSTRAP_SEED, CONFIDENCE, LEAST_PAIRS
 from tgospa_eval.problem.problem import Floats, Ints
-from tgospa_eval.reports.curves import RmsCurve
+from tgospa_eval.reports.curves import KIND_COLUMN, POINT_COLUMNS, RmsCurve
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,7 +44,9 @@ def rms_curves(
         return []
     rows, differing = with_parameters(rows)
     valued = rows[rows["status"] != "failed"]
-    keys = [*(f"label.{name}" for name in by if name in labels_of(rows)), *differing]
+    there = [name for name in by if name in labels_of(rows)]
+    keys = [*(LABEL + name for name in there), *differing]
+    heads = [*shown_labels(there, {KIND_COLUMN, *POINT_COLUMNS, *differing}), *differing]
     grouped = valued.assign(_all="").groupby(keys or "_all", sort=True, dropna=False)
     codes = _codes(steps.times)
     number = np.full(int(rows.index.max()) + 1, -1)
@@ -56,7 +58,7 @@ def rms_curves(
         at = order[ends[k - 1] if k else 0 : ends[k]]
         if len(at):
             first = group.iloc[0]
-            labels = {key.removeprefix("label."): str(first[key]) for key in keys}
+            labels = {head: in_words(first[key]) for head, key in zip(heads, keys, strict=True)}
             found += _curves_of(_Runs(steps, codes, at), labels, float(first["order"]))
     return found
 

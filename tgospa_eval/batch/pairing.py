@@ -1,10 +1,10 @@
 """Which jobs belong together: those that differ in nothing but the labels that are compared."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
-from tgospa_eval.results.saved import ACCURACY, NEUTRAL
+from tgospa_eval.results.saved import ACCURACY
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,7 +21,7 @@ PARAMETERS = ("distance", "cutoff", "order", "switch_penalty")
 
 READ_AS_GIVEN = (
     *("time", "class", "region", "truth_class", "estimate_class", "time_tolerance"),
-    *("on_duplicate", "fix_cov", "missing_cov", "inner_cov"),
+    *("on_duplicate", "fix_cov", "missing_cov", "inner_cov", "decimal"),
 )
 """Parameters that say how a file is read, or come from what is in it: each job may have its own."""
 
@@ -29,6 +29,11 @@ READ_AS_GIVEN = (
 def labels_of(rows: "pd.DataFrame") -> list[str]:
     """Names of the labels."""
     return [name.removeprefix(LABEL) for name in rows.columns if name.startswith(LABEL)]
+
+
+def shown_labels(names: Sequence[str], taken: Collection[str]) -> list[str]:
+    """Names of labels as columns beside others: one that is called like these keeps ``label.``."""
+    return [LABEL + name if name in taken or name.startswith(LABEL) else name for name in names]
 
 
 def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
@@ -43,19 +48,20 @@ def with_parameters(rows: "pd.DataFrame") -> tuple["pd.DataFrame", list[str]]:
         return rows, differing
     found = {text: json.loads(text) for text in having["parameters"].dropna().unique()}
     names = {name for settings in found.values() for name in settings}
-    for name in sorted(names - {*PARAMETERS, *ACCURACY, *NEUTRAL, *READ_AS_GIVEN}):
-        shown = {text: _in_words(settings.get(name)) for text, settings in found.items()}
+    for name in sorted(names - {*PARAMETERS, *ACCURACY, *READ_AS_GIVEN}):
+        shown = {text: in_words(settings.get(name)) for text, settings in found.items()}
         if len(set(shown.values())) > 1:
             rows = rows.assign(**{name: rows["parameters"].map(shown).fillna("-")})
             differing.append(name)
     return rows, differing
 
 
-def _in_words(value: object) -> str:
+def in_words(value: object) -> str:
+    """A parameter, as a table shows it."""
     if isinstance(value, list):
-        return ",".join(map(_in_words, value))
+        return ",".join(map(in_words, value))
     if isinstance(value, dict):
-        return ",".join(f"{name}={_in_words(item)}" for name, item in value.items())
+        return ",".join(f"{name}={in_words(item)}" for name, item in value.items())
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, str):

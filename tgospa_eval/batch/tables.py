@@ -10,7 +10,14 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batch.others import joined_metrics, metrics_of
-from tgospa_eval.batch.pairing import LABEL, labels_of, pair_numbers, truths, with_parameters
+from tgospa_eval.batch.pairing import (
+    LABEL,
+    labels_of,
+    pair_numbers,
+    shown_labels,
+    truths,
+    with_parameters,
+)
 from tgospa_eval.batch.resampling import BOOTSTRAP_SEED
 from tgospa_eval.batch.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
@@ -149,10 +156,8 @@ def _summed(groups: "_Groups", *, roots: bool) -> "pd.DataFrame":
         for end, value in zip(ENDS, values, strict=True):
             table["mean_of_roots" + end] = value.groupby(groups.numbers[having.index]).mean()
     taken = {*table, *OF_INTERVALS, *groups.differing}
-    plain = {
-        LABEL + name: name for name in groups.by if name not in taken and not name.startswith(LABEL)
-    }
-    return heads.rename(columns=plain).join(table)
+    shown = zip(groups.by, shown_labels(groups.by, taken), strict=True)
+    return heads.rename(columns={LABEL + name: head for name, head in shown}).join(table)
 
 
 class _Groups:

@@ -114,6 +114,11 @@ def draw_heat(heat: Heat, style: Style, unit: str) -> "Figure":
             for row in heat.cells
         ]
     )
+    if heat.scales > 1:
+        values = np.array(
+            [[np.nan if cell is None or cell.value is None else cell.level for cell in row]
+             for row in heat.cells]
+        )  # fmt: skip
     if heat.squares:
         values = values.T
     high = ROW * len(values) * (2 if heat.squares else 1)
@@ -121,9 +126,10 @@ def draw_heat(heat: Heat, style: Style, unit: str) -> "Figure":
     axis.grid(visible=False)
     colours = ListedColormap(heat_shades(LIGHT))
     seen = axis.pcolormesh(np.ma.masked_invalid(values), cmap=colours, rasterized=heat.squares)
-    made.colorbar(seen).set_label(
-        f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step", parse_math=False
-    )
+    what = f"TGOSPA per step ({literal(unit)})" if unit else "TGOSPA per step"
+    bar = made.colorbar(seen, ticks=[] if heat.scales > 1 else None)
+    own = ", least to largest of the same parameters" if heat.scales > 1 else ""
+    bar.set_label(what + own, parse_math=False)
     axis.set_ylim(len(values), 0)
     if heat.squares:
         _names(axis, heat.columns, upright=True, shift=0.5)

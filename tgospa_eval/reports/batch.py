@@ -11,10 +11,17 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking
 from tgospa_eval.reports.curves import curves_json
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.order import best_of, order_in_words, place_in_words
+from tgospa_eval.reports.order import (
+    MOST_NAMED,
+    best_of,
+    first_names,
+    order_in_words,
+    place_in_words,
+)
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
 from tgospa_eval.results.records import PARTS, json_text
+from tgospa_eval.text import listed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +55,11 @@ def document(tables: BatchTables) -> Document:
     )
 
 
+def of_expected(jobs: int, expected: int) -> str:
+    """How many jobs have a value, and of how many if one is missing."""
+    return f"{jobs:,} of {expected:,}" if jobs < expected else f"{jobs:,}"
+
+
 def _sums_table(tables: BatchTables) -> Table:
     heads, groups = tables.heads, tables.groups
     with_intervals = groups["confidence_upper"].notna().any()
@@ -60,10 +72,8 @@ def _sums_table(tables: BatchTables) -> Table:
         if with_intervals:
             interval = Interval(lower=row["confidence_lower"], upper=row["confidence_upper"])
             cells.insert(1, _interval(interval))
-        jobs = str(row["jobs"])
-        if row["jobs"] < row["expected"]:
-            jobs = f"{row['jobs']} of {row['expected']}"
-        shown.append((*(_name(row[name]) for name in heads), jobs, *cells))
+        jobs = of_expected(int(row["jobs"]), int(row["expected"]))
+        shown.append((*(value_in_words(row[name]) for name in heads), jobs, *cells))
     titles = list(values.values())
     if with_intervals:
         titles.insert(1, INTERVAL)
@@ -80,7 +90,7 @@ def _parts_table(tables: BatchTables) -> Table:
         head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
         rows=[
             (
-                *(_name(row[name]) for name in heads),
+                *(value_in_words(row[name]) for name in heads),
                 *(_value(row[name], 5) for name in ("total", *PARTS)),
             )
             for row in tables.groups.to_dict("records")
@@ -92,7 +102,7 @@ def _parts_table(tables: BatchTables) -> Table:
 def other_tables(tables: BatchTables) -> Iterator[Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
-    names = [tuple(_name(row[name]) for name in heads) for row in rows]
+    names = [tuple(value_in_words(row[name]) for name in heads) for row in rows]
     yield from grouped_table(tuple(heads.values()), names, list(other_records(rows)))
 
 
@@ -123,13 +133,13 @@ def _orders(ranking: Ranking) -> Iterator[str]:
     if len(first) == 1 and places[0] == (1, 1):
         yield f"{begin}: {first[0]} is significantly better than all others"
     else:
-        yield f"{begin}: no significant difference at the top between {', '.join(first)}"
+        top = first_names([[name] for name in first])
+        yield f"{begin}: no significant difference at the top between {top}"
 
 
 def _where(ranking: Ranking) -> str:
     """For which parameters a ranking is, if there are several."""
-    parameters = [f"{name} {_name(value)}" for name, value in ranking.parameters.items()]
-    return f"{', '.join(parameters)}: " if parameters else ""
+    return f"{parameters_in_words(ranking.parameters)}: " if ranking.parameters else ""
 
 
 def _jobs(ranking: Ranking) -> str:
@@ -141,7 +151,7 @@ def _jobs(ranking: Ranking) -> str:
 
 def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
     """The proven order, and below it the statistical one."""
-    of = [_name(value) for value in ranking.parameters.values()]
+    of = [value_in_words(value) for value in ranking.parameters.values()]
     yield Table(
         head=(ranking.label, *ranking.parameters, "proven place", "combined", "per step"),
         rows=[
@@ -215,8 +225,8 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         )
     for row in tables.groups[tables.groups["jobs"] < tables.groups["expected"]].to_dict("records"):
         yield (
-            f"{row['jobs']} of {row['expected']} jobs: of the others there is no value; sums, and "
-            "with them combined, are without their costs and look better than they are"
+            f"{of_expected(row['jobs'], row['expected'])} jobs: of the others there is no value; "
+            "sums, and with them combined, are without their costs and look better than they are"
         )
         break
     opened = int(tables.groups["open"].sum())
@@ -237,7 +247,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
         yield f"{INTERVAL}: of the value before it, by bootstrap"
     for ranking in tables.rankings:
         if ranking.left_out:
-            names = ", ".join(ranking.left_out)
+            names = listed(ranking.left_out, MOST_NAMED)
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     yield from _preprocessed(tables.rows)
     yield from about_others(tables)
@@ -258,7 +268,12 @@ def about_others(tables: BatchTables) -> Iterator[str]:
         yield from direction(found)
 
 
-def _name(value: object) -> str:
+def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
+    """A set of parameters that differ in the batch, in a line."""
+    return ", ".join(f"{name} {value_in_words(value)}" for name, value in parameters.items())
+
+
+def value_in_words(value: object) -> str:
     """A label, or the value of a parameter."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 

@@ -5,13 +5,19 @@ from the user passes through the autoescape of the template.
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, TRACK_COLOURS, heat_shades
-from tgospa_eval.reports.batch import NARROW, about_others, other_tables
+from tgospa_eval.reports.batch import (
+    NARROW,
+    about_others,
+    of_expected,
+    other_tables,
+    parameters_in_words,
+)
 from tgospa_eval.reports.batch_records import Comparison, Ranking
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
 from tgospa_eval.reports.charts import curve_chart
@@ -38,7 +44,8 @@ DASHES_OF_TRACKS = ("none", "9 3", "2.5 3", "10 3 2 3")
 def batch_page(view: BatchView) -> str:
     """The whole page."""
     rows, groups = view.tables.rows, view.groups
-    ranking = view.tables.rankings[0] if view.tables.rankings else None
+    # Of several sets of parameters none is that of the batch.
+    ranking = view.tables.rankings[0] if len(view.tables.rankings) == 1 else None
     failed = rows[rows["status"] == "failed"]
     valued = rows[rows["status"] != "failed"]
     charts = (curve_chart(view.drawn_curves, kind, view.unit) for kind in CURVE_KINDS)
@@ -56,6 +63,7 @@ def batch_page(view: BatchView) -> str:
             unproven=int((~valued["certified"].astype(bool)).sum()) if len(valued) else 0,
             rankings=[_ranking(view, ranking) for ranking in view.tables.rankings],
             notes=view.tables.notes,
+            parameter_sets=len({group.parameters for group in view.groups}),
             groups=[_group(view, group) for group in groups[:MOST_GROUPS]],
             common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
             others=list(other_tables(view.tables)),
@@ -65,7 +73,7 @@ def batch_page(view: BatchView) -> str:
             tracks=len(TRACK_COLOURS),
             charts=[chart for chart in charts if chart is not None],
             curve_groups=len({curve.name for curve in view.tables.curves}),
-            costliest=_costliest(view, valued),
+            costliest=list(_costliest(view, valued)),
             faults=[
                 {"name": view.name_of(row), "message": str(row["message"])}
                 for _, row in failed.head(MOST_FAULTS).iterrows()
@@ -156,7 +164,7 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
 
     return {
         "about": ranking,
-        "parameters": ", ".join(f"{name} {value}" for name, value in ranking.parameters.items()),
+        "parameters": parameters_in_words(ranking.parameters),
         "entries": [
             words | {"bracket": _span(place, value), "whisker": sure and _span(place, sure)}
             for words, value, sure in entries
@@ -202,11 +210,12 @@ def _pair(view: BatchView, pair: Comparison) -> dict[str, str]:
 
 def _group(view: BatchView, group: GroupCosts) -> dict[str, object]:
     """A row of the table of groups, with what its cost is made of."""
-    widest = max(other.cost for other in view.groups) or 1.0
+    alike = [other for other in view.groups if other.parameters == group.parameters]
+    widest = max(other.cost for other in alike) or 1.0
     return {
         "name": group.name or "all jobs",
         "track": group.track,
-        "jobs": f"{group.jobs:,}",
+        "jobs": of_expected(group.jobs, group.expected),
         **{name: view.between(value) for name, value in group.values.items()},
         "cost": number(group.cost, 4),
         "parts": [
@@ -225,14 +234,28 @@ def _share(cost: float, total: float) -> str:
     return f"{100 * cost / total:.0f} %" if total else "-"
 
 
-def _costliest(view: BatchView, valued: "pd.DataFrame") -> list[dict[str, object]]:
-    """The jobs with the largest cost per step."""
+def _costliest(
+    view: BatchView, valued: "pd.DataFrame"
+) -> Iterator[tuple[str, list[dict[str, object]]]]:
+    """The jobs with the largest cost per step, of each set of parameters by themselves."""
     if len(valued) < 2:
-        return []
+        return
     each = valued["total"] / valued["sizes.occupied"].clip(lower=1)
+    order = each.sort_values(ascending=False, kind="stable").index
+    names = list(view.tables.parameters)
+    if not names:
+        yield "", _losing_most(view, valued.loc[order[:COSTLIEST]])
+        return
+    sets = valued.loc[order].groupby(names, dropna=False)
+    for _, jobs in itertools.islice(sets, COSTLIEST):
+        about = parameters_in_words({name: jobs[name].iloc[0] for name in names})
+        yield about, _losing_most(view, jobs.head(max(1, COSTLIEST // sets.ngroups)))
+
+
+def _losing_most(view: BatchView, jobs: "pd.DataFrame") -> list[dict[str, object]]:
+    """Some jobs, with what they lose."""
     found: list[dict[str, object]] = []
-    for index in each.sort_values(ascending=False, kind="stable").index[:COSTLIEST]:
-        row = valued.loc[index]
+    for _, row in jobs.iterrows():
         steps, power = max(float(row["sizes.occupied"]), 1.0), 1 / float(row["order"])
         value = Interval(
             lower=(float(row["total_lower"]) / steps) ** power,

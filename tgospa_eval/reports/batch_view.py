@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.reports.batch import NARROW
+from tgospa_eval.reports.batch import NARROW, value_in_words
 from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.reports.heat import Heat, heat_of
@@ -34,19 +34,23 @@ class GroupCosts:
         Its labels, and parameters where these differ.
     track : int
         Number of its colour.
-    jobs : int
-        How many have a value.
+    jobs, expected : int
+        How many have a value, and how many there should be.
     values : mapping of str to Interval
         Brackets of ``per_step``, ``combined`` and ``rms``.
     costs : mapping of str to float
         Parts of the cost per step.
+    parameters : tuple of str
+        Those that differ in the batch: costs of other ones are no larger or smaller.
     """
 
     name: str
     track: int
     jobs: int
+    expected: int
     values: Mapping[str, Interval]
     costs: Mapping[Part, float]
+    parameters: tuple[str, ...]
 
     @property
     def cost(self) -> float:
@@ -121,14 +125,16 @@ class BatchView:
             groups = groups.loc[first.sort_values(kind="stable").index]
         return [
             GroupCosts(
-                name="/".join(str(row[name]) for name in names),
+                name="/".join(value_in_words(row[name]) for name in names),
                 track=self.compared.get(str(row[names[0]]), 0) if names else 0,
                 jobs=int(row["jobs"]),
+                expected=int(row["expected"]),
                 values={name: interval(row, name) for name in ("per_step", "combined", "rms")},
                 costs={
                     name: float(row[name]) / max(float(row["sizes.occupied"]), 1.0)
                     for name in PARTS
                 },
+                parameters=tuple(value_in_words(row[name]) for name in self.tables.parameters),
             )
             for _, row in groups.iterrows()
         ]

@@ -15,6 +15,12 @@ CURVE_KINDS: Mapping[CurveKind, str] = {
 }
 """(mean of the costs of step k)^(1/p); (mean of total(k) / n(k))^(1/p), evaluated up to k."""
 
+POINT_COLUMNS = ("step", "t", "runs", "rms", "lower_bound", "upper_bound", "band_low", "band_high")
+"""Of a table with a row for each step."""
+
+KIND_COLUMN = "curve"
+"""What comes before them where several curves are in one table."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RmsCurve:
@@ -23,7 +29,7 @@ class RmsCurve:
     Parameters
     ----------
     group : mapping of str to str
-        Labels of the group, and parameters where those differ.
+        Labels of the group, and parameters where those differ; none is called like a column.
     kind : str
         One of `CURVE_KINDS`.
     times : list of str or None
@@ -54,16 +60,9 @@ class RmsCurve:
     def table(self) -> Columns:
         """A row for each step."""
         lower, upper = self.bounds or ([None] * len(self.rms),) * 2
-        return {
-            "step": list(range(1, len(self.rms) + 1)),
-            "t": list(self.times),
-            "runs": list(self.runs),
-            "rms": list(self.rms),
-            "lower_bound": list(lower),
-            "upper_bound": list(upper),
-            "band_low": list(self.band[0]),
-            "band_high": list(self.band[1]),
-        }
+        steps = range(1, len(self.rms) + 1)
+        columns = (steps, self.times, self.runs, self.rms, lower, upper, *self.band)
+        return {name: list(values) for name, values in zip(POINT_COLUMNS, columns, strict=True)}
 
 
 def curves_csv(curves: Sequence[RmsCurve]) -> str:
@@ -73,7 +72,7 @@ def curves_csv(curves: Sequence[RmsCurve]) -> str:
         own = curve.table()
         size = len(curve.rms)
         labels = {name: [value] * size for name, value in curve.group.items()}
-        for name, column in (labels | {"curve": [curve.kind] * size} | own).items():
+        for name, column in (labels | {KIND_COLUMN: [curve.kind] * size} | own).items():
             table.setdefault(name, []).extend(column)
     return csv_text(table)
 
@@ -81,6 +80,6 @@ def curves_csv(curves: Sequence[RmsCurve]) -> str:
 def curves_json(curves: Sequence[RmsCurve]) -> list[Json]:
     """All curves, each with its points."""
     return [
-        {"by": dict(curve.group), "curve": curve.kind, "points": records(curve.table())}
+        {"by": dict(curve.group), KIND_COLUMN: curve.kind, "points": records(curve.table())}
         for curve in curves
     ]

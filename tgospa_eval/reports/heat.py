@@ -69,6 +69,8 @@ class Heat:
         By row and column; None where there is no job.
     ends : pair of float, optional
         Least and largest value.
+    scales : int
+        Sets of parameters: a shade is between the least and the largest value of its own.
     hidden_rows, hidden_columns : int
         How many are left out, those with the smallest values and the last.
     """
@@ -79,6 +81,7 @@ class Heat:
     columns: Sequence[str]
     cells: Sequence[Sequence[HeatCell | None]]
     ends: tuple[float, float] | None
+    scales: int = 1
     hidden_rows: int = 0
     hidden_columns: int = 0
 
@@ -130,7 +133,10 @@ def heat_of(
     found["_row"] = found["_down"].map({name: k for k, name in enumerate(names)})
     found["_column"] = found["_across"].map({name: k for k, name in enumerate(shown)})
     lower, upper, jobs, failed = _sums(found, (len(names), len(shown)))
-    kept = _kept(np.where(np.isnan(upper) & (jobs > 0), np.inf, upper))
+    scale = _scales(found, parameters)
+    size = np.array([np.nanmax(upper[scale == k], initial=0.0) for k in range(scale.max() + 1)])
+    share = upper / np.maximum(size, np.finfo(float).tiny)[scale][:, None]
+    kept = _kept(np.where(np.isnan(upper) & (jobs > 0), np.inf, share))
     single = found[jobs[found["_row"], found["_column"]] == 1]
     links = {
         (int(row["_row"]), int(row["_column"])): link(row)
@@ -138,7 +144,7 @@ def heat_of(
     }
     known = upper[kept][~np.isnan(upper[kept])]
     ends = (float(known.min()), float(known.max())) if len(known) else None
-    width = ends[1] - ends[0] if ends else 0.0
+    shades = _shades(upper, scale, kept)
 
     def cell(k: int, column: int) -> HeatCell | None:
         if not jobs[k, column]:
@@ -147,13 +153,12 @@ def heat_of(
         counts = int(jobs[k, column]), int(failed[k, column])
         if np.isnan(high):
             return HeatCell(value=None, jobs=counts[0], failed=counts[1], link="")
-        share = (high - known.min()) / width if width > 0 else 0.0
         others = np.delete(lower[k], column)
         return HeatCell(
             value=Interval(lower=low, upper=high),
             jobs=counts[0],
             failed=counts[1],
-            level=min(int(share * HEAT_LEVELS), HEAT_LEVELS - 1),
+            level=int(shades[k, column]),
             link=links.get((k, column), ""),
             best=len(shown) > 1 and not bool((others <= high).any()),
         )
@@ -165,9 +170,31 @@ def heat_of(
         columns=shown,
         cells=[[cell(k, column) for column in range(len(shown))] for k in kept],
         ends=ends,
+        scales=len({scale[k] for k in kept if not np.isnan(upper[k]).all()}),
         hidden_rows=len(names) - len(kept),
         hidden_columns=len(columns) - len(shown),
     )
+
+
+def _scales(found: "pd.DataFrame", parameters: Sequence[str]) -> Any:
+    """Of each row the number of its set of parameters; of jobs without value it does not matter."""
+    if not parameters:
+        return np.zeros(int(found["_row"].max()) + 1, int)
+    sets = found.groupby(list(parameters), dropna=False).ngroup()
+    return sets.groupby(found["_row"]).first().to_numpy()
+
+
+def _shades(values: Any, scale: Any, kept: Sequence[int]) -> Any:
+    """Of each cell its shade, from 0 for the least value of its set of parameters."""
+    shades = np.zeros(values.shape)
+    for number in np.unique(scale[kept]):
+        rows = np.array([k for k in kept if scale[k] == number])
+        own = values[rows]
+        if np.isnan(own).all():
+            continue
+        least, width = np.nanmin(own), np.nanmax(own) - np.nanmin(own)
+        shades[rows] = np.nan_to_num((own - least) / width if width > 0 else 0.0 * own)
+    return np.minimum((shades * HEAT_LEVELS).astype(int), HEAT_LEVELS - 1)
 
 
 def _in_words(value: float | str) -> str:

@@ -14,6 +14,20 @@ PROOFS = {
 """What the verdicts mean."""
 
 
+MOST_NAMED = 8
+"""Names in a sentence; a table has all of them."""
+
+
+def first_names(groups: Sequence[Sequence[str]]) -> str:
+    """The first names with commas, those of a group with ``=``, and how many more there are."""
+    left, texts = MOST_NAMED, list[str]()
+    for group in groups:
+        if left > 0:
+            texts.append(" = ".join(group[:left]))
+        left -= len(group)
+    return ", ".join(texts) + (f" and {-left:,} more, all in the table" if left < 0 else "")
+
+
 def order_in_words(
     value: str,
     names: Sequence[str],
@@ -44,18 +58,17 @@ def order_in_words(
         **{pair: "equal" for group in groups for pair in itertools.combinations(group, 2)},
     }
     if verdicts == proven and len(groups) == 1:
-        return f"Proven to be equal by {value}: {' = '.join(names)}"
+        return f"Proven to be equal by {value}: {first_names(groups)}"
     if verdicts == proven:
-        order = ", ".join(map(" = ".join, groups))
-        return f"Proven order by {value}, best first: {order}"
+        return f"Proven order by {value}, best first: {first_names(groups)}"
     best = best_of(places)
     if best:
         return (
-            f"Proven best by {value}: {' = '.join(names[k] for k in best)}; the order of "
+            f"Proven best by {value}: {first_names([[names[k] for k in best]])}; the order of "
             "the others is not proven throughout"
         )
-    tied = [name for name, place in zip(names, places, strict=True) if place[0] == 1]
-    return f"None is proven best by {value}: it may be any of {', '.join(tied)}"
+    tied = [[name] for name, place in zip(names, places, strict=True) if place[0] == 1]
+    return f"None is proven best by {value}: it may be any of {first_names(tied)}"
 
 
 def best_of(places: Sequence[Sequence[int]]) -> list[int]:

@@ -62,7 +62,7 @@ def test_means_of_costs_and_never_of_roots() -> None:
 def test_the_order_is_that_of_the_jobs_and_other_parameters_are_other_groups() -> None:
     table = pd.concat([rows("a", 1.0), rows("a", 3.0)], ignore_index=True)
     found = rms_curves(table, steps(([2, 4], None), ([8, 1], None)), [])
-    assert [curve.group for curve in found] == [{"order": "1.0"}, {"order": "3.0"}]
+    assert [curve.group for curve in found] == [{"order": "1"}, {"order": "3"}]
     assert found[0].rms == pytest.approx([2.0, 4.0])
     assert found[1].rms == pytest.approx([2.0, 1.0])
 

@@ -281,7 +281,7 @@ def test_other_parameters_are_other_groups_too() -> None:
     more = table({"a": [4.0], "b": [1.0]}).assign(parameters=texts[1], options='{"grid": "truth"}')
     lost = failed(table({"c": [1.0]}), [0])
     tables = tabulated(pd.concat([rows, more, lost], ignore_index=True), ["tracker"])
-    assert tables.parameters == ("grid", "scale")
+    assert tables.parameters == ("grid", "scale", "unit")
     assert [
         (row["tracker"], row["grid"], row["combined"]) for row in tables.groups.to_dict("records")
     ] == [
@@ -295,7 +295,10 @@ def test_other_parameters_are_other_groups_too() -> None:
         ["a", "b"],
     ]
     assert {item.left_out for item in tables.rankings} == {("c",)}
-    assert "grid truth, scale x=2,y=1: Proven order by combined, best first: b, a" in words(tables)
+    assert (
+        "grid truth, scale x=2,y=1, unit km: Proven order by combined, best first: b, a"
+        in words(tables)
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Shades, numbers and axes of the page of a batch."""
 
+import itertools
+
 import pandas as pd
 import pytest
 
@@ -7,6 +9,7 @@ from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
 from tgospa_eval.reports.charts import curve_chart, round_steps
 from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.reports.heat import MOST_SQUARES, Heat, heat_of
+from tgospa_eval.reports.order import first_names, order_in_words
 
 
 def luminance(colour: str) -> float:
@@ -52,14 +55,19 @@ def heat(values: dict[tuple[str, str], float | None], width: float = 0.0) -> Hea
 
 
 def test_parameters_that_differ_are_never_added_up() -> None:
-    first, second = rows({("s", "a"): 9.0}), rows({("s", "a"): 4.0}).assign(order=1.0)
-    lost = rows({("s", "b"): None})
+    first = rows({("s", "a"): 9.0, ("s", "b"): 16.0})
+    second = rows({("s", "a"): 40.0, ("s", "b"): 30.0}).assign(order=1.0)
+    lost = rows({("t", "b"): None})
     made = heat_of(
         pd.concat([first, second, lost], ignore_index=True),
         ("down", "across"), ["a", "b"], lambda _: "", ("order",),
     )  # fmt: skip
-    assert made.rows == ["s order=1", "s order=2", "s order=-"]
-    assert [row[0] and row[0].value and row[0].value.upper for row in made.cells] == [4, 3, None]
+    assert made.rows == ["s order=1", "s order=2", "t order=-"]
+    values = [[cell and cell.value and cell.value.upper for cell in row] for row in made.cells]
+    assert values == [[40, 30], [3, 4], [None, None]]
+    # The largest value of each set of parameters is the darkest.
+    assert [[cell and cell.level for cell in row] for row in made.cells[:2]] == [[8, 0], [0, 8]]
+    assert made.scales == 2
 
 
 def test_cells_have_brackets_shades_and_links() -> None:
@@ -150,3 +158,18 @@ def test_a_long_chart_is_thinned() -> None:
     assert chart is not None
     assert chart.stride == 3
     assert chart.lines[0].path.count(" ") == 334
+
+
+def test_sentences_name_few_of_many() -> None:
+    names = [f"n{k}" for k in range(100)]
+    pairs = list(itertools.combinations(names, 2))
+    proven = [(k, k) for k in range(1, 101)]
+    sentence = order_in_words("combined", names, proven, dict.fromkeys(pairs, "less"))
+    first = "n0, n1, n2, n3, n4, n5, n6, n7 and 92 more, all in the table"
+    assert sentence == f"Proven order by combined, best first: {first}"
+    equal = dict.fromkeys(pairs, "equal")
+    sentence = order_in_words("combined", names, [(1, 1)] * 100, equal)
+    assert sentence == f"Proven to be equal by combined: {first.replace(',', ' =', 7)}"
+    tied = order_in_words("combined", names, [(1, 100)] * 100, dict.fromkeys(pairs, "open"))
+    assert tied == f"None is proven best by combined: it may be any of {first}"
+    assert first_names([names[:2], names[2:8]]) == "n0 = n1, n2 = n3 = n4 = n5 = n6 = n7"

@@ -78,7 +78,9 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
         ),
         _batch(
             "--by LABELS",
-            "Labels by which tables add up, with commas; values of the first are ranked.",
+            "Labels by which tables add up, with commas or this option again; values of the first "
+            "are ranked.",
+            multiple=True,
             show_default="the first",
         ),
         _batch("--mean-of-roots", "Also show the plain means of the values, which are no sums."),

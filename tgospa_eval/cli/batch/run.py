@@ -4,7 +4,7 @@ import functools
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.files import folder_of, is_written, write_batch
 from tgospa_eval.cli.batch.worker import (
+    NOT_WRITTEN,
     Task,
     digest_of,
     evaluate_job,
@@ -72,13 +73,18 @@ class BatchOptions(Values):
     reports: bool = False
     proof: bool = False
     per_step: bool = False
-    by: str | None = None
+    by: tuple[str, ...] = ()
     mean_of_roots: bool = False
 
-    @property
-    def groups(self) -> list[str]:
-        """The labels of --by, each once."""
-        return list(dict.fromkeys(map(str.strip, self.by.split(",")))) if self.by else []
+    def groups(self, known: Collection[str]) -> list[str]:
+        """The labels of --by, each once; a text that is the name of one is that, commas and all."""
+        names = [
+            name
+            for text in self.by
+            if text
+            for name in ([text] if text in known else map(str.strip, text.split(",")))
+        ]
+        return list(dict.fromkeys(names))
 
     @property
     def engine(self) -> Engine:
@@ -108,7 +114,8 @@ def run_batch(
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
     plan = _plan(paths, batch)
     _check_missing(plan, batch)
-    check_labels(batch.groups, {name: None for job in plan.jobs for name in job.labels})
+    labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
+    check_labels(batch.groups(labels), labels)
     store, shard = Store(str(output.output)), _shard(batch.shard)
     settings = {
         "schema": SCHEMA,
@@ -141,17 +148,36 @@ def run_batch(
     # Of shards more is to come; where nothing is new, the page is there.
     if shard == (1, 1) and (left or batch.by or not is_written(store)):
         write_batch(store, tables, output, lenient=True)
-    wrong = rows[rows["status"] == "failed"] if len(rows) else rows
-    known = set(wrong.get("key", ()))
-    # A row that is done stays so when what was asked for beside it fails.
-    faults = [row for row in faults if row["key"] not in known]
-    told: list[Mapping[Any, Any]] = [*wrong.to_dict("records"), *faults]
-    for row in told:
-        print_notice(f"{_name(row)}: {row['message']}")
+    told = list(_faults(rows, faults, written=batch.reports))
+    for text in told:
+        print_notice(text)
     if told:
         return 5
     opened = len(rows) and (rows["status"] == "open").any()
     return ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
+
+
+def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:
+    """What is wrong, a line for each job: no value, or what was asked for beside it is not there.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        What is stored of the jobs.
+    faults : sequence of Row
+        Those of this run that failed: a row that was done before stays so.
+    written : bool
+        Whether folders were asked for.
+    """
+    if not len(rows):
+        return
+    wrong: Sequence[Mapping[Any, Any]] = rows[rows["status"] == "failed"].to_dict("records")
+    known = {row["key"] for row in wrong}
+    for row in (*wrong, *(row for row in faults if row["key"] not in known)):
+        yield f"{_name(row)}: {row['message']}"
+    if written and NOT_WRITTEN in rows:
+        for row in rows[rows[NOT_WRITTEN].notna()].to_dict("records"):
+            yield f"{_name(row)}: {row[NOT_WRITTEN]}"
 
 
 def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> None:
@@ -281,15 +307,18 @@ def _tasks(
 def _left(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
     """What is not done, and what lacks something that is asked for beside its row."""
     numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
-    found = before.reindex(columns=["key", "status", *numbers])
+    found = before.reindex(columns=["key", "status", NOT_WRITTEN, *numbers])
     found[numbers] = found[numbers].astype(float).fillna(0.0)
+    found[NOT_WRITTEN] = found[NOT_WRITTEN].notna()
     rows = {row["key"]: row for row in found.to_dict("records")}
     for task in tasks:
         row = rows.get(task.key)
         if row is None or (retry_failed and row["status"] == "failed"):
             yield task
-        elif row["status"] != "failed" and not (task.is_written and task.has_steps(row)):
-            yield task.keeping(row)
+        elif row["status"] != "failed":
+            written = task.folder is None or (task.is_written and not row[NOT_WRITTEN])
+            if not (written and task.has_steps(row)):
+                yield task.keeping(row)
 
 
 def _size(task: Task) -> int:
@@ -339,11 +368,12 @@ def _progress(done: int, count: int, failed: int, seconds: float) -> str:
 
 def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTables:
     """Of the labels of --by, or the first; with the curves of what is stored."""
-    by = batch.groups or labels_of(rows)[:1]
+    asked = batch.groups(labels_of(rows))
+    by = asked or labels_of(rows)[:1]
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
     tables = replace(tables, curves=tuple(rms_curves(rows, store.steps(rows), by)))
     # Without --by nobody asked what there is to compare.
-    return tables if batch.groups else replace(tables, notes=())
+    return tables if asked else replace(tables, notes=())
 
 
 def _name(row: Mapping[Any, Any]) -> str:

@@ -28,6 +28,9 @@ from tgospa_eval.text import as_unicode
 SMALL = 1 << 20
 """Bytes of a file that are read at once for its digest."""
 
+NOT_WRITTEN = "not_written"
+"""Column of rows whose folder could not be written: why. The next run tries it again."""
+
 NAMING_FILES = ("covariance", "inner_cov")
 """Options that may name a file."""
 
@@ -144,14 +147,13 @@ def evaluate_job(task: Task) -> Row:
         files = files_of(here.job, here.options)
         if key_of(task.job, given_text(task.options), files) != task.key:
             raise InputError("a file changed while it was read; the same command reads it again")
-        if here.folder is not None:
-            _write(result, task, here.folder)
         row = {
             **numbers(result),
             **_steps(result, per_step=task.per_step),
             "status": "done" if finished else "open",
             "message": "" if finished else str(result.solver["status"]),
             "warnings": json.dumps([notice.record() for notice in result.warnings]),
+            **_written(result, task, here.folder),
         }
     except TgospaError as error:
         row = {"status": "failed", "message": " ".join(error.args)}
@@ -164,7 +166,7 @@ def _fault(error: Exception) -> str:
     """What nobody foresaw, in words."""
     if is_of_memory(error):
         return "out of memory"
-    if isinstance(error, OSError):  # of the disk, or of what is in the way of a folder
+    if isinstance(error, OSError):
         return f"{error.filename or 'writing'}: {reason(error)}"
     return f"{type(error).__name__}: {error}: please report this as a bug"
 
@@ -260,6 +262,22 @@ def _steps(result: Summary, *, per_step: bool) -> Row:
         return {STORED_STEPS: 0, STORED_CURVE: False}
     steps = StepCosts.of(result)
     return {STEPS: steps, **steps.stored}
+
+
+def _written(result: Summary, task: Task, folder: str | None) -> Row:
+    """Write the result folder, if it is asked for; what the row says where that is not possible.
+
+    A full disk, or what is in the way of a folder, takes nothing from the number.
+    """
+    if folder is None:
+        return {}
+    try:
+        _write(result, task, folder)
+    except TgospaError as error:
+        return {NOT_WRITTEN: " ".join(error.args)}
+    except OSError as error:
+        return {NOT_WRITTEN: _fault(error)}
+    return {}
 
 
 def _write(result: Summary, task: Task, folder: str) -> None:
