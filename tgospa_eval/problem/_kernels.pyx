@@ -100,6 +100,82 @@ def components(const i32[::1] a, const i32[::1] b, int nodes):
     return root_array
 
 
+def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] step, int truths,
+                int estimates):
+    """Pairs, nodes and blocks from the truth, the estimate and the step of each entry, in time.
+
+    The pair of each entry, then the fields of `problem.merging.PairGraph`, in their order.
+    """
+    pair_of, tracks, others = number_pairs(truth, estimate, truths, estimates)
+    cdef const i32[::1] root = components(tracks, others + np.int32(truths), truths + estimates)
+    cdef i32[::1] of_entry = pair_of
+    cdef const i32[::1] pt = tracks, pe = others
+    cdef Py_ssize_t P = pt.shape[0], p, i, e, nodes = truths + estimates, count = 0
+    cdef i32 b, blocks = 0, total = 0
+    cdef bint is_row
+    cdef i32[::1] number = np.full(nodes, -1, np.int32)    # of the block with this root
+    cdef i32[::1] block_of = np.full(nodes, -1, np.int32)  # of each track
+    with nogil:
+        for p in range(P):  # by truth: the root of a block is the first that is met
+            if number[root[pt[p]]] < 0:
+                number[root[pt[p]]] = blocks
+                blocks += 1
+            block_of[pt[p]] = block_of[truths + pe[p]] = number[root[pt[p]]]
+        for i in range(nodes):
+            count += block_of[i] >= 0
+    transposed = np.zeros(blocks, bool)
+    node_block = np.empty(count, np.int32)
+    window = np.zeros((2, blocks), np.int32)
+    row, column, block = np.empty(P, np.int32), np.empty(P, np.int32), np.empty(P, np.int32)
+    pair_truth, pair_estimate = np.empty(P, np.int32), np.empty(P, np.int32)
+    cdef u8[::1] flip = transposed.view(np.uint8)
+    cdef i32[::1] node_blocks = node_block, rows = row, columns = column, own_block = block
+    cdef i32[::1] own_truth = pair_truth, own_estimate = pair_estimate
+    cdef i32[:, ::1] ends = window, side = np.zeros((2, blocks), np.int32)
+    cdef i32[::1] key = np.empty(P, np.int32), by_column = np.empty(P, np.int32)
+    cdef i32[::1] order = np.empty(P, np.int32), rank = np.empty(P, np.int32)
+    cdef i32[::1] first = np.zeros(count + 1, np.int32), next = np.zeros(count + 1, np.int32)
+    with nogil:
+        for i in range(nodes):
+            if block_of[i] >= 0:
+                side[i >= truths, block_of[i]] += 1
+        for b in range(blocks):  # rows are truths, unless there is a single estimate for several
+            flip[b] = side[1, b] == 1 and side[0, b] > 1
+            i = side[0, b] + side[1, b]
+            side[1, b] = total + (1 if flip[b] else side[0, b])
+            side[0, b] = total
+            total += <i32>i
+        for i in range(nodes):
+            b = block_of[i]
+            if b >= 0:
+                is_row = (i < truths) != flip[b]
+                number[i] = side[not is_row, b]
+                side[not is_row, b] += 1
+                node_blocks[number[i]] = b
+        for p in range(P):
+            b = block_of[pt[p]]
+            key[p] = number[pt[p]] if flip[b] else number[truths + pe[p]]
+        sort_by(key, first, by_column)
+        for p in range(P):
+            i = by_column[p]
+            b = block_of[pt[i]]
+            key[p] = number[truths + pe[i]] if flip[b] else number[pt[i]]
+        sort_by(key, next, order)
+        for p in range(P):
+            i = by_column[order[p]]
+            b = own_block[p] = block_of[pt[i]]
+            own_truth[p], own_estimate[p], rank[i] = pt[i], pe[i], <i32>p
+            rows[p] = number[truths + pe[i]] if flip[b] else number[pt[i]]
+            columns[p] = number[pt[i]] if flip[b] else number[truths + pe[i]]
+        for e in range(of_entry.shape[0] - 1, -1, -1):
+            of_entry[e] = rank[of_entry[e]]
+            ends[0, own_block[of_entry[e]]] = step[e]
+        for e in range(of_entry.shape[0]):
+            ends[1, own_block[of_entry[e]]] = step[e]
+    return (pair_of, row, column, block, pair_truth, pair_estimate, node_block, window[0],
+            window[1], transposed)
+
+
 def split(const i32[::1] pair_of, const i32[::1] step, const i32[::1] first, const i32[::1] last,
           bint single):
     """States of every pair in order of time: `pair_first`, `begin`, `entry` (-1 for a run).
@@ -413,11 +489,12 @@ cdef class Layout:
     gain, group_first, offset : arrays
         From `relative_gains`.
     rows, columns : (R,), (C,) int arrays
-        Nodes that take part; `keep` chooses them.
+        Nodes that take part: those of the open blocks; `keep` chooses them.
     """
 
     cdef readonly object gain, group_first, offset, rows, columns
-    cdef const i32[::1] order, row_first, begin, entry, window_end, groups, row, column
+    cdef const i32[::1] order, row_first, begin, entry, window_end, groups, row, column, block
+    cdef const u8[::1] open
     cdef const i32[::1] column_first, slot_step, slot_begin, slot_end
     cdef const double[::1] switch_price, gains, offsets
     cdef Py_ssize_t longest
@@ -436,16 +513,26 @@ cdef class Layout:
         self.gain, self.group_first, self.offset = relative_gains(
             self.row_first, self.order, self.begin, self.entry, states.problem.cost, price, prices)
         self.gains, self.groups, self.offsets = self.gain, self.group_first, self.offset
+        self.block = states.node_block
 
-    def keep(self, nodes):
-        """Go on with these nodes; those without states of their own are columns."""
-        first = np.asarray(self.row_first)
-        is_row = first[nodes + 1] > first[nodes]
-        self.rows = nodes[is_row].astype(np.int32)
-        self.columns = nodes[~is_row].astype(np.int32)
+    def keep(self, const u8[::1] blocks):
+        """Go on with these blocks, (B,); their nodes without states of their own are columns."""
+        cdef Py_ssize_t nodes = self.block.shape[0], i, rows = 0, columns = 0
+        cdef i32[::1] row = np.empty(nodes, np.int32), column = np.empty(nodes, np.int32)
+        self.open, self.longest = blocks, 0
+        with nogil:
+            for i in range(nodes):
+                if not blocks[self.block[i]]:
+                    continue
+                if self.row_first[i + 1] > self.row_first[i]:
+                    row[rows] = <i32>i
+                    rows += 1
+                    self.longest = max(self.longest, self.row_first[i + 1] - self.row_first[i])
+                else:
+                    column[columns] = <i32>i
+                    columns += 1
+        self.rows, self.columns = np.asarray(row[:rows]), np.asarray(column[:columns])
         self.row, self.column = self.rows, self.columns
-        size = first[self.rows + 1] - first[self.rows]
-        self.longest = size.max(initial=0)
 
 
 cdef struct Row:
@@ -856,6 +943,112 @@ def improve(Layout layout, i32[::1] load, u8[::1] weight, double[::1] own):
                     for t in range(slot_begin[s], slot_end[s]):
                         load[t] += 1
     return changed
+
+
+# --- what prices and assignments prove of the open blocks, others have 0 -------------------------
+
+
+def row_sums(Layout layout, const double[::1] value):
+    """Sum of the values (nodes,) of the rows of each block, (B,)."""
+    found = np.zeros(layout.open.shape[0])
+    cdef double[::1] total = found
+    cdef Py_ssize_t r
+    with nogil:
+        for r in range(layout.row.shape[0]):
+            total[layout.block[layout.row[r]]] += value[layout.row[r]]
+    return found
+
+
+cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
+    """Sum by halves, down to eight sums side by side, as NumPy's: its rounding hardly grows."""
+    cdef double part[8]
+    cdef double total = 0.0
+    cdef Py_ssize_t i, half, whole = size - size % 8
+    if size > 128:
+        half = size // 2
+        half -= half % 8
+        return pairwise(value, half) + pairwise(value + half, size - half)
+    if whole:
+        for i in range(8):
+            part[i] = value[i]
+        for i in range(8, whole):
+            part[i % 8] += value[i]
+        total = (((part[0] + part[1]) + (part[2] + part[3]))
+                 + ((part[4] + part[5]) + (part[6] + part[7])))
+    for i in range(whole, size):
+        total += value[i]
+    return total
+
+
+def paid(Layout layout, const double[::1] price):
+    """Sum of the prices of the columns of each block, (B,); of a column as `sum_parts`."""
+    cdef Py_ssize_t r, K = price.shape[0], low, high
+    cdef i32 i
+    found = np.zeros(layout.open.shape[0])
+    cdef double[::1] total = found, last
+    for r in range(layout.column.shape[0]):
+        i = layout.column[r]
+        low, high = layout.column_first[i], layout.column_first[i + 1]
+        if low == high:
+            continue
+        if high == K:  # `sum_parts` has a 0 behind it
+            last = np.zeros(high - low + 1)
+            last[:high - low] = price[low:]
+            total[layout.block[i]] += last[0] + pairwise(&last[1], high - low)
+        else:
+            total[layout.block[i]] += price[low] + pairwise(&price[low] + 1, high - low - 1)
+    return found
+
+
+def wide(Layout layout, const double[::1] dual, const double[::1] primal, const double[::1] base,
+         double gap):
+    """Which brackets, ``dual - primal``, are wider than ``gap max(base - primal, 0)``, (B,)."""
+    cdef Py_ssize_t b
+    found = np.zeros(dual.shape[0], bool)
+    cdef u8[::1] wider = found.view(np.uint8)
+    with nogil:
+        for b in range(dual.shape[0]):
+            wider[b] = layout.open[b] and (
+                dual[b] - primal[b] > gap * fmax(base[b] - primal[b], 0.0))
+    return found
+
+
+def take_prices(Layout layout, const double[::1] found, double[::1] dual, const double[::1] trial,
+                double[::1] price):
+    """Replace prices by those on trial in the blocks where their bound `found` is less.
+
+    `dual` (B,) and `price` (K,), the best so far, are updated.
+    """
+    cdef Py_ssize_t r, b, low, high
+    cdef i32 i
+    with nogil:
+        for r in range(layout.column.shape[0]):
+            i = layout.column[r]
+            if found[layout.block[i]] < dual[layout.block[i]]:
+                low, high = layout.column_first[i], layout.column_first[i + 1]
+                price[low:high] = trial[low:high]
+        for b in range(dual.shape[0]):
+            if layout.open[b] and found[b] < dual[b]:
+                dual[b] = found[b]
+
+
+def take_weights(Layout layout, const double[::1] found, double[::1] primal,
+                 const Weight[::1] trial, double[::1] weight):
+    """Replace the assignment by that on trial in the blocks where its gain `found` is more.
+
+    `primal` (B,) and `weight` (S,), the best so far, are updated.
+    """
+    cdef Py_ssize_t r, b, s
+    cdef i32 i
+    with nogil:
+        for r in range(layout.row.shape[0]):
+            i = layout.row[r]
+            if found[layout.block[i]] > primal[layout.block[i]]:
+                for s in range(layout.row_first[i], layout.row_first[i + 1]):
+                    weight[s] = trial[s]
+        for b in range(primal.shape[0]):
+            if layout.open[b] and found[b] > primal[b]:
+                primal[b] = found[b]
 
 
 # --- the certificate: the twins are in problem.paths, with the same bits -------------------------

@@ -1,6 +1,9 @@
 """From a problem to its states: pairs, components, windows, runs, slots."""
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.errors import check_size
@@ -30,7 +33,62 @@ def merge_runs(problem: Problem) -> States:
         ("near pairs", len(problem.cost)),
     ):
         check_size(what, count)
-    pair_of, truth, estimate = _number_pairs(problem)
+    entry_step = problem.entry_step
+    pair_of, graph = _pair_graph(problem, entry_step)
+    pair_first, begin, entry = _split(
+        pair_of,
+        entry_step,
+        graph.block_begin[graph.block],
+        graph.block_end[graph.block],
+        single=not isinstance(problem.switch_price, float),
+    )
+    del pair_of, entry_step  # as long as the entries
+    nodes = len(graph.node_block)
+    slots = make_slots(begin, pair_first, graph.column, nodes, problem.steps, group=graph.block)
+    return States(
+        problem=problem,
+        pair_row=graph.row,
+        pair_column=graph.column,
+        pair_block=graph.block,
+        pair_first=pair_first,
+        pair_truth=graph.truth,
+        pair_estimate=graph.estimate,
+        begin=begin,
+        entry=entry,
+        columns=slots,
+        node_block=graph.node_block,
+        block_begin=graph.block_begin,
+        block_end=graph.block_end,
+        transposed=graph.transposed,
+    )
+
+
+class PairGraph(NamedTuple):
+    """Pairs that gain, sorted by (row, column), their nodes and blocks; fields as of `States`."""
+
+    row: Ints
+    column: Ints
+    block: Ints
+    truth: Ints
+    estimate: Ints
+    node_block: Ints
+    block_begin: Ints
+    block_end: Ints
+    transposed: NDArray[np.bool_]
+
+
+def _pair_graph(problem: Problem, entry_step: Ints) -> tuple[Ints, PairGraph]:
+    """Pair of each entry, and the pairs."""
+    truth: Ints = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
+    estimate: Ints = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
+    if kernels:
+        pair_of, *graph = kernels.merge_pairs(
+            truth, estimate, entry_step, problem.truths, problem.estimates
+        )
+        return pair_of, PairGraph(*graph)
+    width = max(problem.estimates, 1)
+    key, pair_of = np.unique(truth * np.int64(width) + estimate, return_inverse=True)
+    truth, estimate = (part.astype(np.int32) for part in np.divmod(key, width))
     component = connected_components(
         truth, estimate + problem.truths, problem.truths + problem.estimates
     )
@@ -51,47 +109,18 @@ def merge_runs(problem: Problem) -> States:
     pair_row, pair_column, pair_block = (
         part[order].astype(np.int32) for part in (row, column, block)
     )
-
-    entry_step = problem.entry_step
     window = _windows(pair_block[pair_of], entry_step, blocks)
-    runs_are_one = isinstance(problem.switch_price, float)
-    pair_first, begin, entry = _split(
-        pair_of, entry_step, window[0][pair_block], window[1][pair_block], single=not runs_are_one
-    )
-    del pair_of, entry_step  # as long as the entries
-    return States(
-        problem=problem,
-        pair_row=pair_row,
-        pair_column=pair_column,
-        pair_block=pair_block,
-        pair_first=pair_first,
-        pair_truth=truth[order],
-        pair_estimate=estimate[order],
-        begin=begin,
-        entry=entry,
-        columns=make_slots(
-            begin, pair_first, pair_column, len(node_block), problem.steps, group=pair_block
-        ),
+    return pair_of, PairGraph(
+        row=pair_row,
+        column=pair_column,
+        block=pair_block,
+        truth=truth[order],
+        estimate=estimate[order],
         node_block=node_block,
         block_begin=window[0],
         block_end=window[1],
         transposed=transposed,
     )
-
-
-def _number_pairs(problem: Problem) -> tuple[Ints, Ints, Ints]:
-    """Pair of each entry, in any order; truth and estimate of each pair."""
-    truth = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
-    estimate = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
-    if kernels:
-        found: tuple[Ints, Ints, Ints] = kernels.number_pairs(
-            truth, estimate, problem.truths, problem.estimates
-        )
-        return found
-    width = max(problem.estimates, 1)
-    key, pair_of = np.unique(truth * np.int64(width) + estimate, return_inverse=True)
-    truth, estimate = np.divmod(key, width)
-    return pair_of, truth.astype(np.int32), estimate.astype(np.int32)
 
 
 def _distinct(block: Ints, node: Ints, blocks: int) -> Ints:

@@ -98,9 +98,9 @@ class Problem:
 
     def __post_init__(self) -> None:
         freeze(self)
-        if np.any(self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]):
+        if (self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]).any():
             raise ConfigError("an entry pairs a truth and an estimate of different steps")
-        if np.any(~(self.gain > 0)) or np.any(~np.isfinite(self.cost)):
+        if not (self._least_gain > 0 and -np.inf < self.cost.min(initial=0.0)):
             raise ConfigError("gains must be positive and finite")
         if not isinstance(self.switch_price, float) and self.switch_price.shape != (
             max(self.steps - 1, 0),
@@ -113,6 +113,12 @@ class Problem:
         truth = self.truths, self.truth_step, self.truth_track, self.truth_price
         estimate = self.estimates, self.estimate_step, self.estimate_track, self.estimate_price
         return Objects(*truth, self.truth_row), Objects(*estimate, self.estimate_row)
+
+    @property
+    def _least_gain(self) -> float:
+        if self.pair_price is None:
+            return float(self.gain.min(initial=np.inf))
+        return self.pair_price - float(self.cost.max(initial=-np.inf))
 
     @property
     def entry_step(self) -> Ints:
@@ -128,9 +134,11 @@ class Problem:
     @cached_property
     def pair_price(self) -> float | None:
         """A + B where all objects have the same price, A = B, and the sum is no rounded one."""
-        prices = self.truth_price, self.estimate_price
-        if any(not len(price) or (price != self.truth_price[:1]).any() for price in prices):
-            return None
+        for price in (self.truth_price, self.estimate_price):
+            if not len(price) or price[0] != self.truth_price[0]:
+                return None
+            if price.strides != (0,) and (price != price[0]).any():
+                return None
         return float(2.0 * self.truth_price[0])
 
     @property

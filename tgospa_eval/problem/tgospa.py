@@ -15,6 +15,9 @@ use are off by less than two. Squares are rounded once."""
 SMALLEST_POWER = 1e-306
 """Costs and distances below this, near the end of the doubles, count as this much."""
 
+_HALF = np.full(1, 0.5)
+_HALF.setflags(write=False)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
@@ -129,10 +132,10 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
         estimates=estimates,
         truth_step=truth_step,
         truth_track=truth_track,
-        truth_price=np.broadcast_to(0.5, len(truth_step)),
+        truth_price=_halves(len(truth_step)),
         estimate_step=estimate_step,
         estimate_track=estimate_track,
-        estimate_price=np.broadcast_to(0.5, len(estimate_step)),
+        estimate_price=_halves(len(estimate_step)),
         truth_row=truth_row,
         estimate_row=estimate_row,
         cost=cost,
@@ -141,6 +144,11 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
         cost_error=_cost_error(order, distance_error),
         rounding=objects * blur**order if blur < 1 else 0.0,
     )
+
+
+def _halves(size: int) -> Floats:
+    """A half so many times, in the memory of one, as by `np.broadcast_to`."""
+    return np.ndarray((size,), np.float64, _HALF, strides=(0,))
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:

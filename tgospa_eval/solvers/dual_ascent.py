@@ -90,20 +90,20 @@ class Ascent:
         self.keep(wanted)
         self.unassigned_cost = unassigned_costs(states)
         taken_off = sum_parts(self.layout.offset, self.layout.group_first)
-        self.taken_off = sum_by(states.node_block, taken_off, blocks)
+        self.most = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
         self.soft = np.zeros(slots)
         self.dual = self.survey(self.prices, 0.0)
         rounded = np.zeros(size, np.uint8)
         self._majority(rounded)
         self.primal = np.where(wanted, -np.inf, 0.0)
-        self._try(self._values(rounded), rounded)
+        self.try_weights(rounded)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
         if (blocks == self.open).all():
             return
         self.open = blocks
-        self.layout.keep(np.flatnonzero(blocks[self.states.node_block]))
+        self.layout.keep(blocks.view(np.uint8))
 
     @property
     def gap(self) -> Floats:
@@ -114,7 +114,7 @@ class Ascent:
     @property
     def cost(self) -> Floats:
         """Cost of the best assignment of each block, (B,)."""
-        cost: Floats = np.maximum(self.unassigned_cost - self.taken_off - self.primal, 0.0)
+        cost: Floats = np.maximum(self.most - self.primal, 0.0)
         return cost
 
     @property
@@ -129,7 +129,9 @@ class Ascent:
 
     def wide(self, gap: float | None = None) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
-        return self.open & (self.gap > (self.wanted_gap if gap is None else gap) * self.cost)
+        gap = self.wanted_gap if gap is None else gap
+        wide: NDArray[np.bool_] = kernels.wide(self.layout, self.dual, self.primal, self.most, gap)
+        return wide
 
     def look(self, prices: Floats) -> Floats:
         """Bound of each block at the prices, (B,)."""
@@ -147,13 +149,9 @@ class Ascent:
 
     def _bounds(self, prices: Floats) -> Floats:
         # What the values of paths may have lost by rounding counts as well.
-        return self._sum_rows(self.best) + (1 + PRICE_ROUNDING) * self._paid(prices)
-
-    def _paid(self, prices: Floats) -> Floats:
-        """Sum of the prices of each open block, (B,)."""
-        s = self.states
-        of_node = sum_parts(prices, s.columns.first)
-        return sum_by(s.node_block, of_node, len(s.block_begin)) * self.open
+        bounds: Floats = (1 + PRICE_ROUNDING) * kernels.paid(self.layout, prices)
+        bounds += kernels.row_sums(self.layout, self.best)
+        return bounds
 
     def has(self, flag: int) -> NDArray[np.bool_]:
         """Which states bear a flag since the last survey, (S,)."""
@@ -162,30 +160,17 @@ class Ascent:
     def _values(self, weights: Weights) -> Floats:
         """Gain of a feasible assignment in each block, (B,)."""
         kernels.own_values(self.layout, weights, self.own)
-        return self._sum_rows(self.own)
-
-    def _sum_rows(self, value: Floats) -> Floats:
-        """Sum of the values (nodes,) of the open rows of each block, (B,)."""
-        rows = self.layout.rows
-        return sum_by(self.states.node_block[rows], value[rows], len(self.open))
+        values: Floats = kernels.row_sums(self.layout, self.own)
+        return values
 
     def try_prices(self, prices: Floats) -> None:
         """Take the prices in the open blocks where they prove more."""
-        dual = self.look(prices)
-        wins = self.open & (dual < self.dual)
-        if wins.any():
-            self.dual = np.where(wins, dual, self.dual)
-            np.copyto(self.prices, prices, where=wins.all() or self._slots_of(wins))
+        kernels.take_prices(self.layout, self.look(prices), self.dual, prices, self.prices)
 
-    def try_weights(self, weights: Floats) -> None:
+    def try_weights(self, weights: Weights) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
-        self._try(self._values(weights), weights)
-
-    def _try(self, primal: Floats, weights: Weights) -> None:
-        wins = self.open & (primal > self.primal)
-        if wins.any():
-            self.primal = np.where(wins, primal, self.primal)
-            np.copyto(self.weights, weights, where=wins.all() or self._states_of(wins))
+        values = self._values(weights)
+        kernels.take_weights(self.layout, values, self.primal, weights, self.weights)
 
     def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether the block of each column slot is one of these, (K,)."""
@@ -246,7 +231,7 @@ class Ascent:
 
         A price that nobody competes for is as good as none, but sums of prices lose digits.
         """
-        lost = PRICE_ROUNDING * self._paid(self.prices)
+        lost = PRICE_ROUNDING * kernels.paid(self.layout, self.prices)
         if np.any(self.wide() & (self.gap < 4 * lost)):
             self.mark(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(kernels.NEAR))
@@ -276,7 +261,8 @@ class Ascent:
             changed = kernels.improve(self.layout, taken, rounded, self.own)
             if not changed:
                 break
-        self._try(self._sum_rows(self.own), rounded)
+        gained = kernels.row_sums(self.layout, self.own)
+        kernels.take_weights(self.layout, gained, self.primal, rounded, self.weights)
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
