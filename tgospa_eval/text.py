@@ -15,7 +15,7 @@ CLIPPED_LENGTH = 60
 LISTED = 12
 """Names of a list that a message shows."""
 
-_COMMAND = re.compile(r"(?<!\S):(?=:)|#(?=#\w*\[)")
+_COMMAND = r"(?<!\S):(?=:)|#(?=#\w*\[)"
 """Where a workflow command begins: after blanks alone on GitHub (::error), anywhere on Azure,
 TeamCity and older GitHub (##[error], ##vso[task], ##teamcity[message])."""
 
@@ -25,7 +25,7 @@ def visible(text: str) -> str:
     if not text.isprintable():
         text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
     if "::" in text or "##" in text:
-        text = _COMMAND.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+        text = re.sub(_COMMAND, lambda found: f"\\x{ord(found[0]):02x}", text)
     return text
 
 

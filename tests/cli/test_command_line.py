@@ -348,12 +348,17 @@ def test_a_small_evaluation_imports_little(
     modules = set(done.stderr.splitlines()[-1].split())
     assert "numpy" in modules
     assert not modules & {"pandas", "cvxpy", "clarabel", "numpy.ma", "tomllib", "html"}
+    assert not modules & {"json", "fractions", "decimal", "glob", "shlex", "rich", "logging"}
     # Nor what is of covariances, particles, other distances, other verbs.
     ours = {name.removeprefix("tgospa_eval.") for name in modules}
     assert "distances.vector" in ours
     assert ours & {f"distances.{name}" for name in OTHER_DISTANCES} == set()
     assert not ours & {"tracks.clouds", "tracks.covariances", "inspection", "sensors", "gate"}
     assert not ours & {"formats.spread", "formats.particles", "formats.matrix", "formats.frames"}
+    # Nor what writes folders, or other formats than the table.
+    assert "reports.console" in ours
+    assert not ours & {f"reports.{name}" for name in ("files", "folders", "manifest", "markup")}
+    assert not ours & {"results.notebook", "cli.shared.writing", "cli.evaluate.folder", "plots"}
 
 
 def test_option_choices_are_the_members() -> None:

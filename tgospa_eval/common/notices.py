@@ -85,7 +85,7 @@ RENAMED = {
 WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate")
 """Options whose value in messages is a word."""
 
-_OPTION = re.compile(
+_OPTION = (
     r"--(?:(?P<columns>(?:truth-|estimate-)?columns) (?P<names>[\w=]+(?:,[\w=]+)*)"
     r"|(?P<decimal>decimal) (?P<mark>,)"
     rf"|(?P<named>{'|'.join(WORD_OPTIONS)}) (?P<word>[\w-]+)"
@@ -93,7 +93,7 @@ _OPTION = re.compile(
 )
 
 
-_READING = re.compile(r"\b(columns=\(|on_duplicate=|decimal=|boxes=|(fix|missing)_covariance)")
+_READING = r"\b(columns=\(|on_duplicate=|decimal=|boxes=|(fix|missing)_covariance)"
 """Arguments of `read_trajectories` in messages."""
 
 
@@ -107,8 +107,8 @@ def in_python(text: str, *, reads: bool = True) -> str:
             "choose what to compare with ",
             "leave out the other columns of a DataFrame, or read files with ",
         )
-    spelt = _OPTION.sub(_argument, text.replace("--covariance FILE, or ", ""))
-    return f"{spelt} (see read_trajectories)" if not reads and _READING.search(spelt) else spelt
+    spelt = re.sub(_OPTION, _argument, text.replace("--covariance FILE, or ", ""))
+    return f"{spelt} (see read_trajectories)" if not reads and re.search(_READING, spelt) else spelt
 
 
 def _argument(found: re.Match[str]) -> str:

@@ -11,7 +11,7 @@ from tgospa_eval.common.words import more
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, TimeArray
 
-ISO = re.compile(r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)")
+ISO = r"(.*\d\d:?\d\d:?\d\d)[.,](\d+)(.*)"
 EXACT_BELOW = 2.0**53
 """Below this doubles hold every integer."""
 
@@ -122,7 +122,7 @@ def _parse(text: str, to_floats: Callable[[Sequence[str]], Floats]) -> tuple[int
     else:
         return 0, "number" if text.strip() else "none"
     # datetime keeps microseconds only; the digits of the fraction are taken by hand.
-    match = ISO.fullmatch(text.strip())
+    match = re.fullmatch(ISO, text.strip())
     plain, fraction = (match[1] + match[3], match[2]) if match else (text.strip(), "")
     if fraction[9:].strip("0"):
         return 0, "none"

@@ -17,28 +17,29 @@ LATEX = {
     **{mark: f"\\{mark}" for mark in "&%$#_{}"},
 }
 
-_NAMES = re.compile(r"(?<!\w)@(?=\w)")
+# Patterns are compiled when they are used: a small evaluation needs none.
+_NAMES = r"(?<!\w)@(?=\w)"
 """Where GitHub sees the name of someone who is to be notified."""
 
-_LINKS = re.compile(r":(?=//)|(?<=www)\.")
+_LINKS = r":(?=//)|(?<=www)\."
 """Where an address becomes a link."""
 
-_FORMULA = re.compile("'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]")
+_FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 """How a text begins that a spreadsheet takes for a formula, after marks of ours if any."""
 
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
-_NO_XML = re.compile("[\ufffe\uffff]")
+_NO_XML = "[\ufffe\uffff]"
 """What is visible and XML 1.0 cannot express, escaped or not."""
 
-_XML = re.compile('[&<>"]')
+_XML = '[&<>"]'
 
 
 def markdown(text: str) -> str:
     """The text in a paragraph, a list or a cell of Markdown."""
     text = visible(text).replace("&", "&amp;").replace("<", "&lt;")
     text = "".join(f"\\{c}" if c in "\\`*_|[]#~$" else c for c in text)
-    return _NAMES.sub("@&#8203;", _LINKS.sub(lambda found: f"\\{found[0]}", text))
+    return re.sub(_NAMES, "@&#8203;", re.sub(_LINKS, lambda found: f"\\{found[0]}", text))
 
 
 def markdown_code(text: str) -> str:
@@ -66,8 +67,8 @@ def latex_comment(text: str) -> str:
 def xml(text: str) -> str:
     """Lines of text in an element or an attribute of XML."""
     text = "\n".join(map(visible, text.split("\n")))
-    text = _NO_XML.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-    return _XML.sub(lambda found: f"&#{ord(found[0])};", text).replace("\n", "&#10;")
+    text = re.sub(_NO_XML, lambda found: f"\\u{ord(found[0]):04x}", text)
+    return re.sub(_XML, lambda found: f"&#{ord(found[0])};", text).replace("\n", "&#10;")
 
 
 def workflow_data(text: str) -> str:
@@ -87,6 +88,6 @@ def csv_cell(value: object) -> object:
     So does a text that begins so after marks of that kind, so that all texts stay different and
     the first ' before a formula is always ours. Numbers stay as they are.
     """
-    if isinstance(value, str) and _FORMULA.match(value) and not _NUMBER.fullmatch(value):
+    if isinstance(value, str) and re.match(_FORMULA, value) and not re.fullmatch(_NUMBER, value):
         return f"'{value}"
     return value

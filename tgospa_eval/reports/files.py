@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from tgospa_eval.reports.page_data import Drawn
 
 
-def per_step_csv(result: Summary) -> str:
-    """The table of costs by step."""
-    return csv_text(result.per_step_table())
-
-
 ENDS_OF_LINES = "\r\n"
 """Characters of which a text in a CSV file is quoted that has one."""
 
@@ -66,7 +61,7 @@ def result_texts(
     """
     texts = {
         "result.json": result.to_json(),
-        "per_step.csv": per_step_csv(result),
+        "per_step.csv": csv_text(result.per_step_table()),
         "assignments.csv": csv_text(result.assignments_table()),
         "switches.csv": csv_text(result.switches_table()),
         "per_truth.csv": csv_text(result.per_truth_table()),

@@ -14,7 +14,6 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.notebook import card
 from tgospa_eval.results.numbers import Numbers
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 
@@ -147,6 +146,8 @@ class Summary(Numbers, ABC):
         return f"TGOSPA is between {self.quantity(self.lower_bound)} and {value}"
 
     def _repr_html_(self) -> str:
+        from tgospa_eval.results.notebook import card
+
         per_step = self.per_step_table()
         parameters = self.proof.parameters
         cost = {name: getattr(self, name) for name in PARTS} | {"total": self.total}

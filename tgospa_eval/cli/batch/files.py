@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from tgospa_eval import plots
 from tgospa_eval.batch.store import Store
-from tgospa_eval.cli.evaluate.output import wanted_pictures
+from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output

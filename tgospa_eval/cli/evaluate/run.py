@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.cli.evaluate.output import named_options, wanted_pictures
 from tgospa_eval.cli.shared.notices import Notify, about, notifier, pair_notices, slow_notice
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, infos, make_settings
@@ -18,7 +17,6 @@ from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
-from tgospa_eval.reports.folders import PROOF_FILES, PROOF_FOLDER, RESULT, probe_folder
 from tgospa_eval.results.summary import Summary
 
 NARROWEST = 1e-12
@@ -53,12 +51,10 @@ def evaluate_files(
     settings = make_settings(options, output)
     wanted = None
     if output.output is not None:
-        wanted = wanted_pictures(output)
-        also = () if wanted is None else wanted.names
-        also += ("curve.csv",) if options.curve else ()
-        also += ("per_class.csv",) if options.by else ()
-        also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
-        probe_folder(output.output, RESULT, force=output.force, also=also)
+        # Here: only where there is a folder.
+        from tgospa_eval.cli.evaluate.folder import named_options, probed_folder
+
+        wanted = probed_folder(output.output, options, output)
     stopwatch = Stopwatch()
     if not output.quiet:
         stopwatch.notify = output_line

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval import plots
-from tgospa_eval.cli.evaluate.output import wanted_pictures
+from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.evaluate.run import read_sides
 from tgospa_eval.cli.shared.notices import notifier
 from tgospa_eval.cli.shared.options import OF_PICTURES

@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Iterable
-from shlex import quote
 
 import click
 
@@ -71,7 +70,7 @@ OPTION_WORDS = {
 SIMILAR = 0.75
 """Similarity, beside the first letter, of an option that may be meant: fromat, format."""
 
-LIKE_A_VERB = re.compile(r"[A-Za-z][A-Za-z_-]+")
+LIKE_A_VERB = r"[A-Za-z][A-Za-z_-]+"
 
 
 class Verb(click.Command):
@@ -170,6 +169,8 @@ def long_options(command: click.Command) -> list[str]:
 
 def words(line: Iterable[str]) -> str:
     """Arguments as they are typed in a shell; those of ours, in capitals, may be in brackets."""
+    from shlex import quote  # here: most command lines are right
+
     return " ".join(text if text.strip("[].").isupper() else visible(quote(text)) for text in line)
 
 
@@ -187,7 +188,7 @@ def nearest(text: str, options: Iterable[str]) -> str | None:
 
 def meant_verb(word: str) -> str | None:
     """The verb that a word stands for which is neither a verb nor a file."""
-    if not LIKE_A_VERB.fullmatch(word) or os.path.lexists(word):
+    if not re.fullmatch(LIKE_A_VERB, word) or os.path.lexists(word):
         return None
     word = word.lower()
     for verb, others in VERB_WORDS.items():

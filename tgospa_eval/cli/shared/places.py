@@ -1,9 +1,7 @@
 """Folders and patterns where a file is needed: what is in them, and what to type instead."""
 
-import glob
 import os
 import re
-import shlex
 from collections.abc import Iterator, Sequence
 from itertools import product
 
@@ -58,9 +56,12 @@ def find_place(path: str) -> Place | None:
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
         return Place(path, files, f"{path}: is a folder, not a file; {inside}")
-    if not glob.has_magic(path) or os.path.lexists(path):
+    pattern = re.search(r"[*?[]", path)
+    if pattern is None or os.path.lexists(path):
         return None
-    folder = os.path.dirname(path[: re.search(r"[*?[]", path).start()])  # type: ignore[union-attr]
+    import glob  # here: most paths are no patterns
+
+    folder = os.path.dirname(path[: pattern.start()])
     found = sorted(name for name in glob.glob(path) if os.path.isfile(name))
     if found:
         files = tuple(os.path.relpath(name, folder or ".").replace(os.sep, "/") for name in found)
@@ -99,7 +100,7 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
     if len(shapes) == 1:
         first = next((next(iter(found.values())) for found in shapes[0].values()), None)
         if first is not None:
-            yield f"for one of them: tgospa-eval inspect {shlex.quote(first)}"
+            yield f"for one of them: tgospa-eval inspect {_quoted(first)}"
         return
     if not all(shapes):
         return
@@ -120,22 +121,27 @@ def _advice(paths: Sequence[str], places: Sequence[Place | None]) -> Iterator[st
 
     layout = layout_of(*paths) if len(names) > 1 else None
     if layout is not None:
-        folders = " ".join(map(shlex.quote, paths))
+        folders = " ".join(map(_quoted, paths))
         yield f"for all: tgospa-eval batch --layout {layout} {folders} -o results"
     elif len(names) > 1:
         yield from _all(names, *best)
 
 
+def _quoted(path: str) -> str:
+    import shlex  # here: for faults only
+
+    return shlex.quote(path)
+
+
 def _type(truth: str, estimate: str) -> str:
-    return f"type: tgospa-eval {shlex.quote(truth)} {shlex.quote(estimate)}"
+    return f"type: tgospa-eval {_quoted(truth)} {_quoted(estimate)}"
 
 
 def _all(names: list[str], truth: str, estimate: str) -> Iterator[str]:
     """What to type for all sequences; `{}` stands for the name in the two paths."""
     sides = [side.format("{name}") for side in (truth, estimate)]
     options = " ".join(
-        f"--{role} {shlex.quote(side)}"
-        for role, side in zip(("truth", "estimate"), sides, strict=True)
+        f"--{role} {_quoted(side)}" for role, side in zip(("truth", "estimate"), sides, strict=True)
     )
     yield f"for all {len(names)}: tgospa-eval batch {options} -o results"
     yield (

@@ -7,7 +7,6 @@ evenly, of which bounds settle all but suspicious cases.
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -289,9 +288,9 @@ def _find_clock(
         if times * here.upper.sum() < here.unassigned.sum():
             return None
     moments, theirs = map(_from_first, (truth.times, estimate.times))
-    starts = Fraction(truth.times[0].item()), Fraction(estimate.times[0].item())
+    firsts = truth.times[0].item(), estimate.times[0].item()
     best: Clock | None = None
-    for clock in _clocks((moments, theirs), starts, step):
+    for clock in _clocks((moments, theirs), firsts, step):
         at, is_there = _same_moments(moments[steps], theirs * clock.factor + clock.offset, step)
         if np.count_nonzero(is_there) < FEWEST_STEPS / 2:
             continue
@@ -311,9 +310,12 @@ def _from_first(times: Times) -> Floats:
 
 
 def _clocks(
-    times: tuple[Floats, Floats], starts: tuple[Fraction, Fraction], step: float
+    times: tuple[Floats, Floats], firsts: tuple[float, float], step: float
 ) -> Iterator[Clock]:
     """What may be wrong: times of both sides since their first stamps, and these stamps."""
+    from fractions import Fraction  # here: slow to import, and most clocks agree
+
+    starts = Fraction(firsts[0]), Fraction(firsts[1])
     moments, theirs = times
     own = median_step(theirs) or step
     for power in (*POWERS, *(-power for power in POWERS)):

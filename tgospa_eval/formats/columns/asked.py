@@ -1,6 +1,5 @@
 """Columns that the user asks for: ``name`` and ``name=header``, for one file or several."""
 
-import shlex
 from collections.abc import Sequence
 
 from tgospa_eval.errors import ConfigError
@@ -77,7 +76,9 @@ def ask(option: str, items: Sequence[str]) -> str:
     `option` is an option of the command line, an argument of Python, or nothing for a DataFrame.
     """
     if option.startswith("-"):
-        return f"{option} {shlex.quote(','.join(items))}"
+        from shlex import quote  # here: for messages only
+
+        return f"{option} {quote(','.join(items))}"
     if option:
         return f"{option}={tuple(items)!r}"
     names = (item.partition("=")[::2] for item in items)

@@ -94,13 +94,13 @@ HINTS = {
 AXIS_PAIRS = (("x", "y"), ("east", "north"), ("lat", "lon"))
 """In what the two headers of a position differ."""
 
-SCORE = re.compile(
+SCORE = (
     r"conf|score|prob|likelihood|exist|certainty|quality|class|category|objectness|snr|^rcs|rcs$|"
     r"numpoints|npoints|numpts|intensity|amplitude|power"
 )
 """In headers of what is measured of an object or shared by many, and so no id."""
 
-NO_PLACE = re.compile(r"^d?v|vel|speed|acc|size|dim|std|cov|var|rho|sigma|err|min|max|width|height")
+NO_PLACE = r"^d?v|vel|speed|acc|size|dim|std|cov|var|rho|sigma|err|min|max|width|height"
 
 
 class Headers:
@@ -243,7 +243,7 @@ class Headers:
             for name in names:
                 left = {k: key for k, key in free.items() if k not in found.values()}
                 if name in ("id", "t"):
-                    left = {k: key for k, key in left.items() if not SCORE.search(key)}
+                    left = {k: key for k, key in left.items() if not re.search(SCORE, key)}
                 if name == "id":
                     left = {
                         k: key for k, key in left.items() if not _is_fraction(sample[k : k + 1])
@@ -255,7 +255,7 @@ class Headers:
             left = {
                 k: key
                 for k, key in numeric.items()
-                if k not in found.values() and not SCORE.search(key)
+                if k not in found.values() and not re.search(SCORE, key)
             }
             found |= dict(zip("xy", left, strict=False))
         order = ["id", "t", *(name for name in found if name not in ("id", "t"))]
@@ -310,12 +310,12 @@ def _first(name: str, free: dict[int, str]) -> int | None:
     """The first header that is left: tables begin with the object and the time."""
     if name not in ("id", "t"):
         return None
-    return next((k for k, key in free.items() if not NO_PLACE.search(key)), None)
+    return next((k for k, key in free.items() if not re.search(NO_PLACE, key)), None)
 
 
 def _position(free: dict[int, str]) -> dict[str, int]:
     """Two or three headers that are the same but for the axis."""
-    places = {key: k for k, key in reversed(free.items()) if not NO_PLACE.search(key)}
+    places = {key: k for k, key in reversed(free.items()) if not re.search(NO_PLACE, key)}
     for first, second in AXIS_PAIRS:
         for key in reversed(places):
             for at in (match.start() for match in re.finditer(first, key)):

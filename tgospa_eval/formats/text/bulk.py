@@ -35,7 +35,7 @@ BULK_BYTES = 4_000_000
 BYTES_TOGETHER = 1 << 24
 """Bytes that are looked at together."""
 
-COMMENTED = re.compile(rb"\n[ \t]*\"?[ \t]*(?:#|%|//)")
+COMMENTED = rb"\n[ \t]*\"?[ \t]*(?:#|%|//)"
 """A row that begins like a comment; a slow search, for files with such letters."""
 
 ODD_BLANKS = (b"\t", b"\v", b"\f", b"\x1c", b"\x1d", b"\x1e", b"\x1f")
@@ -217,7 +217,8 @@ def _is_plain(data: bytes, start: int, layout: Layout) -> bool:
         if letter in data and word in data:
             return False
     if layout.header:
-        if any(mark.encode() in data for mark in COMMENTS) and COMMENTED.search(data, start - 1):
+        commented = any(mark.encode() in data for mark in COMMENTS)
+        if commented and re.compile(COMMENTED).search(data, start - 1):
             return False
         if b'"' not in data:
             return True

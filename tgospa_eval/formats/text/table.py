@@ -27,8 +27,8 @@ from tgospa_eval.formats.text.convert import Block, check_text, chunks, convert,
 
 DELIMITERS = ",;\t"
 
-DECIMAL = re.compile(r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?")
-GROUPED_NUMBER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")
+DECIMAL = r"[+-]?\d*[.,]\d+([eE][+-]?\d+)?"
+GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
 """Numbers whose mark may be one between thousands."""
 
 HEADER_BYTES = 1 << 16
@@ -165,10 +165,10 @@ def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[
     with suppress(csv.Error):  # an error when all rows are read
         for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True):
             for field in (row[k].strip() for k in columns if k < len(row)):
-                if DECIMAL.fullmatch(field):
+                if re.fullmatch(DECIMAL, field):
                     if asked in field:
                         return roles, asked
-                    certain |= not GROUPED_NUMBER.fullmatch(field)
+                    certain |= not re.fullmatch(GROUPED_NUMBER, field)
     if not certain:
         return roles, asked
     notice = f"read with a decimal {'comma' if other == ',' else 'point'}, as its numbers have it"

@@ -1,0 +1,108 @@
+"""The folder of ``-o``: what is asked for, whether it can be written, and the result into it."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.files import result_texts
+from tgospa_eval.reports.folders import PROOF_FILES, PROOF_FOLDER, RESULT, probe_folder
+from tgospa_eval.results.summary import Summary
+
+if TYPE_CHECKING:
+    from tgospa_eval.plots.result_pictures import Pictures
+
+
+def probed_folder(
+    folder: str, options: EvaluationOptions, output: OutputOptions
+) -> "Pictures | None":
+    """Look whether the folder can be written; the pictures that go into it.
+
+    Raises
+    ------
+    ConfigError
+        It cannot, or something is wrong with what is to go into it.
+    """
+    wanted = wanted_pictures(output)
+    also = () if wanted is None else wanted.names
+    also += ("curve.csv",) if options.curve else ()
+    also += ("per_class.csv",) if options.by else ()
+    also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
+    probe_folder(folder, RESULT, force=output.force, also=also)
+    return wanted
+
+
+def wanted_pictures(output: OutputOptions) -> "Pictures | None":
+    """The pictures that the options ask for; None without an option of that kind, or for none.
+
+    Raises
+    ------
+    ConfigError
+        Something is wrong with them.
+    """
+    from tgospa_eval.plots.result_pictures import Pictures, names_in  # here: for folders only
+
+    if output.pictures == "none":
+        return None
+    parts, plane = output.components, output.plane
+    with named_options():
+        return Pictures(
+            formats=names_in(output.pictures),
+            style=output.style,
+            components=None if parts is None else names_in(parts),
+            columns=None if plane is None else names_in(plane),
+        )
+
+
+@contextmanager
+def named_options() -> Iterator[None]:
+    """What is wrong with pictures, with the name of the option as it is typed."""
+    try:
+        yield
+    except ConfigError as error:
+        raise ConfigError(f"--{error}") from None
+
+
+def write_folder(
+    result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
+) -> None:
+    """Write it; prints what is not in it for want of an extra."""
+    from tgospa_eval import plots
+
+    wanted = wanted_pictures(output)
+    absent: list[tuple[str, str]] = []
+
+    def make(notify: Callable[[str, float], None]) -> Files:
+        from tgospa_eval.reports.page_data import document  # here: for folders only
+
+        notify("report.html", 0.0)
+        drawn = document(result)
+        texts, missing = result_texts(result, names, drawn)
+        if output.proof:
+            from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
+
+            notify(PROOF_FOLDER, 0.0)
+            proof = proof_files(result, options.given)
+            texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
+        absent.extend(("report.html", extra) for extra in missing)
+        if wanted is None:
+            return texts
+        if not plots.available():
+            absent.append(("the pictures", "plot"))
+            return texts
+        from tgospa_eval.plots.result_pictures import result_pictures
+
+        return {**texts, **result_pictures(result, wanted, notify, drawn)}
+
+    write_output(output, RESULT, make)
+    if absent and not output.quiet:
+        what, extras = (list(column) for column in zip(*absent, strict=True))
+        single = absent == [("report.html", "report")]
+        print_notice(
+            f"{' and '.join(what)} {'is' if single else 'are'} not written: "
+            f"{'it needs' if single else 'they need'} {install(*extras)}"
+        )
