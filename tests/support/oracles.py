@@ -17,7 +17,12 @@ def norm(difference: Array, distance: str) -> Array:
 
 
 def dense_costs(
-    truth: Array, estimate: Array, c: float, p: float, distance: str = "euclidean"
+    truth: Array,
+    estimate: Array,
+    c: float,
+    p: float,
+    distance: str = "euclidean",
+    rho: float = 0.5,
 ) -> Array:
     """D(k) of the definition, (T, m + 1, n + 1), in units of c^p."""
     steps, m, _ = truth.shape
@@ -32,9 +37,9 @@ def dense_costs(
                     d = float(norm(truth[k, i] - estimate[k, j], distance))
                     costs[k, i, j] = min(d / c, 1.0) ** p
                 elif x[i] or y[j]:
-                    costs[k, i, j] = 0.5
-        costs[k, :m, n] = 0.5 * x
-        costs[k, m, :n] = 0.5 * y
+                    costs[k, i, j] = 1 - rho if x[i] else rho
+        costs[k, :m, n] = (1 - rho) * x
+        costs[k, m, :n] = rho * y
     return costs
 
 
@@ -47,12 +52,13 @@ def tgospa_lp(  # noqa: PLR0913  (the letters of the definition)
     distance: str = "euclidean",
     w1: Array | None = None,
     w2: Array | None = None,
+    rho: float = 0.5,
 ) -> float:
     """Total cost (a p-th power) by the LP of the definition, with its dummy row and column.
 
     No reduction at all: (m + 1)(n + 1) T assignments and m n (T - 1) changes.
     """
-    return programme(dense_costs(truth, estimate, c, p, distance), c, p, gamma, w1, w2)
+    return programme(dense_costs(truth, estimate, c, p, distance, rho), c, p, gamma, w1, w2)
 
 
 def programme(

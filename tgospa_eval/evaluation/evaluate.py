@@ -20,6 +20,7 @@ from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
+from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.solution import Bounds, Solution
@@ -61,6 +62,8 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     grid: str = "union",
     curve: bool = False,
     with_: str | Sequence[str] = (),
+    rho: float = 0.5,
+    step_weights: "StepWeightsLike | None" = None,
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -98,6 +101,14 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     with_ : str or sequence of str
         Other metrics to evaluate beside it, for `Result.with_`: ``"hota"``, ``"clear"``,
         ``"identity"`` (these need the extra ``mot``), ``"gospa"``.
+    rho : float
+        0 < rho < 1: the share of c^p that a false target costs, a missed one costs the rest. Other
+        than 1/2 it is the quasi-metric of arXiv 2507.13706: truth and estimate differ.
+    step_weights : mapping, DataFrame, array or path, optional
+        What each step counts, the time-weighted metric of arXiv 2110.13444: a mapping from time to
+        weight; a table with the columns ``t, weight`` and perhaps ``switch_weight``; an array
+        (T,), one for each step; or a CSV file. Costs of a step are multiplied by its weight,
+        switches into it by its switch weight, which is the same by default.
 
     Returns
     -------
@@ -120,7 +131,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     base = as_distance(distance)
     with stopwatch.span("read"):
         sides = as_sides(truth, estimate, base)
-    parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty)
+    parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
     request = EvaluationRequest(
         parameters=parameters,
         distance=base,
@@ -130,6 +141,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         curve=curve,
         with_=chosen_metrics(with_),
         defaults=defaults,
+        step_weights=as_step_weights(step_weights),
     )
     fitted = fit(*sides, request)
     found = look(fitted, request)
@@ -306,16 +318,17 @@ def _split(sides: Sides, distance: Distance, proof: Proof) -> tuple[float, float
     for begin in range(0, len(used) or 1, BLOCK):
         state = used[begin : begin + BLOCK]
         entry = states.entry[state]
+        weight = problem.weight(entry)
         pairs = Pairs(
             truth_row=problem.truth_row[entry],
             estimate_row=problem.estimate_row[entry],
-            distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry]),
+            distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry] / weight),
         )
         parts = distance.parts(pairs, sides)
         if parts is None:
             return None
         for k, part in enumerate(parts):
-            sums[k] += float((proof.weights[state] / ONE) @ (part * part))
+            sums[k] += float((weight * proof.weights[state] / ONE) @ (part * part))
     return sums[0], sums[1]
 
 

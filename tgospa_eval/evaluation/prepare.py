@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,10 @@ from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Compared, Scene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    from tgospa_eval.problem.weighting import StepWeights
+    from tgospa_eval.tracks.step_weights import WeightsByTime
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,6 +66,8 @@ class Measured:
         Rows and digest of either side.
     scene : Scene
         Where the objects were before the distance prepared them, for pictures.
+    step_weights : StepWeights, optional
+        What each step counts.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -70,11 +77,12 @@ class Measured:
     settings: Mapping[str, object]
     input: Mapping[str, FileRecord]
     scene: Scene
+    step_weights: "StepWeights | None" = None
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
         truth, estimate = self.sides
-        return tgospa_problem(
+        problem = tgospa_problem(
             parameters=parameters,
             steps=len(truth.times),
             truths=len(truth.ids),
@@ -89,6 +97,11 @@ class Measured:
             distance_error=self.distance.error(truth.state.shape[1]),
             last_place=self.distance.last_place(self.sides),
         )
+        if self.step_weights is None:
+            return problem
+        from tgospa_eval.problem.weighting import weight_steps  # here: few want it
+
+        return weight_steps(problem, self.step_weights)
 
     def prepared(self, states: States, parameters: Parameters) -> "Prepared":
         """With the reduced problem, ready for a solver."""
@@ -97,7 +110,7 @@ class Measured:
                 **vars(self),
                 "parameters": parameters,
                 "states": states,
-                "settings": {**vars(parameters), **self.settings},
+                "settings": {**parameters.recorded, **self.settings},
             }
         )
 
@@ -190,6 +203,7 @@ def measure(
             "grid": time_matching.grid,
             "time_tolerance": time_matching.tolerance,
             "unit": request.unit,
+            **_recorded_weights(request.step_weights),
             **request.recorded,
         },
         input={
@@ -199,8 +213,19 @@ def measure(
             )
         },
         scene=scene,
+        step_weights=_weights_of_steps(request.step_weights, truth),
     )
     return measured, pairs
+
+
+def _weights_of_steps(given: "WeightsByTime | None", side: Trajectories) -> "StepWeights | None":
+    """The weights that are asked for on the steps of an aligned side."""
+    if given is None:
+        return None
+    from tgospa_eval.problem.weighting import StepWeights  # here: as where they are used
+
+    cost, switch = given.on(side)
+    return StepWeights(cost=cost, switch=switch)
 
 
 def fit(
@@ -250,6 +275,17 @@ def _second_moments(side: Trajectories) -> Floats | None:
 
     with np.errstate(over="ignore", invalid="ignore"):  # no picture needs those
         return pack(side.clouds.covariances).T
+
+
+def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
+    """The weights of the steps as a document names them: by their digest."""
+    if given is None:
+        return {}
+    order = np.argsort(given.times, kind="stable")
+    sha = hashlib.sha256(given.clock.encode())
+    for array in (_whole(given.times[order]), given.cost[order], given.switch[order]):
+        sha.update(np.ascontiguousarray(array).data)
+    return {"step_weights": sha.hexdigest()}
 
 
 def digest(side: Trajectories) -> str:

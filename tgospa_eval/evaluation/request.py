@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from importlib.util import find_spec
+from typing import TYPE_CHECKING
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
@@ -12,6 +13,9 @@ from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.step_weights import WeightsByTime
 
 OF_TRACKEVAL = ("hota", "clear", "identity")
 OTHER_METRICS = (*OF_TRACKEVAL, "gospa")
@@ -42,6 +46,8 @@ class EvaluationRequest:
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str
         Which of cutoff and switch_penalty nobody chose.
+    step_weights : WeightsByTime, optional
+        What each step counts; all the same by default.
 
     Raises
     ------
@@ -58,6 +64,7 @@ class EvaluationRequest:
     with_: Sequence[str] = ()
     recorded: Mapping[str, object] = field(default_factory=dict)
     defaults: Sequence[str] = ()
+    step_weights: "WeightsByTime | None" = None
 
     def __post_init__(self) -> None:
         if self.curve and not self.solver.proves:
@@ -65,7 +72,11 @@ class EvaluationRequest:
 
 
 def chosen_parameters(
-    distance: Distance, order: float, cutoff: float | None, switch_penalty: float | None
+    distance: Distance,
+    order: float,
+    cutoff: float | None,
+    switch_penalty: float | None,
+    rho: float = 0.5,
 ) -> tuple[Parameters, tuple[str, ...]]:
     """Parameters with the defaults of a distance for None, and the names of those.
 
@@ -78,7 +89,7 @@ def chosen_parameters(
     defaults = dict(zip(given, distance.defaults, strict=True))
     values = {name: defaults[name] if value is None else value for name, value in given.items()}
     unchosen = tuple(name for name, value in given.items() if value is None)
-    return Parameters(order=order, **values), unchosen
+    return Parameters(order=order, rho=rho, **values), unchosen
 
 
 def chosen_metrics(names: str | Iterable[str]) -> tuple[str, ...]:

@@ -79,7 +79,7 @@ def as_trajectories(
             covariance=bool(kinds),
             clouds="cloud" in kinds,
         )
-    frame = _as_frame(side, name)
+    frame = as_frame(side, name)
     if frame is not None:
         from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
@@ -93,7 +93,7 @@ def as_trajectories(
     )
 
 
-def _as_frame(side: object, name: str) -> "pd.DataFrame | None":
+def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     """A table of pandas as it is, another one by Arrow; None of what is no table."""
     if hasattr(side, "columns") and hasattr(side, "iloc"):
         return cast("pd.DataFrame", side)

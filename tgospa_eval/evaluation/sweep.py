@@ -22,9 +22,11 @@ from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
 from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
+from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo
@@ -52,24 +54,27 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     order: Values = 2,
     switch_penalty: Values | None = None,
     *,
+    rho: Values = 0.5,
     distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,
     time_tolerance: float = 0.0,
     grid: str = "union",
+    step_weights: "StepWeightsLike | None" = None,
 ) -> Sweep:
     """TGOSPA over a range of one parameter, each point with proven bounds.
 
-    Exactly one of `cutoff`, `order` and `switch_penalty` is a sequence of values; everything else
-    is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched once.
+    Exactly one of `cutoff`, `order`, `switch_penalty` and `rho` is a sequence of values; everything
+    else is as for `evaluate`. Each point is what `evaluate` gives; the near pairs are searched
+    once, and over `rho`, which changes no optimal assignment, the problem is solved once.
 
     Parameters
     ----------
     truth, estimate : Trajectories, DataFrame, array or path
         As for `evaluate`.
-    cutoff, order, switch_penalty : float or sequence of float
+    cutoff, order, switch_penalty, rho : float or sequence of float
         One of them is a sequence, in any order, without repetitions.
-    distance, solver, unit, time_tolerance, grid
+    distance, solver, unit, time_tolerance, grid, step_weights
         As for `evaluate`; a time limit holds for each point.
 
     Returns
@@ -85,7 +90,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     Raises
     ------
     ConfigError, InputError
-        As for `evaluate`; none or several of the three are sequences; a value is repeated.
+        As for `evaluate`; none or several of the four are sequences; a value is repeated.
     """
     stopwatch = Stopwatch()
     chosen = as_distance(distance)
@@ -95,11 +100,12 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
         "order": order,
         "switch_penalty": chosen.defaults[1] if switch_penalty is None else switch_penalty,
+        "rho": rho,
     }
     swept = [name for name, value in given.items() if np.ndim(value)]
     if len(swept) != 1:
         raise ConfigError(
-            "one of cutoff, order and switch_penalty must be a sequence of values, the others "
+            "one of cutoff, order, switch_penalty and rho must be a sequence of values, the others "
             f"numbers; {' and '.join(swept) or 'none'} is a sequence"
         )
     name = swept[0]
@@ -110,6 +116,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         solver=as_solver(solver),
         time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
         unit=unit,
+        step_weights=as_step_weights(step_weights),
     )
     fitted = fit(*sides, request)
     found = look(fitted, request)
@@ -167,7 +174,7 @@ def sweep_fitted(
     measured, pairs = measure(sides, request, cutoff=widest, files=files, stopwatch=stopwatch)
     line = _Line(measured, pairs, tuple(parameters), parameter, request.solver, stopwatch)
     points = line.points()
-    others = {k: v for k, v in vars(parameters[0]).items() if k != parameter}
+    others = {k: v for k, v in parameters[0].recorded.items() if k != parameter}
     left, right = measured.sides
     return Sweep(
         parameter=parameter,
@@ -195,6 +202,7 @@ class _Line:
         self.measured, self.pairs, self.name = measured, pairs, name
         self.parameters, self.solver, self.stopwatch = parameters, solver, stopwatch
         self.states: States | None = None
+        self.found: Solution | None = None
 
     def points(self) -> tuple[Point, ...]:
         """All of them."""
@@ -218,6 +226,9 @@ class _Line:
             prepared = self.measured.prepared(self._reduced(parameters), parameters)
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
+        if self.name == "rho":
+            self.found = self.found or replace(solver(states, stopwatch), disposable=False)
+            return _point(prove(prepared, solver, self.found, stopwatch), self.name), None
         if not (kernels and solver.proves and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)
             return _point(result, self.name), None
@@ -242,11 +253,11 @@ class _Line:
         return _point(result, self.name), mine
 
     def _reduced(self, parameters: Parameters) -> States:
-        """The states of a point; switch penalties change nothing but a price."""
-        if self.states is not None and self.name == "switch_penalty":
-            problem = replace(self.states.problem, switch_price=parameters.switch_price)
+        """The states of a point; switch penalties and rho change nothing but prices."""
+        problem = self.measured.problem(self.pairs, parameters)
+        if self.states is not None and self.name in ("switch_penalty", "rho"):
             return replace(self.states, problem=problem)
-        self.states = merge_runs(self.measured.problem(self.pairs, parameters))
+        self.states = merge_runs(problem)
         return self.states
 
 

@@ -199,6 +199,23 @@ def _name(value: object) -> str:
     return str(int(value)) if whole else str(value).strip()
 
 
+def frame_times(column: pd.Series, name: str) -> Times:
+    """The times of a column by itself; `name` begins the messages.
+
+    Raises
+    ------
+    InputError
+        A value is no time.
+    """
+    header = f"column {quoted(column.name)}"
+    try:
+        return _times(column, header, name, ".")
+    except TimeError as error:
+        raise InputError(f"{name}, row {error.row}, {header}: {error}") from None
+    except UNWRITTEN:
+        raise _unwritten(column, header, f"{name}, row {{}}".format) from None
+
+
 def _times(column: pd.Series, header: str, name: str, decimal: str) -> Times:
     """Numbers, timestamps or texts."""
     missing = np.flatnonzero(column.isna())

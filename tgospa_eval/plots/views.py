@@ -120,10 +120,7 @@ def view(result: Summary, drawn: Drawn | None = None) -> View:
     data, arrays = document(result) if drawn is None else drawn
     parameters, unit = result.proof.parameters, data["unit"]
     unit = f" {unit}" if unit else ""
-    about = (
-        f"{result.claim}; c = {parameters.cutoff:g}{unit}, p = {parameters.order:g}, "
-        f"gamma = {parameters.switch_penalty:g}{unit}"
-    )
+    about = f"{result.claim}; {parameters.in_words(data['unit'])}"
     return View(
         data=data,
         truth=_side("truth", data, arrays),

@@ -154,12 +154,12 @@ class _Objects:
         self.sides = []
         for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
             self.sides.append((blocks_of[side.track], side.price))
-        pair = problem.pair_price
-        self.half = None if pair is None else 0.5 * pair
-        if pair is not None:
+        self.alike = problem.object_prices
+        if self.alike is not None:
             blocks = len(states.block_begin)
-            both = np.concatenate([block for block, _ in self.sides])
-            self.count = np.bincount(both[both >= 0], minlength=blocks)
+            self.counts = [
+                np.bincount(block[block >= 0], minlength=blocks) for block, _ in self.sides
+            ]
         else:
             self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
 
@@ -170,6 +170,18 @@ class _Objects:
             low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
             found += price[order[low:high]].tolist()
         return found
+
+    def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
+        """Terms of the sum over some blocks of all prices but those of so many pairs each.
+
+        Rounded down; for objects that are alike on either side.
+        """
+        first, second = self.alike or (0.0, 0.0)
+        truths, estimates = (count[blocks] - pairs for count in self.counts)
+        if first == second:
+            return [[part] for part in down(first * (truths + estimates)).tolist()]
+        parts = down(first * truths), down(second * estimates)
+        return [list(of) for of in zip(*(part.tolist() for part in parts), strict=True)]
 
 
 def unpaired_prices(states: States) -> tuple[float, float]:
@@ -219,9 +231,9 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
     terms[:, 0], terms[:, 3] = -up(unit * low_sum), -up(unit * HALF_WORD * high_sum)
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
-    if objects.half is not None:
-        count = objects.count[low : low + blocks] - 2 * sum_by(states.node_block, groups, blocks)
-        constant = [[part] for part in down(objects.half * count).tolist()]
+    if objects.alike is not None:
+        pairs = sum_by(states.node_block, groups, blocks)
+        constant = objects.sums(slice(low, low + blocks), pairs)
     else:
         constant = [objects.prices(low + block) for block in range(blocks)]
         entry = np.concatenate(taken)

@@ -6,6 +6,7 @@ over W >= 0 with row and column sums of at most 1 (docs/theory/metric.md, "Gain 
 is divided by c^p: LP tolerances are absolute, unscaled small units give silently wrong values.
 """
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -132,14 +133,27 @@ class Problem:
         return truths, estimates
 
     @cached_property
-    def pair_price(self) -> float | None:
-        """A + B where all objects have the same price, A = B, and the sum is no rounded one."""
+    def object_prices(self) -> tuple[float, float] | None:
+        """A and B where all truths have one price and all estimates one, of which no sum rounds."""
         for price in (self.truth_price, self.estimate_price):
-            if not len(price) or price[0] != self.truth_price[0]:
+            if not len(price) or (price.strides != (0,) and (price != price[0]).any()):
                 return None
-            if price.strides != (0,) and (price != price[0]).any():
-                return None
-        return float(2.0 * self.truth_price[0])
+        first, second = float(self.truth_price[0]), float(self.estimate_price[0])
+        whole = math.fsum((first, second, -(first + second))) == 0.0
+        return (first, second) if whole else None
+
+    @cached_property
+    def pair_price(self) -> float | None:
+        """A + B where there are `object_prices`."""
+        return None if self.object_prices is None else sum(self.object_prices)
+
+    def weight(self, entry: Ints | slice) -> Floats | float:
+        """What the step of some entries counts, A + B: their cost is so many times (d / c)^p."""
+        if self.pair_price is not None:
+            return self.pair_price
+        price = self.truth_price[self.truth_row[entry]]
+        price += self.estimate_price[self.estimate_row[entry]]
+        return price
 
     @property
     def gain(self) -> Floats:
@@ -148,12 +162,7 @@ class Problem:
 
     def gains(self, entry: Ints | slice) -> Floats:
         """The gain of some entries."""
-        if self.pair_price is not None:
-            return self.pair_price - self.cost[entry]
-        price = self.truth_price[self.truth_row[entry]]
-        price += self.estimate_price[self.estimate_row[entry]]
-        price -= self.cost[entry]
-        return price
+        return self.weight(entry) - self.cost[entry]
 
     @property
     def switch_price_at(self) -> Floats:

@@ -1,9 +1,10 @@
 """Blocks of a problem at a smaller cutoff, and what that proves of the whole.
 
-    V(C) >= V(s C) + (1 - s) C / 2 sum_k (m_k + n_k - 2 nu_k),   C = c^p,   0 < s < 1,
+    V(C) >= V(s C) + (1 - s) C sum_k (A (m_k - nu_k) + B (n_k - nu_k)),   C = c^p,   0 < s < 1,
 
-for every cost is a sum, min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching
-of near pairs at step k (docs/theory/certificate.md, "Cutoffs far above the errors").
+where a missed target costs A C and a false one B C, A + B = 1. For every cost is a sum,
+min(d^p, C) = min(d^p, s C) + rest; nu_k is the size of a largest matching of near pairs at step k
+(docs/theory/certificate.md, "Cutoffs far above the errors").
 """
 
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.paths import down
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 
@@ -22,7 +24,8 @@ LARGEST_SWITCH_PRICE = 1e100
 def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> States:
     """The problem of some blocks at the cutoff price `scale`, a power of 2, in units of that.
 
-    Rows and tracks keep their numbers. All objects must have the same price (`Problem.pair_price`).
+    Rows and tracks keep their numbers. All truths must have one price, and all estimates
+    (`Problem.object_prices`).
     """
     problem = states.problem
     entry = _entries(states, blocks)
@@ -49,20 +52,27 @@ def _entries(states: States, blocks: NDArray[np.bool_]) -> Ints:
 
 
 def forced_cost(states: States, blocks: NDArray[np.bool_]) -> Floats:
-    """``C / 2 sum_k (m_k + n_k - 2 nu_k)`` of each of these blocks, (B,).
+    """``C sum_k (A (m_k - nu_k) + B (n_k - nu_k))`` of each of these blocks, (B,).
 
     nu_k is at most the size of any vertex cover of the near pairs (König).
     """
     problem = states.problem
     count = len(states.block_begin)
-    objects = np.zeros(count, np.int64)
     cover = vertex_cover(states, blocks)
-    for side, blocks_of, covered in zip(problem.sides, states.track_blocks, cover, strict=True):
+    covered = np.zeros(count, np.int64)
+    objects = []
+    for side, blocks_of, mine in zip(problem.sides, states.track_blocks, cover, strict=True):
         block = blocks_of[side.track]
-        mine = block >= 0
-        objects += np.bincount(block[mine], minlength=count)
-        objects -= 2 * np.bincount(block[mine & covered], minlength=count)
-    return np.where(blocks, np.maximum(objects, 0) * problem.truth_price[:1].sum(), 0.0)
+        objects.append(np.bincount(block[block >= 0], minlength=count))
+        covered += np.bincount(block[(block >= 0) & mine], minlength=count)
+    first, second = problem.object_prices or (0.0, 0.0)
+    if first == second:
+        forced = first * np.maximum(objects[0] + objects[1] - 2 * covered, 0)
+    else:
+        free = (np.maximum(of - covered, 0) for of in objects)
+        forced = down(first * next(free)) + down(second * next(free))
+        forced = np.maximum(down(forced), 0.0)
+    return np.where(blocks, forced, 0.0)
 
 
 def vertex_cover(

@@ -12,16 +12,18 @@ POWER = 2.0**-50
 """Largest relative error of a power of doubles, 8 units of rounding: the mathematical libraries in
 use are off by less than two. Squares are rounded once."""
 
+SMALLEST_RHO = 1e-6
+"""A share of c^p below this would lose digits beside the rest; such targets cost nothing."""
+
 SMALLEST_POWER = 1e-306
 """Costs and distances below this, near the end of the doubles, count as this much."""
 
-_HALF = np.full(1, 0.5)
 _HALF.setflags(write=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
-    """The three numbers of the metric.
+    """The numbers of the metric.
 
     Parameters
     ----------
@@ -31,6 +33,9 @@ class Parameters:
         p >= 1: the exponent of the sum, never the norm of the base distance.
     switch_penalty : float
         gamma >= 0: a full track switch costs gamma^p; 0 gives per-step GOSPA, summed.
+    rho : float
+        0 < rho < 1: the share of c^p that a false target costs, a missed one costs the rest. 1/2
+        is the metric; any other the quasi-metric of Garcia-Fernandez et al. (arXiv 2507.13706).
 
     Raises
     ------
@@ -41,6 +46,7 @@ class Parameters:
     cutoff: float
     order: float = 2.0
     switch_penalty: float
+    rho: float = 0.5
 
     def __post_init__(self) -> None:
         for name, low, inclusive in (
@@ -55,11 +61,37 @@ class Parameters:
                 word = name.replace("_", " ")
                 rule = ">=" if inclusive else ">"
                 raise ConfigError(f"{word} is {value:g}: must be finite and {rule} {low:g}")
+        object.__setattr__(self, "rho", real_number("rho", self.rho))
+        if not SMALLEST_RHO <= self.rho <= 1 - SMALLEST_RHO:
+            raise ConfigError(
+                f"rho is {self.rho:g}: must be between 0 and 1, {SMALLEST_RHO:g} from either at "
+                "least; it is the share of c^p that a false target costs"
+            )
         if not -300 < self.order * math.log10(self.cutoff) < 300:
             raise ConfigError(
                 f"cutoff {self.cutoff:g} to the order {self.order:g} is out of the range of "
                 "doubles; choose another unit"
             )
+
+    @property
+    def recorded(self) -> dict[str, float]:
+        """By name, for documents; rho only where it makes another metric."""
+        return {k: v for k, v in vars(self).items() if k != "rho" or v != 0.5}
+
+    @property
+    def unassigned_prices(self) -> tuple[float, float]:
+        """What a missed and a false target cost in units of c^p; they sum to 1 exactly."""
+        missed = 1.0 - self.rho
+        return missed, 1.0 - missed
+
+    def in_words(self, unit: str | None = None) -> str:
+        """All of them as "c = 10 m, p = 2, gamma = 2 m"."""
+        after = f" {unit}" if unit else ""
+        rho = "" if self.rho == 0.5 else f", rho = {self.rho:g}"
+        return (
+            f"c = {self.cutoff:g}{after}, p = {self.order:g}, "
+            f"gamma = {self.switch_penalty:g}{after}{rho}"
+        )
 
     def root(self, total: float) -> float:
         """TGOSPA in state units of a total cost in units of c^p."""
@@ -93,7 +125,7 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
     distance_error: float = 0.0,
     last_place: float = 0.0,
 ) -> Problem:
-    """``D = (d/c)^p, A = B = 1/2, lambda = gamma^p / (2 c^p)`` of the pairs nearer than the cutoff.
+    """``D = (d/c)^p, A = 1 - rho, B = rho, lambda = gamma^p / (2 c^p)`` of pairs below the cutoff.
 
     The LP of García-Fernández, Rahmathullah and Svensson (IEEE TSP 2020) in units of c^p.
     `distance` (N,) in the units of the cutoff; pairs at the cutoff or beyond are left out.
@@ -126,29 +158,30 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
         truth_row, estimate_row, cost = truth_row[keep], estimate_row[keep], cost[keep]
     objects = len(truth_step) + len(estimate_step)
     blur = last_place / parameters.cutoff
+    missed, false = parameters.unassigned_prices
     return Problem(
         steps=steps,
         truths=truths,
         estimates=estimates,
         truth_step=truth_step,
         truth_track=truth_track,
-        truth_price=_halves(len(truth_step)),
+        truth_price=_alike(missed, len(truth_step)),
         estimate_step=estimate_step,
         estimate_track=estimate_track,
-        estimate_price=_halves(len(estimate_step)),
+        estimate_price=_alike(false, len(estimate_step)),
         truth_row=truth_row,
         estimate_row=estimate_row,
         cost=cost,
         switch_price=parameters.switch_price,
         cost_slack=slack,
-        cost_error=_cost_error(order, distance_error),
+        cost_error=max(_cost_error(order, distance_error), _price_error(parameters)),
         rounding=objects * blur**order if blur < 1 else 0.0,
     )
 
 
-def _halves(size: int) -> Floats:
-    """A half so many times, in the memory of one, as by `np.broadcast_to`."""
-    return np.ndarray((size,), np.float64, _HALF, strides=(0,))
+def _alike(price: float, size: int) -> Floats:
+    """A price so many times, in the memory of one, as by `np.broadcast_to`."""
+    return np.ndarray((size,), np.float64, np.array(price), strides=(0,))
 
 
 def check_underflow(problem: Problem, parameters: Parameters, cost: float) -> None:
@@ -171,6 +204,12 @@ def _cost_error(order: float, distance_error: float) -> float:
     """``(1 + error of the distance + u)^p - 1 + 2 pi``, docs/theory/certificate.md, "Rounding"."""
     power = {1.0: 0.0, 2.0: 2.0**-53}.get(order, POWER)
     return math.expm1(order * math.log1p(distance_error + 2.0**-53)) + 2 * power
+
+
+def _price_error(parameters: Parameters) -> float:
+    """Relative error of the prices 1 - rho, rounded once, and 1 - (1 - rho), exact after that."""
+    missed, false = parameters.unassigned_prices
+    return 0.0 if false == 0.5 else 2.0**-53 / min(missed, false)
 
 
 def _check_powers(distance: Floats, cost: Floats, parameters: Parameters) -> None:

@@ -7,14 +7,14 @@ binary64 number nearest to its text, and from there on all are integers, rounded
 The metric (Garcia-Fernandez, Rahmathullah, Svensson, IEEE TSP 2020): truths i and estimates j exist
 at some steps k. An assignment has weights W_ij(k) >= 0; at each step those of a truth, and those of
 an estimate, sum to at most 1. It costs, in units of c^p (cutoff c, order p, switch penalty g),
-    sum over existing objects of 1/2  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
-where G = 1 - (d / c)^p if both exist with d < c, else 0, and L = (g / c)^p / 2. The least cost is
-(TGOSPA / c)^p. The folder has an assignment, which is checked, and of which the cost is an upper
-bound; and prices v_j(k) >= 0 of using the estimate j at the step k. For any such prices
-    sum over existing objects of 1/2  -  sum_jk v_j(k)  -  sum_i R_i
-is a lower bound, where R_i is the most that truth i can gain when it pays the prices, L for taking
-an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the cost: it does
-not grow, and has one part for each truth.) R_i comes from dynamic programming over the steps.
+    sum over existing objects of P  -  sum_ijk G_ij(k) W_ij(k)  +  L sum_ijk |W_ij(k+1) - W_ij(k)|
+where P = 1/2, or 1 - rho of truths, rho of estimates, G = 1 - (d / c)^p if both exist with d < c,
+else 0, L = (g / c)^p / 2. The least cost is (TGOSPA / c)^p. The folder has an assignment, which is
+checked and of which the cost is an upper bound, and prices v_j(k) >= 0. For any such prices
+    sum over existing objects of P  -  sum_jk v_j(k)  -  sum_i R_i
+is a lower bound, where R_i is the most that truth i can gain when it pays v_j(k) for using j at k,
+L for taking an estimate and L for leaving it. (Add the prices times sum_i W_ij(k) - 1 <= 0 to the
+cost: it does not grow, and has one part for each truth.) R_i comes from dynamic programming.
 """
 
 import bisect, collections, csv, decimal, hashlib, io, itertools, json, math, pathlib, sys
@@ -81,7 +81,8 @@ class Scene:
         names, change = given["columns"], number(given["switch_penalty"]) / self.cutoff
         scale = [number(given.get("scale", {}).get(name, 1)) for name in names]
         turn = [s * number(given.get("periodic", {}).get(n, 0)) for n, s in zip(names, scale)]
-        if min(self.cutoff, *scale) <= 0 or min(change, *turn) < 0 or not 1 <= self.order <= 10**4:
+        low = min(self.cutoff, *scale, rho := number(given.get("rho", 0.5)), 1 - rho)
+        if low <= 0 or min(change, *turn) < 0 or not 1 <= self.order <= 10**4:
             raise ValueError("parameters are out of range")
         self.change = power(*change.as_integer_ratio(), self.order, self.bits - 1)  # L
         tables = [read_table(read, proof, name, "id", "t", *names) for name in STATES]
@@ -89,13 +90,12 @@ class Scene:
         times += [t for row in proof["assignment"] for t in row[2:4]]
         self.times = sorted(set(times), key=decimal.Decimal)
         self.step = {t: k for k, t in enumerate(self.times)}
-        sides = [{}, {}]
+        sides, spelt = [{}, {}], set(map(decimal.Decimal, self.times))
         for side, table in zip(sides, tables):
             for name, t, *state in table:
                 side[name, self.step[t]] = [s * number(x) for s, x in zip(scale, state)]
-        self.objects = sum(map(len, sides))
-        spelt = set(map(decimal.Decimal, self.times))
-        if self.objects < sum(map(len, tables)) or len(spelt) < len(self.times):
+        self.all = (len(sides[0]) * (1 - rho) + len(sides[1]) * rho) * 2**self.bits
+        if sum(map(len, sides)) < sum(map(len, tables)) or len(spelt) < len(self.times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
         self.near = collections.defaultdict(lambda: collections.defaultdict(list))
@@ -155,7 +155,7 @@ def lower_bound(scene, proof):
         paid[name][0].append(k)
         paid[name][1].append(paid[name][1][-1] + (price << MORE_BITS))
     one, leave = 1 << scene.bits, scene.change[0]
-    bound = scene.objects * one // 2 - sum(sums[-1] for _, sums in paid.values())
+    bound = math.floor(scene.all) - sum(sums[-1] for _, sums in paid.values())
     for costs in scene.near.values():
         # Most gained so far, without the prices, by who is with an estimate; it is there from the
         # first step at no cost but the prices. Prices are >= 0: nobody enters before a gain.
@@ -193,7 +193,7 @@ def upper_bound(scene, proof):
             if not 0 <= total <= unit:
                 raise Wrong(f"{side} {name} is assigned more than once at t = {scene.times[k]}")
     moved = sum(abs(of[k]) for of in changes.values() for k in of if 0 < k < len(scene.times))
-    return scene.objects * one // 2 * unit - saved + scene.change[1] * moved
+    return math.ceil(scene.all) * unit - saved + scene.change[1] * moved
 
 
 def found_bounds(read, proof):

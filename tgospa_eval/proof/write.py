@@ -10,6 +10,7 @@ import numpy as np
 
 from tgospa_eval._version import __version__
 from tgospa_eval.distances.base import Settings
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.slots import changed
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.weights import ONE
@@ -33,8 +34,15 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     origin : mapping of str to object, optional
         Where the tables came from: ``inputs``, ``options``, and the ``class``, if it is one of
         several.
+
+    Raises
+    ------
+    ConfigError
+        The steps are weighted.
     """
     compared = proof.compared
+    if "step_weights" in compared.settings:
+        raise ConfigError("a proof folder has no place for weights of steps: leave one of them out")
     tables = proof_tables(compared, proof.states.problem, proof.parameters)
     parameters = proof.parameters
     bits = price_bits(proof.states, proof.bounds.lower)
@@ -76,6 +84,7 @@ def proof_parameters(compared: Compared, parameters: Parameters) -> dict[str, ob
         "cutoff": repr(parameters.cutoff),
         "order": repr(parameters.order),
         "switch_penalty": repr(parameters.switch_penalty),
+        **({} if parameters.rho == 0.5 else {"rho": repr(parameters.rho)}),
         "distance": settings["distance"],
         "columns": list(compared.scene.columns),
         **{

@@ -22,6 +22,9 @@ COUNTED = {
 """What the counts of parts count: one, and any other number of them."""
 
 
+WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of its step")
+
+
 def table(result: Summary) -> str:
     """The result in words, for someone who sees it for the first time."""
     shown = ("\n".join(lines) for lines in blocks(result).values() if lines)
@@ -59,14 +62,13 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
     """The parameters by name, each in words."""
     parameters = result.proof.parameters
     p = parameters.order
-    miss, price = result.scale / 2, _power(parameters.switch_penalty, p)
+    price = _power(parameters.switch_penalty, p)
     cutoff = result.quantity(parameters.cutoff)
     gamma = result.quantity(parameters.switch_penalty)
     return [
         (
             "c",
-            f"{cutoff}, cutoff: no error counts more; a missed or a false target "
-            f"costs c^p/2 = {number(miss)}",
+            f"{cutoff}, cutoff: no error counts more; {_unassigned(result)}",
         ),
         (
             "p",
@@ -78,7 +80,20 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
             f"{gamma}, switch penalty: changing to another track costs "
             f"gamma^p = {price}, to or from none half of it",
         ),
+        *((WEIGHTED,) if "step_weights" in result.parameters else ()),
     ]
+
+
+def _unassigned(result: Summary) -> str:
+    """What missed and false targets cost."""
+    rho = result.proof.parameters.rho
+    if rho == 0.5:
+        return f"a missed or a false target costs c^p/2 = {number(result.scale / 2)}"
+    missed, false = (number(result.scale * price) for price in (1 - rho, rho))
+    return (
+        f"a missed target costs (1 - rho) c^p = {missed}, a false one rho c^p = {false}, with "
+        f"rho = {rho:g}"
+    )
 
 
 def _meaning(result: Summary) -> Iterator[str]:

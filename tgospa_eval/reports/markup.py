@@ -32,7 +32,7 @@ def _others(result: Summary) -> list[Table]:
 
 def _title(result: Summary) -> tuple[str, str]:
     p = result.proof.parameters
-    parameters = f"(c = {p.cutoff:g}, p = {p.order:g}, gamma = {p.switch_penalty:g})"
+    parameters = f"({p.in_words()})"
     return headline(result), parameters
 
 

@@ -55,7 +55,9 @@ def size_of(sizes: Mapping[str, int]) -> str:
 def parameters_of(parameters: Metric) -> str:
     """Parameters of the metric, and the distance."""
     unit = unit_of(parameters)
+    rho = f", rho = {parameters['rho']:g}" if "rho" in parameters else ""
+    weighted = ", weighted steps" if "step_weights" in parameters else ""
     return (
         f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
-        f"gamma = {parameters['switch_penalty']:g}{unit}, {parameters['distance']}"
+        f"gamma = {parameters['switch_penalty']:g}{unit}{rho}{weighted}, {parameters['distance']}"
     )

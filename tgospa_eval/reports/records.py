@@ -20,6 +20,8 @@ class Metric(TypedDict):
     switch_penalty: float
     distance: str
     unit: NotRequired[str | None]
+    rho: NotRequired[float]
+    step_weights: NotRequired[str]
 
 
 class Costs(TypedDict):

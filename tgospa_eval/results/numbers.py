@@ -197,6 +197,12 @@ class Numbers(ABC):
         """Every option that changes the number."""
         return self.settings
 
+    @property
+    def metric(self) -> str:
+        """Which member of the metric family it is (docs/theory/family.md)."""
+        rho = "" if self.proof.parameters.rho == 0.5 else "quasi-"
+        return f"{'time-weighted-' if 'step_weights' in self.settings else ''}{rho}tgospa"
+
     def per_step_table(self) -> Columns:
         """Cost of each step by kind."""
         split = self.proof.breakdown

@@ -34,7 +34,7 @@ SPLIT_PARTS = ("localisation_mean", "localisation_spread")
 
 PUBLIC = (
     *(*LOGGED, *SPLIT_PARTS, "within_rounding"),
-    *("counts", "normalised", "parameters", "sizes", "worst", "solver"),
+    *("metric", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve", "with_"),
     *("metrics", "to_dict", "to_json", "to_html", "save"),
@@ -65,6 +65,7 @@ class Summary(Numbers, ABC):
             **curve,
             **({"with": self.with_} if self.with_ else {}),
             "schema": RESULT_SCHEMA,
+            "metric": self.metric,
             "tgospa": self.tgospa,
             "total": self.total,
             "lower_bound": self.lower_bound,
@@ -158,8 +159,7 @@ class Summary(Numbers, ABC):
             notes=(
                 *map(str, self.warnings),
                 sizes_in_words(self.sizes),
-                f"c = {self.quantity(parameters.cutoff)}, p = {parameters.order:g}, "
-                f"gamma = {self.quantity(parameters.switch_penalty)}",
+                parameters.in_words(self.labels.unit),
             ),
             parts=[
                 (name, number(value), self.share(value), _count(self.counts.get(name)))

@@ -67,7 +67,7 @@ class Sweep:
     Parameters
     ----------
     parameter : str
-        ``"cutoff"``, ``"order"`` or ``"switch_penalty"``.
+        ``"cutoff"``, ``"order"``, ``"switch_penalty"`` or ``"rho"``.
     points : tuple of Point
         In the order of its values.
     settings, sizes, input, timings : dict
@@ -104,7 +104,7 @@ class Sweep:
     def unit(self) -> str | None:
         """Unit of the parameter that is swept."""
         unit = self.settings["unit"]
-        return None if unit is None or self.parameter == "order" else str(unit)
+        return None if unit is None or self.parameter in ("order", "rho") else str(unit)
 
     @cached_property
     def table(self) -> "pd.DataFrame":

@@ -71,8 +71,8 @@ def sample(quickstart: Pair) -> Result:
 def test_keys_of_the_json(sample: Result) -> None:
     document = parse(sample.to_json())
     assert set(document) == {
-        "schema", "tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified",
-        "within_rounding",
+        "schema", "metric", "tgospa", "total", "lower_bound", "upper_bound", "relative_gap",
+        "certified", "within_rounding",
         "localisation", "missed", "false", "switch", "counts", "normalised", "parameters", "sizes",
         "per_step", "switches", "worst", "solver", "timings", "input", "version",
         "warnings", "files",

@@ -31,7 +31,7 @@ SMALL = 1 << 20
 NOT_WRITTEN = "not_written"
 """Column of rows whose folder could not be written: why. The next run tries it again."""
 
-NAMING_FILES = ("covariance", "inner_cov")
+NAMING_FILES = ("covariance", "inner_cov", "step_weights")
 """Options that may name a file."""
 
 
@@ -196,6 +196,7 @@ def _as_seen_here(task: Task) -> Task:
     options = replace(
         given,
         covariance=given.covariance and seen(given.covariance),
+        step_weights=given.step_weights and seen(given.step_weights),
         inner_cov=given.inner_cov
         and (given.inner_cov if given.inner_cov == "global" else seen(given.inner_cov)),
     )

@@ -36,8 +36,8 @@ class Files(Verb):
         WITH,
         Option(
             "--sweep NAME=VALUES",
-            "Evaluate for each value of c, p or gamma: c=2,5,10; or gamma=1:20:12 for 12 values "
-            "from 1 to 20, gamma=1:20:12:log.",
+            "Evaluate for each value of c, p, gamma or rho: c=2,5,10; or gamma=1:20:12 for 12 "
+            "values from 1 to 20, gamma=1:20:12:log.",
             section="Output",
             multiple=True,
         ),
@@ -88,6 +88,8 @@ def command(
         raise click.UsageError(
             f"--proof is for {'one evaluation' if sweep else 'the folder of -o'}"
         )
+    if "proof" in typed and chosen.step_weights is not None:
+        raise click.UsageError("--proof has no place for --step-weights: leave one of them out")
     if chosen.with_ is not None and (sweep or chosen.by):
         raise click.UsageError(
             "--with is for one evaluation, not for --sweep"

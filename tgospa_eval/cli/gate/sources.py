@@ -22,6 +22,9 @@ from tgospa_eval.text import clipped, quoted
 WITHOUT_EFFECT = ("jobs", "max-input")
 """Options of an evaluation that change neither the number nor its bracket."""
 
+PATHS_GIVEN = ("covariance", "step_weights")
+"""Options that name a file, by parameter."""
+
 RULE_PARAMETERS = {"fail-on": "fail_on", "warn-on": "warn_on", "max": "maximum"}
 """Rules by their names in a suite and as parameters."""
 
@@ -107,8 +110,8 @@ class Given:
             if entry is None
             else typed_options(self.context, dict(entry.options), f"{path}, options")
         )
-        if given.get("covariance"):
-            given["covariance"] = os.path.join(os.path.dirname(path), str(given["covariance"]))
+        for name in (name for name in PATHS_GIVEN if given.get(name)):
+            given[name] = os.path.join(os.path.dirname(path), str(given[name]))
         given |= {name: value for name, value in own.items() if self.weak(name)}
         given |= typed_options(
             self.context, dict(pair.options), f"pair {quoted(pair.name)}, options"
@@ -122,7 +125,7 @@ class Given:
         """What the baseline records of the options: those given, and c and gamma in any case.
 
         Those of a solver that did not reach its accuracy are left out, a later run would inherit
-        them; the path of a covariance is relative to the folder of the baseline.
+        them; the path of a file is relative to the folder of the baseline.
         """
         keys = {str(item.name): key for key, item in BY_KEY.items()}
         values = {name: getattr(chosen.options, name) for name in chosen.given}
@@ -132,10 +135,8 @@ class Given:
             if keys[name] not in WITHOUT_EFFECT and value not in (None, ())
             if finished or keys[name] not in ACCURACY_KEYS
         }
-        if "covariance" in recorded:
-            recorded["covariance"] = relative_path(
-                str(recorded["covariance"]), os.path.dirname(path)
-            )
+        for key in (keys[name] for name in PATHS_GIVEN if keys[name] in recorded):
+            recorded[key] = relative_path(str(recorded[key]), os.path.dirname(path))
         used = result.proof.parameters
         return {**recorded, "cutoff": used.cutoff, "switch-penalty": used.switch_penalty}
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from tgospa_eval._version import __version__
 from tgospa_eval.batch.store import SETTINGS_FILE, Row, Store
-from tgospa_eval.cli.gate.sources import Given, relative_path
+from tgospa_eval.cli.gate.sources import PATHS_GIVEN, Given, relative_path
 from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.common.frozen import dataclass
@@ -199,8 +199,8 @@ class _Stored:
         row = self.rows[name]
         own = {key.replace("_", "-"): value for key, value in json.loads(row["options"]).items()}
         found |= own | {"cutoff": row["cutoff"], "switch-penalty": row["switch_penalty"]}
-        if "covariance" in found:
-            found["covariance"] = relative_path(str(found["covariance"]), os.path.dirname(path))
+        for name in (name for name in PATHS_GIVEN if name in found):
+            found[name] = relative_path(str(found[name]), os.path.dirname(path))
         return found
 
 

@@ -12,7 +12,7 @@ from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_opti
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
 } - {
-    *("cutoff", "order", "switch-penalty", "by", "preprocess", "unit"),
+    *("cutoff", "order", "switch-penalty", "rho", "step-weights", "by", "preprocess", "unit"),
     *("solver", "gap", "epsilon", "time-limit"),
 }
 """What it has of the options of everything that evaluates."""

@@ -56,6 +56,19 @@ METRIC = (
         show_default="2.0; 0.5 with iou",
     ),
     _metric(
+        "--rho RHO",
+        "Share of c^p that a false target costs, between 0 and 1; a missed one costs the rest. "
+        "Other than 0.5 it is a quasi-metric: truth and estimate cannot be exchanged.",
+        type=float,
+        default=0.5,
+    ),
+    _metric(
+        "--step-weights FILE",
+        "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
+        "by its weight, the switches into it by its switch_weight, the same by default.",
+        type=PATH,
+    ),
+    _metric(
         "--distance NAME",
         "Distance between two states: euclidean, manhattan, chebyshev, mahalanobis, haversine "
         "(metres, from lat,lon), iou (1 - IoU of boxes left,top,width,height), "
@@ -314,7 +327,10 @@ GATE = (
 )
 
 
-SOLVING_KEYS = ("switch-penalty", "solver", "gap", "epsilon", "time-limit", "jobs")
+SOLVING_KEYS = (
+    *("switch-penalty", "rho", "step-weights"),
+    *("solver", "gap", "epsilon", "time-limit", "jobs"),
+)
 """What a verb that solves nothing does without."""
 
 GATE_OPTIONS = (*GATE, *EVALUATION, CONFIG_FILE, QUIET, VERBOSE)

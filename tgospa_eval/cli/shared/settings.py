@@ -18,6 +18,7 @@ from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.step_weights import WeightsByTime
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,6 +51,8 @@ class Settings:
         Other metrics beside it.
     preprocess : str, optional
         Rules of a benchmark by which rows are left out.
+    step_weights : WeightsByTime, optional
+        What each step counts.
     """
 
     parameters: Parameters
@@ -64,6 +67,7 @@ class Settings:
     curve: bool
     with_: tuple[str, ...]
     preprocess: str | None
+    step_weights: WeightsByTime | None = None
 
     @property
     def recorded(self) -> dict[str, object]:
@@ -190,6 +194,7 @@ class Settings:
             with_=self.with_,
             recorded=self.recorded,
             defaults=self.defaults,
+            step_weights=self.step_weights,
         )
 
     def fit(
@@ -248,7 +253,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         max_input=options.max_input,
     )
     parameters, defaults = chosen_parameters(
-        measure.named, options.order, options.cutoff, options.switch_penalty
+        measure.named, options.order, options.cutoff, options.switch_penalty, options.rho
     )
     each = _each(reading, measure, options)
     if options.preprocess:
@@ -271,7 +276,16 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         curve=options.curve,
         preprocess=options.preprocess,
         with_=() if options.with_ is None else chosen_metrics(options.with_),
+        step_weights=_step_weights(options),
     )
+
+
+def _step_weights(options: EvaluationOptions) -> WeightsByTime | None:
+    if options.step_weights is None:
+        return None
+    from tgospa_eval.formats.text.step_weights import read_step_weights  # here: few want it
+
+    return read_step_weights(options.step_weights, options.decimal)
 
 
 def _each(

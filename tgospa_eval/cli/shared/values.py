@@ -29,6 +29,8 @@ class EvaluationOptions(Values):
     cutoff: float | None = None
     order: float = 2.0
     switch_penalty: float | None = None
+    rho: float = 0.5
+    step_weights: str | None = None
     distance: str = "euclidean"
     covariance: str | None = None
     periodic: tuple[str, ...] = ()

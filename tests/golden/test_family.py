@@ -1,0 +1,156 @@
+"""Other members of the metric family: worked examples, and plain programmes with their own numbers.
+
+Quasi-metric: values of the authors' MATLAB code (LPTrajQMetric) and by hand. Time-weighted: by
+hand, and the scenario of the authors' Python file (c = 5, p = 1, gamma = 10, forgetting 0.995).
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+from by_hand import N, tracks
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracles import tgospa_lp
+from proven import proving
+from strategies import ORDERS, SWITCH, pairs_of_sets
+
+from tgospa_eval import evaluate, sweep
+
+X = tracks([0, 0, 0])
+RHO = st.sampled_from([0.001, 0.2, 0.3, 0.5, 0.7, 0.95])
+
+QUASI = [
+    (tracks([1] * 5), tracks([2] * 4 + [N]), (5, 1, 1), 0.7, 5.5, 1.5, 0),
+    (tracks([1] * 5), tracks([2] * 4 + [N]), (5, 1, 1), 0.3, 7.5, 3.5, 0),
+    (tracks([0.5] * 5, [2, 2, N, 2, 2]), tracks([1.5] * 5, [0] * 5), (5, 1, 1), 0.7, 8, 0, 3.5),
+    (tracks([0.5] * 5, [2, 2, N, 2, 2]), tracks([1.5] * 5, [0] * 5), (5, 1, 1), 0.3, 6, 0, 1.5),
+    (X, tracks([1, 1, N]), (5, 2, 1), 0.3, 4.4158804, 17.5, 0),
+    (tracks([1, 1, N]), X, (5, 2, 1), 0.3, 3.0822070, 0, 7.5),
+    (tracks([0]), tracks([7]), (5, 2, 1), 0.3, 5, 17.5, 7.5),
+    (tracks([0], [10], [20]), tracks([1]), (5, 2, 1), 0.3, 6, 35, 0),
+    (tracks([0], [10], [20]), tracks([1]), (5, 2, 1), 0.7, 4, 15, 0),
+]
+
+
+@pytest.mark.parametrize(("x", "y", "numbers", "rho", "value", "missed", "false"), QUASI)
+def test_quasi_metric(
+    x: np.ndarray,
+    y: np.ndarray,
+    numbers: tuple[float, ...],
+    rho: float,
+    value: float,
+    missed: float,
+    false: float,
+) -> None:
+    result = proving(evaluate)(x, y, *numbers, rho=rho)
+    assert result.tgospa == pytest.approx(value, abs=1e-7)
+    assert (result.missed, result.false) == pytest.approx((missed, false))
+    assert result.certified
+    assert result.metric == "quasi-tgospa"
+    assert result.parameters["rho"] == rho
+
+
+FORGETTING = (1 / 7, 2 / 7, 4 / 7)
+EARLY = tracks([0, N, N], [N, 0, 0])
+LATE = tracks([0, 0, N], [N, N, 0])
+WEIGHTED = [
+    (X, tracks([1, 1, N]), (5, 2, 1), (1, 2, 4), None, 7.2801099),
+    (X, EARLY, (4, 1, 1), (1, 2, 4), None, 2),
+    (X, LATE, (4, 1, 1), (1, 2, 4), None, 4),
+    (X, EARLY, (4, 1, 1), FORGETTING, None, 2 / 7),
+    (X, LATE, (4, 1, 1), FORGETTING, None, 4 / 7),
+    (tracks([N, 7, 7]), np.zeros((3, 0, 1)), (2, 1, 1), (1, 10, 100), None, 110),
+    (
+        tracks([0] * 4),
+        tracks([50, 0, N, N], [N, N, 0, 50]),
+        (2, 1, 0.5),
+        (1, 10, 100, 1000),
+        (1, 1, 1, 1),
+        2002.5,
+    ),
+    (X, tracks([1, 1, N]), (5, 2, 1), (1, 2, 0), None, 3**0.5),  # the last step does not count
+]
+
+
+@pytest.mark.parametrize(("x", "y", "numbers", "cost", "switch", "value"), WEIGHTED)
+def test_time_weighted(
+    x: np.ndarray,
+    y: np.ndarray,
+    numbers: tuple[float, ...],
+    cost: tuple[float, ...],
+    switch: tuple[float, ...] | None,
+    value: float,
+) -> None:
+    weights = pd.DataFrame({"t": np.arange(len(cost)), "weight": cost})
+    if switch is not None:
+        weights["switch_weight"] = switch
+    result = evaluate(x, y, *numbers, step_weights=weights)
+    assert result.tgospa == pytest.approx(value, abs=1e-7)
+    assert result.certified
+    assert result.metric == "time-weighted-tgospa"
+
+
+def test_distances_are_those_of_the_states_whatever_a_step_counts() -> None:
+    result = evaluate(X, tracks([1, 2, 3]), 5, 2, 1, step_weights=[1.0, 10.0, 100.0])
+    assert result.assignments.distance.tolist() == pytest.approx([1, 2, 3])
+    assert result.assignments.cost.tolist() == pytest.approx([1, 40, 900])
+
+
+@settings(max_examples=60)
+@given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, rho=RHO, data=st.data())
+def test_against_programmes_of_the_definition(
+    sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, rho: float, data: st.DataObject
+) -> None:
+    steps = len(sides[0])
+    each = st.lists(st.sampled_from([0.0, 0.1, 1.0, 3.0]), min_size=steps, max_size=steps)
+    w1 = np.array(data.draw(each))
+    w1[data.draw(st.integers(0, steps - 1))] = 1.0  # not all may be zero
+    w2 = np.array(data.draw(each))
+    result = evaluate(
+        *sides,
+        2.0,
+        p,
+        gamma,
+        rho=rho,
+        step_weights=pd.DataFrame({"t": np.arange(steps), "weight": w1, "switch_weight": w2}),
+    )
+    expected = tgospa_lp(*sides, 2.0, p, gamma, w1=w1, w2=w2[1:], rho=rho)
+    assert result.certified
+    assert result.total == pytest.approx(expected, rel=1e-7, abs=1e-7)
+    parts = (result.localisation, result.missed, result.false, result.switch)
+    assert sum(parts) == pytest.approx(result.total, rel=1e-12, abs=1e-12)
+    referee = evaluate(*sides, 2.0, p, gamma, rho=rho, step_weights=w1, solver="exact")
+    assert referee.total == pytest.approx(
+        evaluate(*sides, 2.0, p, gamma, rho=rho, step_weights=w1).total, rel=1e-6, abs=1e-6
+    )
+
+
+@settings(max_examples=40)
+@given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, rho=RHO)
+def test_one_solution_serves_every_rho(
+    sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, rho: float
+) -> None:
+    """d_rho^p = d^p + (1/2 - rho) c^p (N_X - N_Y), and exchanged sides exchange the prices."""
+    plain, quasi = evaluate(*sides, 2.0, p, gamma), evaluate(*sides, 2.0, p, gamma, rho=rho)
+    truths, estimates = plain.objects
+    expected = plain.total + (0.5 - rho) * 2.0**p * (truths - estimates)
+    assert quasi.total == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    exchanged = evaluate(*sides[::-1], 2.0, p, gamma, rho=1 - rho)
+    assert exchanged.total == pytest.approx(quasi.total, rel=1e-9, abs=1e-9)
+    swept = sweep(*sides, 2.0, p, gamma, rho=[rho, 0.5] if rho != 0.5 else [rho])
+    assert {point.value: point.total for point in swept.points}[rho] == pytest.approx(
+        quasi.total, rel=1e-9, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("rho", [0.2, 0.7])
+@pytest.mark.parametrize("weights", [None, np.linspace(0.5, 2, 12)])
+def test_cutoffs_far_above_the_errors(rho: float, weights: np.ndarray | None) -> None:
+    rng = np.random.default_rng(5)
+    truth = rng.uniform(0, 20, (1, 6, 2)) + np.cumsum(rng.normal(0, 0.5, (12, 6, 2)), axis=0)
+    estimate = truth[:, ::-1] + rng.normal(0, 1e-3, truth.shape)
+    for cutoff in (1e2, 1e5):
+        result = evaluate(truth, estimate, cutoff, 2, 1, rho=rho, step_weights=weights)
+        plain = evaluate(truth, estimate, 1.0, 2, 1, rho=rho, step_weights=weights)
+        assert result.certified
+        assert result.total == pytest.approx(plain.total, rel=1e-9)

@@ -1,0 +1,74 @@
+"""What each step counts, by time: before it is put on the steps of two sides."""
+
+import numpy as np
+
+from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import more
+from tgospa_eval.errors import InputError
+from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WeightsByTime:
+    """Weights of steps with the times that they are for.
+
+    Parameters
+    ----------
+    times : (N,) int64 or float64 array
+        Distinct, as in `Trajectories`.
+    cost, switch : (N,) float arrays
+        Factors of the costs at each time, and of switches into it.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    name : str
+        Where they come from, for messages.
+    """
+
+    times: TimeArray
+    cost: Floats
+    switch: Floats
+    clock: str = "number"
+    name: str = "step_weights"
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+    def on(self, side: Trajectories) -> tuple[Floats, Floats]:
+        """Factors of the costs at each step of an aligned side, (T,), and of switches, (T - 1,).
+
+        Raises
+        ------
+        InputError
+            A step has no weight, or the times are of another kind.
+        """
+        if not len(side.times):
+            return np.zeros(0), np.zeros(0)
+        if self.clock != side.clock:
+            raise InputError(
+                f"{self.name} has {CLOCKS[self.clock]}, the tracks have {CLOCKS[side.clock]}; "
+                "write both alike"
+            )
+        if not len(self.times):
+            raise InputError(f"{self.name}: there are no weights; give every step one")
+        order = np.argsort(self.times, kind="stable")
+        times = self.times[order]
+        place = np.searchsorted(times, side.times).clip(max=len(times) - 1)
+        lacking = np.flatnonzero(times[place] != side.times)
+        if len(lacking):
+            raise InputError(
+                f"{self.name}: no weight for t = {side.shown[lacking[0]]}{more(len(lacking))}; "
+                "give every step of the two files one, 0 where it does not count"
+            )
+        at = order[place]
+        return self.cost[at], self.switch[at][1:]
+
+
+def repeated(times: TimeArray) -> tuple[int, int, int] | None:
+    """The first time that is there again: its row, that of the first one, how many there are."""
+    order = np.argsort(times, kind="stable")
+    again = np.flatnonzero(times[order][1:] == times[order][:-1]) + 1
+    if not len(again):
+        return None
+    row = int(order[again].min())
+    return row, int(np.flatnonzero(times == times[row])[0]), len(again)
