@@ -18,8 +18,6 @@ SMALLEST_RHO = 1e-6
 SMALLEST_POWER = 1e-306
 """Costs and distances below this, near the end of the doubles, count as this much."""
 
-_HALF.setflags(write=False)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
