@@ -101,10 +101,11 @@ def components(const i32[::1] a, const i32[::1] b, int nodes):
 
 
 def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] step, int truths,
-                int estimates):
+                int estimates, bint transpose):
     """Pairs, nodes and blocks from the truth, the estimate and the step of each entry, in time.
 
-    The pair of each entry, then the fields of `problem.merging.PairGraph`, in their order.
+    The pair of each entry, then the fields of `problem.merging.PairGraph`, in their order;
+    `transpose` is that of `merge_runs`.
     """
     pair_of, tracks, others = number_pairs(truth, estimate, truths, estimates)
     cdef const i32[::1] root = components(tracks, others + np.int32(truths), truths + estimates)
@@ -140,7 +141,7 @@ def merge_pairs(const i32[::1] truth, const i32[::1] estimate, const i32[::1] st
             if block_of[i] >= 0:
                 side[i >= truths, block_of[i]] += 1
         for b in range(blocks):  # rows are truths, unless there is a single estimate for several
-            flip[b] = side[1, b] == 1 and side[0, b] > 1
+            flip[b] = transpose and side[1, b] == 1 and side[0, b] > 1
             i = side[0, b] + side[1, b]
             side[1, b] = total + (1 if flip[b] else side[0, b])
             side[0, b] = total

@@ -13,12 +13,19 @@ from tgospa_eval.problem.slots import make_slots
 from tgospa_eval.problem.states import States, connected_components
 
 
-def merge_runs(problem: Problem) -> States:
+def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
     """Reduce a problem to its states, with the same optimum (docs/theory/reductions.md).
 
     Pairs that never gain are gone; components are apart; steps before the first and after the last
     gain of a component are gone; runs without gain are one state each, border runs included. With
     time-varying switch prices a run stays one state a step.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is reduced.
+    transpose : bool
+        Whether the rows of blocks with a single estimate are estimates; else rows are truths.
 
     Raises
     ------
@@ -34,7 +41,7 @@ def merge_runs(problem: Problem) -> States:
     ):
         check_size(what, count)
     entry_step = problem.entry_step
-    pair_of, graph = _pair_graph(problem, entry_step)
+    pair_of, graph = _pair_graph(problem, entry_step, transpose)
     pair_first, begin, entry = _split(
         pair_of,
         entry_step,
@@ -77,13 +84,13 @@ class PairGraph(NamedTuple):
     transposed: NDArray[np.bool_]
 
 
-def _pair_graph(problem: Problem, entry_step: Ints) -> tuple[Ints, PairGraph]:
+def _pair_graph(problem: Problem, entry_step: Ints, transpose: bool) -> tuple[Ints, PairGraph]:
     """Pair of each entry, and the pairs."""
     truth: Ints = problem.truth_track[problem.truth_row].astype(np.int32, copy=False)
     estimate: Ints = problem.estimate_track[problem.estimate_row].astype(np.int32, copy=False)
     if kernels:
         pair_of, *graph = kernels.merge_pairs(
-            truth, estimate, entry_step, problem.truths, problem.estimates
+            truth, estimate, entry_step, problem.truths, problem.estimates, transpose
         )
         return pair_of, PairGraph(*graph)
     width = max(problem.estimates, 1)
@@ -96,7 +103,7 @@ def _pair_graph(problem: Problem, entry_step: Ints) -> tuple[Ints, PairGraph]:
     blocks = int(block.max()) + 1 if len(block) else 0
 
     single_estimate = _distinct(block, estimate, blocks) == 1
-    transposed = single_estimate & (_distinct(block, truth, blocks) > 1)
+    transposed = single_estimate & (_distinct(block, truth, blocks) > 1) & transpose
     flip = transposed[block]
     row = np.where(flip, estimate + problem.truths, truth)
     column = np.where(flip, truth, estimate + problem.truths)

@@ -8,9 +8,8 @@ import itertools
 
 import numpy as np
 
-from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.paths import down, up
+from tgospa_eval.problem.forward import Moves, forward, offsets
 from tgospa_eval.problem.problem import Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
@@ -91,12 +90,15 @@ class PrefixBounds:
         Lower bound of the least possible cost.
     error : (C,) float array
         How much the parts together may be too small by rounding.
+    prices : Prices
+        What the lower bounds are made of.
     """
 
     cells: Cells
     parts: Floats
     lower: Floats
     error: Floats
+    prices: "Prices"
 
 
 def bound_prefixes(states: States, weights: Ints, prices: Floats) -> PrefixBounds:
@@ -106,11 +108,12 @@ def bound_prefixes(states: States, weights: Ints, prices: Floats) -> PrefixBound
         first=np.concatenate(([0], np.cumsum(length))).astype(np.int64),
         begin=states.block_begin.astype(np.int64),
     )
-    parts = _costs(states, cells, weights, changes(states, weights))
+    parts = costs_so_far(states, cells, weights, changes(states, weights))
     terms = 16 + 2 * _busiest(states) + length[cells.block]
     error = parts.sum(axis=0) * terms * 2.0**-53
+    found = Prices.of(states, cells, prices)
     return PrefixBounds(
-        cells=cells, parts=parts, lower=np.maximum(_lower(states, cells, prices), 0.0), error=error
+        cells=cells, parts=parts, lower=found.whole_bounds(states), error=error, prices=found
     )
 
 
@@ -119,7 +122,9 @@ def _busiest(states: States) -> int:
     return int(np.bincount(states.begin, minlength=1).max())
 
 
-def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Floats]) -> Floats:
+def costs_so_far(
+    states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Floats]
+) -> Floats:
     """Cost of the assignment up to each step, by kind, (4, C)."""
     problem, pair = states.problem, states.pair
     block = states.pair_block[pair]
@@ -138,57 +143,98 @@ def _costs(states: States, cells: Cells, weights: Ints, switched: tuple[Ints, Fl
     return np.array(parts)
 
 
-def _lower(states: States, cells: Cells, prices: Floats) -> Floats:
-    """The bound of `problem.certificate` for the steps of each block up to each step, (C,).
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prices:
+    """Lower bounds of the beginnings of each block from prices, by parts; arrays are (C,).
 
-    Values are relative to the cheapest pair of each row and step, as in `problem.paths`.
+    ``L = unassigned - offsets - sum of the best values of the rows - paid``, the bound of
+    `problem.certificate` for the steps of each block up to each step.
+
+    Parameters
+    ----------
+    cells : Cells
+        Blocks and steps.
+    moves : Moves
+        What happens at the prices.
+    total, size : (C,) float arrays
+        Unassigned prices of all objects less those of the cheapest pairs, and the costs of these;
+        and the sizes of what was added for it with rounding.
+    paid : (C,) float array
+        Sums of the prices.
+    terms : (C,) int array
+        How many terms were added at most.
     """
-    problem, slots, pair = states.problem, states.columns, states.pair
-    # What happens: a state begins; a slot of it does, and costs its price.
-    count = slots.end - slots.begin
-    slot = concatenated(slots.begin, count)
-    charged = np.repeat(np.arange(len(pair)), count)
 
-    gaining = np.flatnonzero(states.entry >= 0)
-    row = states.pair_row[pair[gaining]].astype(np.int64)
-    key, at = np.unique(states.begin[gaining] * np.int64(states.nodes) + row, return_inverse=True)
-    entry = states.entry[gaining].astype(np.intp)
-    cost = problem.cost[entry]
-    order = np.lexsort((cost, at))
-    cheapest = entry[order[np.flatnonzero(np.diff(at[order], prepend=-1))]]
-    relative = up(problem.cost[cheapest][at] - cost)
-    bases = [side.price[side.row] for side in problem.sides]
-    for base in bases:
-        relative = up(relative + up(base[entry] - base[cheapest][at]))
-    of_cheapest = [base[cheapest] for base in bases]
-    offset = np.maximum(down(down(of_cheapest[0] + of_cheapest[1]) - problem.cost[cheapest]), 0.0)
-    offset_step, offset_row = np.divmod(key, states.nodes)
-    offset_block = states.node_block[offset_row]
+    cells: Cells
+    moves: Moves
+    total: Floats
+    size: Floats
+    paid: Floats
+    terms: Ints
 
-    # Unassigned prices of all objects less those of the pairs put aside, and the costs of these.
-    total = np.zeros(int(cells.first[-1]))
-    least = cells.sums(offset_block, offset_step, problem.cost[cheapest])
-    size, exact = least.copy(), whole_prices(problem)
-    total += least
-    for side, base in zip(problem.sides, of_cheapest, strict=True):
-        some, first = np.unique(side.row[entry].astype(np.intp), return_index=True)
-        price = side.price[some]
-        block = states.pair_block[pair[gaining[first]]]
-        of_objects = cells.sums(block, states.begin[gaining[first]], price)
-        of_pairs = cells.sums(offset_block, offset_step, base)
-        total += of_objects - of_pairs
-        if not exact:
-            size += of_objects + of_pairs
-    slot_block = states.node_block[slots.node]
-    paid = cells.sums(slot_block, slots.step, prices)
-    offsets = offset_step, offset_row, offset
-    best = _best(states, cells, offsets, (gaining, relative), (charged, slot), prices)
-    # Sums at a step, of as many terms as states begin or rows there are; then running sums.
-    rows = int(np.bincount(states.node_block).max(initial=0))
-    terms = 16 + 2 * _busiest(states) + 2 * rows + np.diff(cells.first)[cells.block]
-    error = (size + paid + best[1] + np.abs(total)) * terms * 2.0**-53
-    answer: Floats = total - best[0] - paid - error
-    return answer
+    @classmethod
+    def of(cls, states: States, cells: Cells, prices: Floats) -> "Prices":
+        """Of prices >= 0, (K,)."""
+        problem, slots, pair = states.problem, states.columns, states.pair
+        found = offsets(states)
+        offset_block = states.node_block[found.row]
+        total = cells.sums(offset_block, found.step, problem.cost[found.entry])
+        size, exact = total.copy(), whole_prices(problem)
+        gaining = np.flatnonzero(states.entry >= 0)
+        entry = states.entry[gaining].astype(np.intp)
+        for side in problem.sides:
+            some, first = np.unique(side.row[entry].astype(np.intp), return_index=True)
+            block = states.pair_block[pair[gaining[first]]]
+            of_objects = cells.sums(block, states.begin[gaining[first]], side.price[some])
+            base = side.price[side.row[found.entry]]
+            of_pairs = cells.sums(offset_block, found.step, base)
+            total += of_objects - of_pairs
+            if not exact:
+                size += of_objects + of_pairs
+        # Sums at a step, of as many terms as states begin or rows there are; then running sums.
+        rows = int(np.bincount(states.node_block).max(initial=0))
+        return cls(
+            cells=cells,
+            moves=Moves.of(states, found, prices),
+            total=total,
+            size=size,
+            paid=cells.sums(states.node_block[slots.node], slots.step, prices),
+            terms=16 + 2 * _busiest(states) + 2 * rows + np.diff(cells.first)[cells.block],
+        )
+
+    def bounds(
+        self, cells: Ints, best: Floats, sizes: Floats, paid: Floats | None = None
+    ) -> Floats:
+        """Lower bounds of some cells, 0 at least.
+
+        Parameters
+        ----------
+        cells : (N,) int array
+            Which.
+        best, sizes : (N,) float arrays
+            Sum of the best values of the rows, and the sum of their sizes, rounded to the nearest.
+        paid : (N,) float array, optional
+            What was paid, where that is not `paid`.
+        """
+        paid = self.paid[cells] if paid is None else paid
+        total = self.total[cells]
+        error = (self.size[cells] + paid + sizes + np.abs(total)) * self.terms[cells] * 2.0**-53
+        lower: Floats = np.maximum(total - best - paid - error, 0.0)
+        return lower
+
+    def whole_bounds(self, states: States) -> Floats:
+        """Lower bounds of all cells."""
+        cells, moves = self.cells, self.moves
+        row_block = states.node_block[moves.rows]
+        values = np.zeros((2, int(cells.first[-1])))
+        last = cells.begin + np.diff(cells.first) - 1
+        values_of = forward(moves, np.zeros(len(moves.rows)), np.zeros(len(moves.row)))
+        for step, best in enumerate(values_of):
+            live = np.flatnonzero((cells.begin <= step) & (step <= last))
+            at_live = cells.of(live, np.full(len(live), step))
+            for kind, some in enumerate((best, np.abs(best))):
+                values[kind, at_live] = np.bincount(row_block, some, minlength=len(last))[live]
+        return self.bounds(np.arange(values.shape[1]), values[0], values[1])
 
 
 def whole_prices(problem: Problem) -> bool:
@@ -197,88 +243,3 @@ def whole_prices(problem: Problem) -> bool:
         len(side.price) < 1 << 31 and bool(np.all(2.0 * side.price == np.rint(2.0 * side.price)))
         for side in problem.sides
     )
-
-
-def _best(
-    states: States,
-    cells: Cells,
-    offsets: tuple[Ints, Ints, Floats],
-    gains: tuple[Ints, Floats],
-    charges: tuple[Ints, Ints],
-    prices: Floats,
-) -> tuple[Floats, Floats]:
-    """Upper bound of the sum of the best path values of the rows of each block, in cells.
-
-    And the sum of their sizes. Values are rounded up, their sum to the nearest.
-
-    Viterbi over all pairs at once, step by step: `unassigned_value` is the best value of a row at
-    "none", `reached` that of each pair. A run without gain may be left only where its next state
-    begins.
-    """
-    pair, begin = states.pair, states.begin
-    switch_price = states.problem.switch_price_at
-    steps = states.problem.steps
-    by_row = np.argsort(states.pair_row, kind="stable")
-    rows, first_of_row = np.unique(states.pair_row[by_row], return_index=True)
-    row_block = states.node_block[rows]
-    place = np.empty_like(by_row)
-    place[by_row] = np.arange(len(by_row))
-    row_at = np.searchsorted(rows, states.pair_row[by_row])  # of each pair, in that order
-
-    state_order = np.argsort(begin, kind="stable")
-    begins = np.searchsorted(begin[state_order], np.arange(steps + 1))
-    relative = np.zeros(len(begin))
-    relative[gains[0]] = gains[1]
-    is_gain = np.zeros(len(begin), bool)
-    is_gain[gains[0]] = True
-
-    charged, slot = charges
-    slot_step = states.columns.step[slot]
-    charge_order = np.argsort(slot_step, kind="stable")
-    charge_pair = place[pair[charged[charge_order]]]
-    charge = prices[slot[charge_order]]
-    charge_at = np.searchsorted(slot_step[charge_order], np.arange(steps + 1))
-    offset_step, offset_row, offset = offsets
-    offset_at = np.searchsorted(offset_step, np.arange(steps + 1))
-    offset_place = np.searchsorted(rows, offset_row)
-
-    unassigned_value, reached = np.zeros(len(rows)), np.zeros(len(by_row))
-    answer = np.zeros((2, int(cells.first[-1])))
-    last = np.zeros(len(rows))
-    for step in range(steps):
-        own = state_order[begins[step] : begins[step + 1]]
-        lost = slice(offset_at[step], offset_at[step + 1])
-        if len(own):
-            at = place[pair[own]]
-            row = row_at[at]
-            price = switch_price[step]
-            before = reached[at]
-            np.maximum.at(unassigned_value, row, up(before - price))
-            reached[at] = np.maximum(before, up(unassigned_value[row] - price))
-        if lost.stop > lost.start:
-            lose = np.zeros(len(rows))
-            lose[offset_place[lost]] = offset[lost]
-            spare = lose[row_at]
-            if len(own):
-                spare[at[is_gain[own]]] = 0.0
-            reached = np.where(spare > 0, up(reached - spare), reached)
-            unassigned_value = np.where(lose > 0, up(unassigned_value - lose), unassigned_value)
-        if len(own):
-            reached[at] = up(reached[at] + relative[own])
-        paid = slice(charge_at[step], charge_at[step + 1])
-        if paid.stop > paid.start:  # a pair has one slot that begins here
-            charging = charge_pair[paid]
-            reached[charging] = up(reached[charging] - charge[paid])
-        last = (
-            np.maximum(unassigned_value, np.maximum.reduceat(reached, first_of_row))
-            if len(rows)
-            else last
-        )
-        live = np.flatnonzero(
-            (cells.begin <= step) & (step <= cells.begin + np.diff(cells.first) - 1)
-        )
-        at_live = cells.of(live, np.full(len(live), step))
-        for kind, values in enumerate((last, np.abs(last))):
-            total = np.bincount(row_block, values, minlength=len(cells.begin))
-            answer[kind, at_live] = total[live]
-    return answer[0], answer[1]

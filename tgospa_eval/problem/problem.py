@@ -78,6 +78,8 @@ class Problem:
         By how much the costs of all pairs that can be assigned at once are too large at most.
     rounding : float
         An optimum below this says nothing: it may come from the last places of the states alone.
+    signed : bool
+        Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """
 
     steps: int
@@ -96,12 +98,16 @@ class Problem:
     cost_error: float = 0.0
     cost_slack: float = 0.0
     rounding: float = 0.0
+    signed: bool = False
 
     def __post_init__(self) -> None:
         freeze(self)
         if (self.truth_step[self.truth_row] != self.estimate_step[self.estimate_row]).any():
             raise ConfigError("an entry pairs a truth and an estimate of different steps")
-        if not (self._least_gain > 0 and -np.inf < self.cost.min(initial=0.0)):
+        if not (
+            (self._least_gain > 0 or (self.signed and self._least_gain > -np.inf))
+            and -np.inf < self.cost.min(initial=0.0)
+        ):
             raise ConfigError("gains must be positive and finite")
         if not isinstance(self.switch_price, float) and self.switch_price.shape != (
             max(self.steps - 1, 0),

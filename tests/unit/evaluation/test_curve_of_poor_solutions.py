@@ -1,12 +1,20 @@
 """The curve of a solution that is not the best."""
 
+from dataclasses import replace
+from functools import partialmethod
+from typing import Any
+
 import numpy as np
 import pytest
 from strategies import scene
 
 from tgospa_eval import Certified, evaluate
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.evaluation.curve import trace
+from tgospa_eval.evaluation.ending_bounds import Continued, Proven, Whole
+from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.prefixes import Cells
+from tgospa_eval.problem.weights import repair
 
 
 def test_the_last_point_is_the_solution_however_bad() -> None:
@@ -32,3 +40,36 @@ def test_a_part_that_falls_to_nothing_is_not_negative() -> None:
     for value in values:
         assert cells.totals(value, 5)[0] == pytest.approx(value, abs=1e-15)
         assert cells.totals(value, 5)[0].min() >= 0
+
+
+@pytest.mark.parametrize("varies", [False, True])
+def test_endings_prove_what_whole_beginnings_do(
+    varies: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth, estimate = scene(2, 5, 6, 40, side=12.0, noise=1.0)
+    problem = evaluate(truth, estimate, 4.0, 2, 1.5).proof.states.problem
+    if varies:
+        price = np.random.default_rng(0).uniform(0.02, 0.3, problem.steps - 1)
+        problem = replace(problem, switch_price=price)
+    states = merge_runs(problem)
+    solution = Certified()(states, Stopwatch())
+    weights = repair(states, solution.weights)
+    asked: list[tuple[type, int]] = []
+    for kind in (Continued, Whole):
+
+        def solve(self: Continued | Whole, *given: Any, kind: type, true: Any) -> Proven:
+            asked.append((kind, len(given[0])))
+            proven: Proven = true(self, *given)
+            return proven
+
+        monkeypatch.setattr(kind, "solve", partialmethod(solve, kind=kind, true=kind.solve))
+    few = trace(states, weights, solution.prices, Certified())
+    assert sum(count for kind, count in asked if kind is Continued) > 5
+    asked.clear()
+    monkeypatch.setattr("tgospa_eval.evaluation.curve.SPAN", 1000)
+    whole = trace(states, weights, solution.prices, Certified())
+    assert {kind for kind, _ in asked} == {Whole}
+    assert few.met(1e-9).all()
+    assert whole.met(1e-9).all()
+    assert (few.lower <= whole.upper).all()
+    assert (whole.lower <= few.upper).all()
