@@ -10,7 +10,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
-from tgospa_eval.evaluation.diagnosis.costs import SAMPLE
+from tgospa_eval.evaluation.diagnosis.sample import SAMPLE
 from tgospa_eval.evaluation.diagnosis.scale import unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import index_type, median
+from tgospa_eval.common.arrays import index_type
 from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -17,9 +17,6 @@ Value = TypeVar("Value", bound=np.generic)
 
 ROWS_TOGETHER = 1 << 15
 """Rows searched at a time; a step is never divided."""
-
-SAMPLED_STEPS = 100
-"""Steps, and truths of a step, whose nearest estimate is looked at for a notice."""
 
 
 # Differences and sums of huge coordinates may overflow: infinitely far is right.
@@ -112,25 +109,3 @@ def _rows(side: Trajectories, starts: Ints, begin: int, end: int, distance: Dist
         at=starts[begin : end + 1] - first,
         axes=distance.axes(side, slice(first, last)),
     )
-
-
-@np.errstate(over="ignore", invalid="ignore")
-def median_nearest(truth: Trajectories, estimate: Trajectories, distance: Distance) -> float | None:
-    """Median distance from a truth to the nearest estimate of its step, over up to 100 steps.
-
-    None if no step has both. Both sides must be on the same times.
-    """
-    distance = distance.lower_bound
-    starts = [_starts(side) for side in (truth, estimate)]
-    both = np.flatnonzero(np.diff(starts[0]) * np.diff(starts[1]))
-    if not len(both):
-        return None
-    nearest = []
-    for step in both[:: -(-len(both) // SAMPLED_STEPS)]:
-        a, b = (
-            distance.axes(side, slice(at[step], at[step + 1])).T
-            for side, at in zip((truth, estimate), starts, strict=True)
-        )
-        a = a[:: -(-len(a) // SAMPLED_STEPS)]
-        nearest.append(distance(a[:, None], b[None, :]).min(axis=1))
-    return median(np.concatenate(nearest))

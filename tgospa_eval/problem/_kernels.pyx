@@ -8,7 +8,7 @@ never on the same rows in two threads, so that many threads give the bytes of on
 
 import numpy as np
 
-from libc.math cimport INFINITY, exp, fabs, floor, fmax, log, nextafter, rint, sqrt
+from libc.math cimport INFINITY, exp, fabs, floor, fmax, hypot, log, nextafter, rint, sqrt
 from libc.stdint cimport int64_t, uint64_t
 from libc.string cimport memcpy
 
@@ -1743,3 +1743,221 @@ cdef class Chain:
                 passed[l] = part
                 at[4 * link_row[l] + 2 - ((kind[l] & held) != 0)] += part
         return violation
+
+
+# --- near points, and pairs chosen greedily ------------------------------------------------------
+#
+# The twins are in distances.gating and in points and pairing of evaluation.diagnosis, with the same
+# bits.
+
+
+cdef inline double apart(const double* a, const double* b, const double* scale, Py_ssize_t size,
+                         int power, double most) noexcept nogil:
+    """Norm of the difference, 0 standing for the largest component; at least `most` if one is."""
+    cdef double total = scale[0] * fabs(a[0] - b[0]), other
+    cdef Py_ssize_t k
+    for k in range(1, size):
+        if not total < most:
+            return total
+        other = scale[k] * fabs(a[k] - b[k])
+        if not other < most:
+            return other
+        if power == 2:
+            total = hypot(total, other)
+        elif power == 1:
+            total = total + other
+        else:
+            total = fmax(total, other)
+    return total
+
+
+def near_points(const double[:, ::1] truth, const double[:, ::1] estimate,
+                const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
+                double cutoff, int power, const double[::1] scale, Py_ssize_t most):
+    """Near pairs of all points of some steps, and their distances; None if that were too many.
+
+    Rows of a step are [begin, end) of (2, steps). Rows of pairs are counted from the first of the
+    first step, without those of other steps. `most` is the number of pairs that are looked at.
+    """
+    cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, count = 0, n = 0
+    cdef Py_ssize_t first = 0, second = 0  # rows of the steps before
+    cdef double value
+    for t in range(T):
+        count += (truth_rows[1, t] - truth_rows[0, t]) * (estimate_rows[1, t] - estimate_rows[0, t])
+        if count > most:
+            return None
+    rows_array, others_array = np.empty(count, np.int32), np.empty(count, np.int32)
+    distance_array = np.empty(count)
+    cdef i32[::1] rows = rows_array, others = others_array
+    cdef double[::1] distance = distance_array
+    with nogil:
+        for t in range(T):
+            for i in range(truth_rows[0, t], truth_rows[1, t]):
+                for j in range(estimate_rows[0, t], estimate_rows[1, t]):
+                    value = apart(&truth[i, 0], &estimate[j, 0], &scale[0], d, power, cutoff)
+                    if value < cutoff:
+                        rows[n] = <i32>(first + i - truth_rows[0, t])
+                        others[n] = <i32>(second + j - estimate_rows[0, t])
+                        distance[n] = value
+                        n += 1
+            first += truth_rows[1, t] - truth_rows[0, t]
+            second += estimate_rows[1, t] - estimate_rows[0, t]
+    return rows_array[:n], others_array[:n], distance_array[:n]
+
+
+def nearest_points(const double[:, ::1] truth, const double[:, ::1] estimate,
+                   const int64_t[:, ::1] truth_rows, const int64_t[:, ::1] estimate_rows,
+                   int power, const double[::1] scale, Py_ssize_t sampled):
+    """Distances of some truths of some steps, all with estimates, to the nearest estimate.
+
+    Of each step every so many-th truth is looked at that there are up to `sampled` of them.
+    """
+    cdef Py_ssize_t T = truth_rows.shape[1], d = truth.shape[1], t, i, j, n = 0, count, by
+    cdef double value, best
+    found_array = np.empty(T * sampled)
+    cdef double[::1] found = found_array
+    with nogil:
+        for t in range(T):
+            count = truth_rows[1, t] - truth_rows[0, t]
+            by = (count + sampled - 1) // sampled
+            i = truth_rows[0, t]
+            while i < truth_rows[1, t]:
+                best = INFINITY
+                for j in range(estimate_rows[0, t], estimate_rows[1, t]):
+                    value = apart(&truth[i, 0], &estimate[j, 0], &scale[0], d, power, best)
+                    best = value if value < best else best
+                found[n] = best
+                n += 1
+                i += by
+    return found_array[:n]
+
+
+cdef void sort_down(const double* key, i32* at, i32* room, Py_ssize_t n) noexcept nogil:
+    """Positions by falling keys, of equal ones in the order in which they come: a merge sort."""
+    cdef Py_ssize_t half = n // 2, k, m, left = 0, right = half
+    cdef i32 own
+    if n <= 16:
+        for k in range(1, n):
+            own, m = at[k], k
+            while m > 0 and key[at[m - 1]] < key[own]:
+                at[m] = at[m - 1]
+                m -= 1
+            at[m] = own
+        return
+    sort_down(key, at, room, half)
+    sort_down(key, at + half, room, n - half)
+    memcpy(room, at, n * sizeof(i32))
+    for k in range(n):
+        if right == n or (left < half and key[room[left]] >= key[room[right]]):
+            at[k] = room[left]
+            left += 1
+        else:
+            at[k] = room[right]
+            right += 1
+
+
+def largest_gains(const i32[::1] truth_step, const i32[::1] estimate_step, const i32[::1] truth,
+                  const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
+    """As if each truth, or each estimate, had its largest gain: the less of both (steps,)."""
+    cdef Py_ssize_t m = truth_step.shape[0], n = estimate_step.shape[0], a
+    cdef double[::1] best = np.zeros(m + n)
+    cdef double[::1] other = np.zeros(steps)
+    found_array = np.zeros(steps)
+    cdef double[::1] found = found_array
+    with nogil:
+        for a in range(gain.shape[0]):
+            best[truth[a]] = fmax(best[truth[a]], gain[a])
+            best[m + estimate[a]] = fmax(best[m + estimate[a]], gain[a])
+        for a in range(m):
+            found[truth_step[a]] += best[a]
+        for a in range(n):
+            other[estimate_step[a]] += best[m + a]
+        for a in range(steps):
+            found[a] = other[a] if other[a] < found[a] else found[a]
+    return found_array
+
+
+def pair_off(const i32[::1] truth_step, Py_ssize_t estimates, const i32[::1] truth,
+             const i32[::1] estimate, const double[::1] gain, Py_ssize_t steps):
+    """What a greedy choice of pairs gains at each step, and the round in which each is chosen.
+
+    Pairs (N,) are in order of truth and estimate; 0 is the round of those that are not chosen.
+    """
+    cdef Py_ssize_t N = gain.shape[0], m = truth_step.shape[0], begin = 0, end, a, count, kept
+    cdef i32 t, p, q, turn
+    found_array, turn_array = np.zeros(steps), np.zeros(N, np.int32)
+    cdef double[::1] found = found_array
+    cdef i32[::1] turns = turn_array
+    cdef i32[::1] head = np.empty(m + estimates, np.int32)  # best pair that is left of each
+    cdef i32[::1] room = np.empty(2 * N + 1, np.int32)
+    cdef i32* left = &room[0]
+    with nogil:
+        while begin < N:
+            t = truth_step[truth[begin]]
+            end = begin
+            while end < N and truth_step[truth[end]] == t:
+                left[end - begin] = <i32>end
+                end += 1
+            count, turn = end - begin, 0
+            sort_down(&gain[0], left, left + N, count)
+            while count:
+                turn += 1
+                for a in range(count - 1, -1, -1):
+                    head[truth[left[a]]] = head[m + estimate[left[a]]] = left[a]
+                for a in range(count):
+                    p = left[a]
+                    if head[truth[p]] == p and head[m + estimate[p]] == p:
+                        turns[p] = turn
+                        found[t] += gain[p]
+                kept = 0
+                for a in range(count):
+                    p = head[truth[left[a]]]
+                    q = head[m + estimate[left[a]]]
+                    if turns[p] == 0 and turns[q] == 0:
+                        left[kept] = left[a]
+                        kept += 1
+                count = kept
+            begin = end
+    return found_array, turn_array
+
+
+def in_both(const i32[::1] step, const i32[::1] track, const i32[::1] other_step,
+            const i32[::1] other_track):
+    """Which (step, track) of each of two sorted lists the other one has."""
+    cdef Py_ssize_t N = step.shape[0], M = other_step.shape[0], a = 0, b = 0
+    mine_array, other_array = np.zeros(N, np.bool_), np.zeros(M, np.bool_)
+    cdef u8[::1] mine = mine_array.view(np.uint8), other = other_array.view(np.uint8)
+    with nogil:
+        while a < N and b < M:
+            if step[a] == other_step[b] and track[a] == other_track[b]:
+                mine[a] = other[b] = 1
+                a += 1
+                b += 1
+            elif step[a] < other_step[b] or (step[a] == other_step[b] and track[a] < other_track[b]):
+                a += 1
+            else:
+                b += 1
+    return mine_array, other_array
+
+
+def only_some(const u8[::1] kept, const i32[::1] truth, const i32[::1] estimate,
+              const double[::1] gain):
+    """The pairs of estimates that are kept, which are counted anew, and what these gain."""
+    cdef Py_ssize_t N = gain.shape[0], n = kept.shape[0], a, size = 0
+    cdef i32 count = 0
+    truth_array, estimate_array = np.empty(N, np.int32), np.empty(N, np.int32)
+    gain_array = np.empty(N)
+    cdef i32[::1] new_truth = truth_array, new_estimate = estimate_array
+    cdef double[::1] new_gain = gain_array
+    cdef i32[::1] number = np.empty(n, np.int32)
+    with nogil:
+        for a in range(n):
+            number[a] = count
+            count += kept[a]
+        for a in range(N):
+            if kept[estimate[a]]:
+                new_truth[size] = truth[a]
+                new_estimate[size] = number[estimate[a]]
+                new_gain[size] = gain[a]
+                size += 1
+    return truth_array[:size], estimate_array[:size], gain_array[:size]

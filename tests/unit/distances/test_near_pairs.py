@@ -8,12 +8,15 @@ import pytest
 from all_pairs import WAYS, assert_as_by_brute_force, table
 
 from tgospa_eval.distances import DISTANCES, gating, near_pairs, search
-from tgospa_eval.distances.gating import median_nearest
+from tgospa_eval.distances.vector import Norm
+from tgospa_eval.evaluation.diagnosis import points
+from tgospa_eval.evaluation.diagnosis.points import median_nearest
+from tgospa_eval.problem.compiled import kernels
 
 NORMS = ("euclidean", "manhattan", "chebyshev")
 
 
-def points(kind: str, count: int, size: int, rng: np.random.Generator) -> np.ndarray:
+def places(kind: str, count: int, size: int, rng: np.random.Generator) -> np.ndarray:
     """Points for the cutoff 5."""
     spread = rng.uniform(0, 40, (count, size))
     if kind == "lattice":  # many distances are exactly the cutoff, many coordinates are equal
@@ -55,7 +58,7 @@ def test_near_pairs(kind: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
     for size in (1, 2, 3, 4):
         count = int(rng.integers(30, 60))
         steps = rng.integers(0, 4, (2, count)) * 2 + [[0], [1]] * rng.integers(0, 2, count)
-        truth, estimate = (table(step, points(kind, count, size, rng), 9) for step in steps)
+        truth, estimate = (table(step, places(kind, count, size, rng), 9) for step in steps)
         for norm in NORMS:
             assert_as_by_brute_force(truth, estimate, 5.0, DISTANCES[norm])
         for cutoff in (1e-3, 1e300):
@@ -110,3 +113,28 @@ def test_a_sparse_scene_does_without_scipy() -> None:
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.split() == ["True", "False"]
+
+
+@pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_without_a_search(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pairs and the distances of a search, bit by bit, and those of each nearest estimate."""
+    rng = np.random.default_rng(KINDS.index(kind))
+    for size, norm in enumerate((*NORMS, "euclidean"), 1):
+        scale = tuple(rng.uniform(0.5, 2, size)) if size % 2 else None
+        distance = Norm(name=norm, power=DISTANCES[norm].power, scale=scale)
+        steps = rng.integers(0, 4, (2, 60))
+        sides = tuple(table(step, places(kind, 60, size, rng), 5) for step in steps)
+        every = np.arange(5)
+        rows = tuple(points.rows_at(side, every) for side in sides)
+        found = points.near_points(sides, rows, 5.0, distance)
+        searched = near_pairs(*sides, 5.0, distance)
+        for name in ("truth_row", "estimate_row", "distance"):
+            assert getattr(found, name).tobytes() == getattr(searched, name).tobytes()
+        near = median_nearest(*sides, distance)
+        with monkeypatch.context() as patch:
+            patch.setattr(points, "kernels", None)
+            assert near == median_nearest(*sides, distance)
+            assert points.near_points(sides, rows, 5.0, distance) is None
+    monkeypatch.setattr(points, "MOST_PAIRS", 10)
+    assert points.near_points(sides, rows, 5.0, distance) is None

@@ -16,6 +16,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
 from tgospa_eval.evaluation.diagnosis.clock import find_shift
 from tgospa_eval.evaluation.diagnosis.costs import step_costs
+from tgospa_eval.evaluation.diagnosis.sample import StepRows
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import GRIDS, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -156,7 +157,8 @@ def test_settling_by_assignment() -> None:
     late = np.roll(estimate, 1, axis=0)
     parameters = Parameters(cutoff=2, order=1, switch_penalty=0)
     aligned = align(Trajectories.from_array(truth), Trajectories.from_array(late))
-    costs = step_costs(aligned.truth, aligned.estimate, parameters, EUCLIDEAN)
+    rows = (StepRows.of(side) for side in (aligned.truth, aligned.estimate))
+    costs = step_costs(*rows, parameters, EUCLIDEAN)
     before = costs.lower.copy(), costs.upper.copy()
     costs.settle()
     assert (before[0] <= costs.lower + 1e-12).all()

@@ -11,6 +11,7 @@ from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.common.words import counted, in_both
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.clock import clock_warnings
+from tgospa_eval.evaluation.diagnosis.costs import Sampler
 from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
 from tgospa_eval.problem.tgospa import Parameters
@@ -44,12 +45,12 @@ def diagnose(
     spell : callable
         How settings are written in remedies: `as_option` or `as_argument`.
     """
-    lower_bound = distance.lower_bound
+    sampler = Sampler((aligned.truth, aligned.estimate), parameters, distance.lower_bound)
     found = side_warnings(sides)
-    clock = clock_warnings(sides, aligned, matching, parameters, lower_bound, spell)
+    clock = clock_warnings(sides, aligned, matching, sampler, spell)
     found += clock
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
-        found += state_warnings((aligned.truth, aligned.estimate), parameters, lower_bound, spell)
+        found += state_warnings(sampler, spell)
     return found
 
 

@@ -18,18 +18,20 @@ from tgospa_eval.common.notices import Notice, Spelling
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
-    FEWEST_STEPS,
-    FIRST_STEPS,
-    SAMPLE,
-    StepCosts,
-    affordable,
-    at_steps,
-    evenly,
+    Sampler,
     falls,
-    occupied,
     saving,
     saving_of_tracks,
     step_costs,
+)
+from tgospa_eval.evaluation.diagnosis.sample import (
+    FEWEST_STEPS,
+    FIRST_STEPS,
+    SAMPLE,
+    StepRows,
+    affordable,
+    evenly,
+    occupied,
 )
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
@@ -84,16 +86,15 @@ def clock_warnings(
     sides: tuple[Trajectories, Trajectories],
     aligned: Alignment,
     matching: TimeMatching,
-    parameters: Parameters,
-    distance: Distance,
+    sampler: Sampler,
     spell: Spelling,
 ) -> list[Notice]:
     """What looks wrong with the times of the two sides; parameters as of `diagnose`."""
     near = _near_misses((sides[0].times, sides[1].times), aligned, matching, spell)
     found = [_few_common(sides, aligned, matching, spell), near]
     if near is None:  # else the next step is the same moment: no shift
-        shift = find_shift(aligned, parameters, distance)
-        clock = _find_clock(sides, aligned, parameters, distance)
+        shift = find_shift(aligned, sampler.parameters, sampler.distance)
+        clock = _find_clock(sides, aligned, sampler)
         if clock is not None and (shift is None or clock.saving > shift.saving + MORE):
             found.append(_clock_warning(clock, aligned.truth.clock))
         elif shift is not None:
@@ -206,24 +207,22 @@ def find_shift(aligned: Alignment, parameters: Parameters, distance: Distance) -
     )
 
 
-def _saving(here: StepCosts, there: StepCosts) -> tuple[float, bool]:
-    """Share of the cost that goes away, and whether that is of common tracks alone."""
-    saved = saving(here, there)
-    return (saved, False) if saved else (saving_of_tracks(here, there), True)
-
-
 def _shift_of(
     aligned: Alignment, parameters: Parameters, distance: Distance, count: int
 ) -> Shift | None:
     """The same, of so many steps."""
     inside = len(aligned.truth.times) - 2
     steps = 1 + np.arange(count) * inside // count
-    truth = at_steps(aligned.truth, np.tile(steps, 3))
-    estimate = at_steps(aligned.estimate, np.concatenate((steps, steps + 1, steps - 1)))
-    costs = step_costs(truth, estimate, parameters, distance)
-    here = costs.part(0, count)
+    truth = StepRows.of(aligned.truth, steps)
+    estimate = StepRows.of(aligned.estimate, steps)
+    here = step_costs(truth, estimate, parameters, distance)
     for late in (True, False):
-        saved, of_tracks = _saving(here, costs.part(count if late else 2 * count, count))
+        moved = StepRows.of(aligned.estimate, steps + (1 if late else -1))
+        there = step_costs(truth, moved, parameters, distance)
+        saved = saving(here, there)
+        of_tracks = not saved
+        if of_tracks:
+            saved = saving_of_tracks(here, there, (estimate.track, moved.track))
         if saved:
             return Shift(late=late, saving=saved, steps=count, of_tracks=of_tracks)
     return None
@@ -267,13 +266,11 @@ def _clock_warning(clock: Clock, kind: str) -> Notice:
 def _find_clock(
     sides: tuple[Trajectories, Trajectories],
     aligned: Alignment,
-    parameters: Parameters,
-    distance: Distance,
+    sampler: Sampler,
 ) -> Clock | None:
     """Another unit of time, or another start of the clock, where that explains the cost."""
     truth, estimate = sides
-    step = median_step(truth.times)
-    if step is None or len(estimate.times) < 2:
+    if len(truth.times) < 2 or len(estimate.times) < 2:
         return None
     filled = np.flatnonzero(occupied(truth))
     for most, times in ((FIRST_STEPS, 4), (SAMPLE, 2)):  # what few steps rule out is not asked more
@@ -283,10 +280,12 @@ def _find_clock(
         own = np.searchsorted(aligned.truth.times, truth.times[steps])
         if own[-1] >= len(aligned.truth.times) or aligned.truth.step.shape != truth.step.shape:
             return None  # a grid that leaves out steps of the truth
-        chosen = at_steps(truth, steps)
-        here = step_costs(chosen, at_steps(aligned.estimate, own), parameters, distance)
+        here = sampler.costs(own, keep=True)
         if times * here.upper.sum() < here.unassigned.sum():
             return None
+    here = replace(here)  # what is kept is not changed
+    chosen = StepRows.of(truth, steps)
+    step = median_step(truth.times) or 0.0
     moments, theirs = map(_from_first, (truth.times, estimate.times))
     firsts = truth.times[0].item(), estimate.times[0].item()
     best: Clock | None = None
@@ -294,7 +293,8 @@ def _find_clock(
         at, is_there = _same_moments(moments[steps], theirs * clock.factor + clock.offset, step)
         if np.count_nonzero(is_there) < FEWEST_STEPS / 2:
             continue
-        there = step_costs(chosen, _moved(estimate, at, is_there), parameters, distance)
+        moved = StepRows.of(estimate, at).only(is_there)
+        there = step_costs(chosen, moved, sampler.parameters, sampler.distance)
         saved = saving(here, there)
         if saved > (best.saving if best else 0.0):
             best = replace(clock, saving=saved, steps=len(steps))
@@ -336,13 +336,6 @@ def _same_moments(wanted: Floats, theirs: Floats, step: float) -> tuple[Ints, ND
     after = np.searchsorted(theirs, wanted).clip(1, len(theirs) - 1)
     at = after - (wanted - theirs[after - 1] <= theirs[after] - wanted)
     return at, np.asarray(np.abs(theirs[at] - wanted) <= SAME * step)
-
-
-def _moved(estimate: Trajectories, at: Ints, is_there: NDArray[np.bool_]) -> Trajectories:
-    """The rows at these steps; none where there is no such moment."""
-    found = at_steps(estimate, at)
-    rows = np.flatnonzero(is_there[found.step])
-    return found.chosen(rows, found.step[rows], found.times)
 
 
 def _clock_text(clock: Clock, kind: str) -> str:

@@ -7,37 +7,29 @@ each truth and of each estimate bound G from above, a greedy choice from below. 
 computed only where these bounds leave an answer open.
 """
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
+from tgospa_eval.evaluation.diagnosis.pairing import (
+    in_both,
+    largest_gains,
+    only_some,
+    pair_off,
+    ranked,
+)
+from tgospa_eval.evaluation.diagnosis.points import near_points
+from tgospa_eval.evaluation.diagnosis.sample import FEWEST_STEPS, StepRows
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
-SAMPLE = 100
-"""Steps that are looked at."""
-
-FIRST_STEPS = 25
-"""Steps that are looked at first."""
-
-SAMPLE_ROWS = 20_000
-"""Rows of either side at these steps, at most."""
-
-SAMPLE_PAIRS = 200_000
-"""Pairs of these steps, near or not, as long as that leaves `FEWEST_STEPS` steps."""
-
 DENSE = 1_000_000
 """Pairs of a step, near or not, up to which an assignment is computed."""
-
-FEWEST_STEPS = 8
-"""Fewer steps give no warning of a shift."""
 
 PAIRED = 12
 """Fewer pairs give no warning of a shift for their sake."""
@@ -59,34 +51,30 @@ class StepCosts:
 
     Parameters
     ----------
-    steps : int
-        How many.
-    objects : pair of int arrays
+    counts : pair of (T,) int arrays
+        Truths and estimates at each step.
+    objects : pair of int32 arrays
         Step of each truth and of each estimate, in order.
-    track : int array
-        Track of each estimate.
-    rows : pair of (N,) int arrays
+    rows : pair of (N,) int32 arrays
         Truth and estimate of each near pair, in order.
     gain : (N,) float array
         What each pair saves, 1 - (d / c)^p.
     """
 
-    steps: int
+    counts: tuple[Ints, Ints]
     objects: tuple[Ints, Ints]
-    track: Ints
     rows: tuple[Ints, Ints]
     gain: Floats
+
+    @property
+    def steps(self) -> int:
+        """How many."""
+        return len(self.counts[0])
 
     @cached_property
     def step(self) -> Ints:
         """Of each pair."""
         return self.objects[0][self.rows[0]]
-
-    @cached_property
-    def counts(self) -> tuple[Ints, Ints]:
-        """Truths and estimates at each step (T,)."""
-        truths, estimates = (np.bincount(step, minlength=self.steps) for step in self.objects)
-        return truths, estimates
 
     @cached_property
     def unassigned(self) -> Floats:
@@ -96,62 +84,37 @@ class StepCosts:
     @cached_property
     def lower(self) -> Floats:
         """As if each truth, or each estimate, had its largest gain (T,)."""
-        sums = []
-        for step, rows in zip(self.objects, self.rows, strict=True):
-            best = np.zeros(len(step))
-            np.maximum.at(best, rows, self.gain)
-            sums.append(np.bincount(step, best, minlength=self.steps))
-        return np.asarray(self.unassigned - np.minimum(*sums))
+        most = largest_gains(self.objects, self.rows, self.gain, self.steps)
+        return np.asarray(self.unassigned - most)
 
     @cached_property
     def upper(self) -> Floats:
-        """Of the greedy choice (T,); most changes of the data are ruled out without it."""
-        gain = np.bincount(self.step[self.taken], self.gain[self.taken], minlength=self.steps)
-        return np.asarray(self.unassigned - gain)
+        """Of the greedy choice (T,)."""
+        return np.asarray(self.unassigned - self._greedy[0])
 
     @cached_property
     def taken(self) -> Ints:
-        """Disjoint pairs, always the largest that is left: round by round the best of both."""
-        left = np.argsort(-self.gain, kind="stable")  # of equal ones the first
-        taken = [left[:0]]
-        first = [np.empty(len(step), np.int64) for step in self.objects]
-        is_taken = [np.zeros(len(step), bool) for step in self.objects]
-        while len(left):
-            place = np.arange(len(left))
-            is_best = np.ones(len(left), bool)
-            of = [rows[left] for rows in self.rows]
-            for mine, rows in zip(first, of, strict=True):
-                mine[rows[::-1]] = place[::-1]  # what is written last stays
-                is_best &= mine[rows] == place
-            taken.append(left[is_best])
-            for flags, rows in zip(is_taken, of, strict=True):
-                flags[rows[is_best]] = True
-            left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
-        return np.concatenate(taken)
+        """Pairs of the greedy choice, in order."""
+        return np.flatnonzero(self._greedy[1])
 
-    def part(self, first: int, steps: int) -> "StepCosts":
-        """The same of some steps that follow each other."""
-        pairs, truths, estimates = (
-            slice(*np.searchsorted(step, [first, first + steps]).tolist())
-            for step in (self.step, *self.objects)
-        )
-        return StepCosts(
-            steps=steps,
-            objects=(self.objects[0][truths] - first, self.objects[1][estimates] - first),
-            track=self.track[estimates],
-            rows=(self.rows[0][pairs] - truths.start, self.rows[1][pairs] - estimates.start),
-            gain=self.gain[pairs],
-        )
+    @property
+    def ranked(self) -> Ints:
+        """The same in the order in which they are chosen."""
+        return ranked(self._greedy[1], self.gain)
+
+    @cached_property
+    def _greedy(self) -> tuple[Floats, Ints]:
+        return pair_off(self.objects, self.rows, self.gain, self.steps)
 
     def only(self, kept: NDArray[np.bool_]) -> "StepCosts":
         """Without the other estimates."""
-        near = kept[self.rows[1]]
+        step = self.objects[1][kept]
+        rows, gain = only_some(kept, self.rows, self.gain)
         return StepCosts(
-            steps=self.steps,
-            objects=(self.objects[0], self.objects[1][kept]),
-            track=self.track[kept],
-            rows=(self.rows[0][near], (np.cumsum(kept) - 1)[self.rows[1][near]]),
-            gain=self.gain[near],
+            counts=(self.counts[0], np.bincount(step, minlength=self.steps)),
+            objects=(self.objects[0], step),
+            rows=rows,
+            gain=gain,
         )
 
     def settle(self) -> None:
@@ -171,17 +134,51 @@ class StepCosts:
 
 
 def step_costs(
-    truth: Trajectories, estimate: Trajectories, parameters: Parameters, distance: Distance
+    truth: StepRows, estimate: StepRows, parameters: Parameters, distance: Distance
 ) -> StepCosts:
-    """Of two sides on the same steps, by a base distance of states without covariances."""
-    pairs = near_pairs(truth, estimate, parameters.cutoff, distance)
+    """Of as many steps of two sides, by a base distance of states without covariances."""
+    cutoff = parameters.cutoff
+    pairs = near_points(
+        (truth.side, estimate.side), (truth.bounds, estimate.bounds), cutoff, distance
+    ) or near_pairs(truth.table, estimate.table, cutoff, distance)
     return StepCosts(
-        steps=len(truth.times),
+        counts=(truth.counts, estimate.counts),
         objects=(truth.step, estimate.step),
-        track=estimate.track,
         rows=(pairs.truth_row, pairs.estimate_row),
-        gain=1 - (pairs.distance / parameters.cutoff) ** parameters.order,
+        gain=1 - (pairs.distance / cutoff) ** parameters.order,
     )
+
+
+class Sampler:
+    """What two sides cost at steps that are asked for.
+
+    Parameters
+    ----------
+    sides : pair of Trajectories
+        Truth and estimate on one grid.
+    parameters : Parameters
+        Cutoff and order.
+    distance : Distance
+        Base distance of states without covariances.
+    """
+
+    def __init__(
+        self, sides: tuple[Trajectories, Trajectories], parameters: Parameters, distance: Distance
+    ) -> None:
+        self.sides, self.parameters, self.distance = sides, parameters, distance
+        self._last: tuple[bytes, StepCosts] | None = None
+
+    def costs(self, steps: Ints, *, keep: bool = False) -> StepCosts:
+        """At these steps; what is kept is for who asks for the same steps next, and not changed."""
+        key, last = steps.tobytes(), self._last
+        self._last = None
+        if last is not None and last[0] == key:
+            return last[1]
+        truth, estimate = (StepRows.of(side, steps) for side in self.sides)
+        found = step_costs(truth, estimate, self.parameters, self.distance)
+        if keep:
+            self._last = key, found
+        return found
 
 
 def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> float:
@@ -202,17 +199,17 @@ def saving(here: StepCosts, there: StepCosts, fewest: int = FEWEST_STEPS) -> flo
     return saved if saved >= 0.5 and cheaper >= max(CHEAPER * busy, fewest / 2) else 0.0
 
 
-def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
+def saving_of_tracks(here: StepCosts, there: StepCosts, tracks: tuple[Ints, Ints]) -> float:
     """The same where most of the cost is of what is missed or false either way, and left out.
 
     Only tracks that are there at both moments are compared, whichever were missed at one of them:
-    both are of one table, whose tracks have the same numbers.
+    `tracks` are those of the estimates here and there.
     What they cost, in units of c^p, is how many more pairs there are here or there than the gain: a
     pair that is near either here or there only, costs one where it is not. Half of the pairs that
     there could be must be near there: of another recording, fewer are.
     """
-    mine, others = (side.objects[1] * np.int64(2**32) + side.track for side in (here, there))
-    here, there = here.only(_are_among(mine, others)), there.only(_are_among(others, mine))
+    mine, others = in_both((here.objects[1], tracks[0]), (there.objects[1], tracks[1]))
+    here, there = here.only(mine), there.only(others)
     highest = float((there.unassigned - there.lower).sum())
     if 2 * highest <= len(here.taken) + float((here.unassigned - here.upper).sum()):
         return 0.0
@@ -224,9 +221,9 @@ def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     there.settle()
     costs = [pairs - (side.unassigned - side.upper) for side in (here, there)]
     total, left = (float(cost.sum()) for cost in costs)
-    tracks = np.unique(there.track[there.rows[1][there.taken]])
+    agreeing = np.unique(tracks[1][others][there.rows[1][there.taken]])
     if (
-        len(tracks) < FEWEST_TRACKS
+        len(agreeing) < FEWEST_TRACKS
         or pairs.sum() < PAIRED
         or total < NOTABLE_COST * pairs.sum()
         or 2 * left > total
@@ -237,48 +234,9 @@ def saving_of_tracks(here: StepCosts, there: StepCosts) -> float:
     return 1 - max(left, 0.0) / total if cheaper >= max(CHEAPER * busy, FEWEST_STEPS) else 0.0
 
 
-def _are_among(numbers: Ints, others: Ints) -> NDArray[np.bool_]:
-    """Which of some numbers are among others, which are sorted."""
-    after = np.searchsorted(others, numbers, side="right")
-    return np.asarray(after > np.searchsorted(others, numbers))
-
-
 def falls(share: float, steps: int) -> str:
     """How far the cost falls by a change; not by all of it, which no bounds prove."""
     return (
         f"the per-step GOSPA cost of {counted(steps, 'step')} falls by "
         f"{min(100 * share, 99):.0f} % or more"
     )
-
-
-def affordable(sides: tuple[Trajectories, Trajectories]) -> int:
-    """How many steps may be looked at."""
-    objects = [len(side.step) / max(len(side.times), 1) for side in sides]
-    by_pairs = max(FEWEST_STEPS, int(SAMPLE_PAIRS / max(objects[0] * objects[1], 1)))
-    return min(SAMPLE, by_pairs, int(SAMPLE_ROWS / max(*objects, 1)))
-
-
-def evenly(steps: Ints, sides: tuple[Trajectories, Trajectories], most: int = SAMPLE) -> Ints:
-    """As many of the steps as may be looked at, evenly spread."""
-    count = max(1, min(len(steps), affordable(sides), most))
-    return steps[np.arange(count) * len(steps) // count] if len(steps) else steps
-
-
-def at_steps(side: Trajectories, steps: Ints) -> Trajectories:
-    """The rows at these steps as points; the steps are then 0, 1, 2, ..."""
-    steps = steps.astype(side.step.dtype)  # else all of the others are converted
-    begin = np.searchsorted(side.step, steps)
-    count = np.searchsorted(side.step, steps + 1) - begin
-    order = np.arange(len(steps))
-    return side.seen_as(()).chosen(concatenated(begin, count), np.repeat(order, count), order)
-
-
-def with_state(side: Trajectories, state: Floats) -> Trajectories:
-    """With other states; what is beyond the largest double is there."""
-    most = np.finfo(np.float64).max
-    return replace(side, state=np.clip(state, -most, most))
-
-
-def occupied(side: Trajectories) -> NDArray[np.bool_]:
-    """Steps at which it has rows (T,)."""
-    return np.bincount(side.step, minlength=len(side.times)) > 0

@@ -7,7 +7,8 @@ import numpy as np
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
-from tgospa_eval.evaluation.diagnosis.costs import StepCosts, step_costs, with_state
+from tgospa_eval.evaluation.diagnosis.costs import StepCosts, step_costs
+from tgospa_eval.evaluation.diagnosis.sample import StepRows, with_state
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -42,7 +43,7 @@ def few_are_near(here: StepCosts) -> bool:
 
 def nearness_warnings(
     here: StepCosts,
-    sides: tuple[Trajectories, Trajectories],
+    sides: tuple[StepRows, StepRows],
     parameters: Parameters,
     distance: Distance,
 ) -> list[Notice]:
@@ -52,20 +53,20 @@ def nearness_warnings(
     ----------
     here : StepCosts
         Of the two sides.
-    sides : pair of Trajectories
+    sides : pair of StepRows
         Truth and estimate at some steps.
     parameters : Parameters
         Cutoff and order.
     distance : Distance
         Base distance of states without covariances.
     """
-    rows = len(sides[0].step)
-    near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))
     within = f"within c = {parameters.cutoff:g}"
     steps = counted(here.steps, "step")
-    if not near:
+    if not len(here.gain):
         text = f"no truth has an estimate {within} at {steps}: all are missed, all estimates false"
     elif few_are_near(here) and _is_chance(here, sides, parameters, distance):
+        rows = len(here.objects[0])
+        near = np.count_nonzero(np.bincount(here.rows[0], minlength=rows))
         text = (
             f"only {100 * near / rows:.2g} % of the truths have an estimate {within} at {steps}, "
             "hardly more or nearer than by chance"
@@ -84,7 +85,7 @@ def nearness_warnings(
 
 def _is_chance(
     here: StepCosts,
-    sides: tuple[Trajectories, Trajectories],
+    sides: tuple[StepRows, StepRows],
     parameters: Parameters,
     distance: Distance,
 ) -> bool:
@@ -95,17 +96,19 @@ def _is_chance(
     what is displaced across it is near nothing. Exchanged steps would not do, for what is at rest
     is where it was at any other step.
     """
-    truth, estimate = sides
     most = _most(here)
     if most < ENOUGH:
         return False
     saved = _saved(here) - LITTLE * most
-    for line in _lines(sides, parameters.cutoff, distance):
-        by_chance = [
-            _saved(step_costs(truth, _displaced(estimate, way * move * line), parameters, distance))
+    truth, estimate = (side.table for side in sides)
+    still = StepRows.of(truth)
+    for line in _lines((truth, estimate), parameters.cutoff, distance):
+        moved = (
+            StepRows.of(_displaced(estimate, way * move * line))
             for move in MOVES
             for way in (1, -1)
-        ]
+        )
+        by_chance = [_saved(step_costs(still, side, parameters, distance)) for side in moved]
         if saved <= HARDLY * sum(by_chance) / len(by_chance):
             return True
     return False

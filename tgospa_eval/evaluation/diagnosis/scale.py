@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.distances import Distance
-from tgospa_eval.distances.gating import median_nearest
+from tgospa_eval.evaluation.diagnosis.points import median_nearest
 from tgospa_eval.formats.columns.headers import METRES
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment

@@ -6,31 +6,33 @@ would at least halve the per-step GOSPA cost.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cached_property
 from itertools import combinations, permutations, product
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling, as_option
-from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis.costs import (
     FEWEST_TRACKS,
-    FIRST_STEPS,
     NOTABLE_COST,
-    SAMPLE,
+    Sampler,
     StepCosts,
-    at_steps,
-    evenly,
     falls,
-    occupied,
     saving,
     step_costs,
-    with_state,
 )
 from tgospa_eval.evaluation.diagnosis.nearness import few_are_near, nearness_warnings
+from tgospa_eval.evaluation.diagnosis.sample import (
+    FIRST_STEPS,
+    SAMPLE,
+    StepRows,
+    evenly,
+    occupied,
+    with_state,
+)
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 FACTORS = {
@@ -89,32 +91,36 @@ class _Sample:
 
     Parameters
     ----------
-    aligned : pair of Trajectories
-        On the same steps.
-    parameters : Parameters
-        Cutoff and order.
-    distance : Distance
-        Base distance of states without covariances.
+    sampler : Sampler
+        Of both sides.
+    most : int
+        Steps.
     """
 
-    def __init__(
-        self,
-        aligned: tuple[Trajectories, Trajectories],
-        parameters: Parameters,
-        distance: Distance,
-        most: int = SAMPLE,
-    ) -> None:
-        common = np.flatnonzero(occupied(aligned[0]) & occupied(aligned[1]))
-        self.steps = evenly(common, aligned, most)
-        self.sides = at_steps(aligned[0], self.steps), at_steps(aligned[1], self.steps)
-        self.truth, self.estimate = self.sides
-        self.parameters, self.distance = parameters, distance
-        self.columns = self.truth.columns
-        self.here = self.costs(self.estimate)
+    def __init__(self, sampler: Sampler, most: int = SAMPLE) -> None:
+        truth, estimate = sampler.sides
+        common = np.flatnonzero(occupied(truth) & occupied(estimate))
+        self.steps = evenly(common, sampler.sides, most)
+        self.parameters, self.distance = sampler.parameters, sampler.distance
+        self.columns = truth.columns
+        self.rows = StepRows.of(truth, self.steps), StepRows.of(estimate, self.steps)
+        self.here = sampler.costs(self.steps)
+
+    @cached_property
+    def truth(self) -> Trajectories:
+        """At these steps, as points."""
+        return self.rows[0].table
+
+    @cached_property
+    def estimate(self) -> Trajectories:
+        """The same."""
+        return self.rows[1].table
 
     def costs(self, estimate: Trajectories) -> StepCosts:
         """With another estimate."""
-        return step_costs(self.truth, estimate, self.parameters, self.distance)
+        return step_costs(
+            StepRows.of(self.truth), StepRows.of(estimate), self.parameters, self.distance
+        )
 
     @property
     def is_bad(self) -> bool:
@@ -135,26 +141,17 @@ class _Sample:
         return saved
 
 
-def state_warnings(
-    aligned: tuple[Trajectories, Trajectories],
-    parameters: Parameters,
-    distance: Distance,
-    spell: Spelling,
-) -> list[Notice]:
+def state_warnings(sampler: Sampler, spell: Spelling) -> list[Notice]:
     """What looks wrong with units, axes and origin of the two sides; at most one warning.
 
     Parameters
     ----------
-    aligned : pair of Trajectories
+    sampler : Sampler
         Truth and estimate on the same steps.
-    parameters : Parameters
-        Cutoff and order.
-    distance : Distance
-        Base distance of states without covariances.
     spell : callable
         How settings are written in remedies.
     """
-    sample = _Sample(aligned, parameters, distance, FIRST_STEPS)
+    sample = _Sample(sampler, FIRST_STEPS)
     if (
         not len(sample.steps)
         or sample.here.upper.sum() < NOTABLE_COST * sample.here.unassigned.sum()
@@ -164,7 +161,7 @@ def state_warnings(
     found = found or _best(sample, _displaced(sample), FITTED)
     suspicious = found is not None or few_are_near(sample.here)
     if suspicious and len(sample.steps) >= FIRST_STEPS:  # what few steps suggest, more must confirm
-        sample = _Sample(aligned, parameters, distance)
+        sample = _Sample(sampler)
         saved = sample.saving(found[1]) if found else 0.0
         found = (saved, found[1]) if found and saved else None
     if found is not None:
@@ -176,7 +173,7 @@ def state_warnings(
                 remedy=change.remedy(spell),
             )
         ]
-    return nearness_warnings(sample.here, sample.sides, parameters, distance)
+    return nearness_warnings(sample.here, sample.rows, sample.parameters, sample.distance)
 
 
 def _best(
@@ -286,6 +283,9 @@ def _displaced(sample: _Sample) -> Iterator[_Change]:
     """Another origin, also of axes that are negated or exchanged."""
     columns = sample.columns
     size = len(columns)
+    mean = None if sample.is_bad else _mean_difference(sample)
+    if mean is None and not sample.is_bad:
+        return
     axes = sample.distance.axes(sample.estimate, slice(None))
     reach = sample.distance.reach(sample.parameters.cutoff, axes)
     if reach.shape[0] != size or reach.shape[1] != 1 or columns == BOX:
@@ -293,10 +293,8 @@ def _displaced(sample: _Sample) -> Iterator[_Change]:
     if sample.distance.settings(columns).get("periodic"):
         return
     same = tuple(range(size))
-    if not sample.is_bad:
-        offset = _mean_difference(sample)
-        if offset is not None:
-            yield _moved(columns, offset)
+    if mean is not None:
+        yield _moved(columns, mean)
         return
     radius = reach[:, 0]
     for order, signs in ((same, np.ones(size)), *_turns(columns)):
@@ -337,12 +335,15 @@ def _moved(columns: tuple[str, ...], offset: Floats) -> _Change:
 def _mean_difference(sample: _Sample) -> Floats | None:
     """What pairs that are near have in common, if it is most of their distance."""
     here = sample.here
-    truth_row, estimate_row = (rows[here.taken] for rows in here.rows)
-    if len(truth_row) < FITTED:
+    if len(here.taken) < FITTED:
         return None
-    if np.count_nonzero(np.bincount(sample.truth.track[truth_row])) < FEWEST_TRACKS:
+    truth, estimate = (
+        (side.side, side.row[rows[here.ranked]])
+        for side, rows in zip(sample.rows, here.rows, strict=True)
+    )
+    if np.count_nonzero(np.bincount(truth[0].track[truth[1]])) < FEWEST_TRACKS:
         return None
-    apart = sample.truth.state[truth_row] - sample.estimate.state[estimate_row]
+    apart = truth[0].state[truth[1]] - estimate[0].state[estimate[1]]
     mean = apart.mean(axis=0)
     if 2 * np.square(apart - mean).sum() > np.square(apart).sum():
         return None

@@ -1,0 +1,97 @@
+"""Disjoint pairs of truths and estimates at some steps: compiled loops, and the same in NumPy."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.tracks.trajectories import Ints
+
+Objects = tuple[Ints, Ints]
+"""Step of each truth and of each estimate, in order, int32."""
+
+Rows = tuple[Ints, Ints]
+"""Truth and estimate of each pair (N,), in order, int32."""
+
+Flags = NDArray[np.bool_]
+
+
+def largest_gains(objects: Objects, rows: Rows, gain: Floats, steps: int) -> Floats:
+    """As if each truth, or each estimate, had its largest gain: the less of both (T,)."""
+    if kernels is not None:
+        found: Floats = kernels.largest_gains(*objects, *rows, gain, steps)
+        return found
+    sums = []
+    for step, numbers in zip(objects, rows, strict=True):
+        best = np.zeros(len(step))
+        np.maximum.at(best, numbers, gain)
+        sums.append(np.bincount(step, best, minlength=steps))
+    return np.minimum(*sums)
+
+
+def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Floats, Ints]:
+    """Disjoint pairs, always the largest that is left: round by round the best of both.
+
+    Of equal ones it is the first.
+
+    Returns
+    -------
+    gain : (T,) float array
+        That of the pairs which are chosen.
+    turn : (N,) int32 array
+        Round in which each pair is chosen, from 1 on; 0 of others.
+    """
+    if kernels is not None:
+        found: tuple[Floats, Ints]
+        found = kernels.pair_off(objects[0], len(objects[1]), *rows, gain, steps)
+        return found
+    left = np.argsort(-gain, kind="stable")
+    turn = np.zeros(len(left), np.int32)
+    first = [np.empty(len(step), np.int64) for step in objects]
+    is_taken = [np.zeros(len(step), bool) for step in objects]
+    while len(left):
+        place = np.arange(len(left))
+        is_best = np.ones(len(left), bool)
+        of = [numbers[left] for numbers in rows]
+        for mine, numbers in zip(first, of, strict=True):
+            mine[numbers[::-1]] = place[::-1]  # what is written last stays
+            is_best &= mine[numbers] == place
+        turn[left[is_best]] = turn.max() + 1
+        for flags, numbers in zip(is_taken, of, strict=True):
+            flags[numbers[is_best]] = True
+        left = left[~(is_taken[0][of[0]] | is_taken[1][of[1]])]
+    taken = ranked(turn, gain)
+    step = objects[0][rows[0][taken]]
+    total = np.bincount(step, gain[taken], minlength=steps)  # integers where there is none
+    return np.asarray(total, np.float64), turn
+
+
+def ranked(turn: Ints, gain: Floats) -> Ints:
+    """The pairs that are chosen, round by round, and in each by falling gain."""
+    taken = np.flatnonzero(turn)
+    return taken[np.lexsort((-gain[taken], turn[taken]))]
+
+
+def only_some(kept: Flags, rows: Rows, gain: Floats) -> tuple[Rows, Floats]:
+    """The pairs of some estimates, which are counted anew, and their gains."""
+    if kernels is not None:
+        *found, left = kernels.only_some(kept.view(np.uint8), *rows, gain)
+        return (found[0], found[1]), left
+    near = kept[rows[1]]
+    number = np.cumsum(kept, dtype=np.int32) - np.int32(1)
+    return (rows[0][near], number[rows[1][near]]), gain[near]
+
+
+def in_both(first: tuple[Ints, Ints], second: tuple[Ints, Ints]) -> tuple[Flags, Flags]:
+    """Which (step, track) of two lists in order the other one has."""
+    if kernels is not None and first[1].dtype == second[1].dtype == np.int32:
+        found: tuple[Flags, Flags] = kernels.in_both(*first, *second)
+        return found
+    mine, others = (step * np.int64(2**32) + track for step, track in (first, second))
+    return _are_among(mine, others), _are_among(others, mine)
+
+
+def _are_among(numbers: Ints, others: Ints) -> Flags:
+    """Which of some numbers are among others, which are sorted."""
+    after = np.searchsorted(others, numbers, side="right")
+    return np.asarray(after > np.searchsorted(others, numbers))
