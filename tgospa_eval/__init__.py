@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.evaluate import evaluate
     from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.formats import read_trajectories
+    from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.results.result import Result
     from tgospa_eval.results.sweep import Sweep
     from tgospa_eval.solvers.certified import Certified
@@ -29,6 +30,7 @@ _HOME = {
     "Certified": "solvers.certified",
     "ConfigError": "errors",
     "Exact": "solvers.exact",
+    "Explanation": "results.explanation",
     "InputError": "errors",
     "Result": "results.result",
     "Sinkhorn": "solvers.sinkhorn",
@@ -46,6 +48,7 @@ __all__ = [
     "Certified",
     "ConfigError",
     "Exact",
+    "Explanation",
     "InputError",
     "Result",
     "Sinkhorn",

@@ -7,6 +7,7 @@ import click
 VERBS = {
     "evaluate": ("evaluate.command", "Evaluate an estimate; the verb if none is given."),
     "inspect": ("inspect.command", "Show what is in the files, and what looks wrong."),
+    "explain": ("explain.command", "Show which single repairs would save most, proven."),
     "gate": ("gate.command", "Fail a CI job if the estimate got worse."),
     "compare": ("compare.command", "Rank several estimates, or compare solvers."),
     "batch": ("batch.command", "Evaluate a whole benchmark or study."),

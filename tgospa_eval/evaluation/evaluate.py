@@ -17,7 +17,7 @@ from tgospa_eval.distances.base import Sides
 from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
-from tgospa_eval.evaluation.prepare import Fitted, Prepared, fit, prepare
+from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
@@ -201,7 +201,7 @@ def evaluate_fitted(
         found = other_metrics(prepared, request.with_, effort)
         others, sums = joined([found]), found.sums()
     result = solve(prepared, request.solver, stopwatch, curve=request.curve)
-    return replace(result, with_=others, sums=sums)
+    return replace(result, with_=others, sums=sums, source=Source(sides=sides, request=request))
 
 
 def solve(

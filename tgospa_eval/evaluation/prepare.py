@@ -47,6 +47,22 @@ class Fitted:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Source:
+    """What was evaluated, and how: enough to evaluate something like it.
+
+    Parameters
+    ----------
+    sides : Fitted
+        Truth and estimate.
+    request : EvaluationRequest
+        Everything else.
+    """
+
+    sides: Fitted
+    request: EvaluationRequest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
     """Two sides that are compared: what problems with other parameters have in common.
 

@@ -96,6 +96,10 @@ class Numbers(ABC):
         digits: Floats = np.abs(np.log(np.maximum(cost, 1e-300)))
         return 2.0**-52 * digits / self.proof.parameters.order
 
+    def outward_root(self, cost: float, sign: int) -> float:
+        """The metric of a cost in units of c^p, rounded down (-1) or up (1)."""
+        return outward(self._root(cost), sign, float(self._root_error(cost)))
+
     @property
     def total_bounds(self) -> tuple[float, float]:
         """Proven bounds of the cost, rounded outward."""
@@ -115,14 +119,12 @@ class Numbers(ABC):
     @property
     def lower_bound(self) -> float:
         """Proven lower bound of the metric, rounded down."""
-        lower = self.proof.bounds.lower
-        return outward(self._root(lower), -1, float(self._root_error(lower)))
+        return self.outward_root(self.proof.bounds.lower, -1)
 
     @property
     def upper_bound(self) -> float:
         """Proven upper bound of the metric, rounded up."""
-        upper = self.proof.bounds.upper
-        return outward(self._root(upper), 1, float(self._root_error(upper)))
+        return self.outward_root(self.proof.bounds.upper, 1)
 
     @property
     def relative_gap(self) -> float:

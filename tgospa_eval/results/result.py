@@ -18,6 +18,8 @@ from tgospa_eval.results.summary import Summary
 if TYPE_CHECKING:
     import os
 
+    from tgospa_eval.results.explanation import Explanation
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
@@ -116,10 +118,38 @@ class Result(Summary):
         Times and ids, the gap that counts as exact, options, and how it was made.
     scene : Scene, optional
         The states, for pictures; not part of the JSON.
+    source : object, optional
+        What was evaluated and how, as `evaluation.prepare.Source`, for `explain`.
     """
 
     proof: Proof
     scene: Scene | None = None
+    source: object | None = None
+
+    def explain(self, top: int = 10) -> "Explanation":
+        """Which single repairs of the estimate would save most, each with proven bounds.
+
+        Tracks are merged, exchanged, split, dropped, cut, filled and extended, and the whole
+        estimate is moved in time and space, one change at a time. What each saves is found by
+        solving again what it touches. Savings do not add up.
+
+        Parameters
+        ----------
+        top : int
+            How many repairs to list at most; up to twice as many are solved again.
+
+        Returns
+        -------
+        Explanation
+            Repairs, the best first; `Explanation.repaired` makes the repaired estimate.
+
+        Raises
+        ------
+        ConfigError
+            `top` is less than 1, or the result was not made by `evaluate`.
+        """
+        explained: Explanation = import_module("tgospa_eval.explain.explain").explain(self, top)
+        return explained
 
     @property
     def sizes(self) -> dict[str, int]:

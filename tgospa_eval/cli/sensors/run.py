@@ -1,6 +1,5 @@
 """From the options of associate and reduce to files and stdout."""
 
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Reduction
@@ -53,7 +53,7 @@ def associate_files(
     taken = list(paths)
     for option, path in files.items():
         check_file(path, force=output.force, option=option)
-        _check_apart(path, taken, option)
+        check_apart(path, taken, option)
         taken.append(path)
     settings = make_settings(options, output)
 
@@ -119,7 +119,7 @@ def reduce_file(
         An option or the file is wrong, it has no clouds, or the output exists, without ``--force``.
     """
     check_file(target, force=output.force, option="OUT")
-    _check_apart(target, [source], "OUT")
+    check_apart(target, [source], "OUT")
     suffix = Path(target).suffix.casefold()
     if suffix not in TABLES:
         raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
@@ -162,19 +162,6 @@ def reduce_file(
         "csv": lambda: csv_text(table),
     }
     emit(texts[output.format_](), output.format_)
-
-
-def _check_apart(path: str, others: list[str], option: str) -> None:
-    """Whether what is written would replace what is read, or is written as well.
-
-    Raises
-    ------
-    ConfigError
-        `path` is the same file as one of `others`.
-    """
-    for other in others:
-        if os.path.realpath(path) == os.path.realpath(other):
-            raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")
 
 
 def _read(

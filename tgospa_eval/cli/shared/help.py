@@ -32,6 +32,7 @@ NEEDED = {"Gaussians": "gaussian-wasserstein", "Particles": "cloud-wasserstein"}
 
 VERB_WORDS = {
     "evaluate": "eval score metric measure compute calculate run plot draw report sweep curve",
+    "explain": "why repair repairs fix improve cause causes reason",
     "gate": "check test baseline regression assert ci",
     "inspect": "info show view look head describe summary summarise validate lint stats",
     "compare": "rank ranking diff versus vs bench benchmark study",

@@ -1,5 +1,6 @@
 """The folder of ``-o``: made in a thread, written at once, announced."""
 
+import os
 from collections.abc import Callable, Mapping
 
 from tgospa_eval.cli.shared.interrupts import heard, undisturbed
@@ -7,6 +8,7 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.folders import Kind, write_texts
 
 Files = Mapping[str, str | bytes]
@@ -59,3 +61,16 @@ def _made(
         return run(lambda: make(notify), stopwatch, show=not output.quiet)
     except KeyboardInterrupt:  # what is known is printed all the same
         return None
+
+
+def check_apart(path: str, others: list[str], option: str) -> None:
+    """Whether what is written would replace what is read, or is written as well.
+
+    Raises
+    ------
+    ConfigError
+        `path` is the same file as one of `others`.
+    """
+    for other in others:
+        if os.path.realpath(path) == os.path.realpath(other):
+            raise ConfigError(f"{option} {path}: is read or written otherwise; name another file")

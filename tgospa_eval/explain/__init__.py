@@ -1,0 +1,1 @@
+"""Which single repairs of an estimate would save most of the total, proven."""

@@ -1,0 +1,188 @@
+"""What a repair does to the rows of an estimate. Knows no metric."""
+
+from collections.abc import Mapping
+from dataclasses import field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
+
+NANOSECONDS = "datetime64[ns]"
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The rows of a track from one step to another, inclusive, as rows of track `to`."""
+
+    begin: int
+    end: int
+    to: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """Rows to add.
+
+    Parameters
+    ----------
+    step, track : (N,) int arrays
+        Where; of one track in the order of time.
+    state : (N, d) float array
+        States.
+    covariance : (N, d (d + 1) / 2) float array, optional
+        Lower triangles, where the other rows have them.
+    """
+
+    step: Ints
+    track: Ints
+    state: Floats
+    covariance: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edit:
+    """What changes; steps and tracks are those of the estimate on the grid.
+
+    Parameters
+    ----------
+    pieces : mapping of int to sequence of Piece
+        Of each track that changes what becomes of its rows; those in no piece are dropped.
+    fresh : tuple of str
+        Ids of tracks that there were not; they are numbered after the others.
+    added : Rows, optional
+        Rows to add.
+    shift : int
+        Steps by which every row is moved.
+    offset : (d,) float array, optional
+        What is taken from every state.
+    """
+
+    pieces: Mapping[int, tuple[Piece, ...]] = field(default_factory=dict)
+    fresh: tuple[str, ...] = ()
+    added: Rows | None = None
+    shift: int = 0
+    offset: Floats | None = None
+
+    @property
+    def local(self) -> bool:
+        """Whether it leaves most tracks as they are."""
+        return not self.shift and self.offset is None
+
+    def tracks(self, track: Ints, step: Ints) -> Ints:
+        """The tracks of rows afterwards, -1 for those that are dropped."""
+        found = track.astype(np.int64)
+        for own, pieces in self.pieces.items():
+            rows = np.flatnonzero(track == own)
+            at, became = step[rows], np.full(len(rows), -1)
+            for piece in pieces:
+                became[(piece.begin <= at) & (at <= piece.end)] = piece.to
+            found[rows] = became
+        return found
+
+
+def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
+    """The estimate after an edit: rows and stamps of the grid, but for stamps without rows."""
+    track = edit.tracks(estimate.track, estimate.step)
+    kept = np.flatnonzero(track >= 0)
+    track, step = track[kept], estimate.step[kept].astype(np.int64)
+    state = estimate.state[kept]
+    covariance = None if estimate.covariance is None else estimate.covariance[kept]
+    added = edit.added
+    if added is not None:
+        track = np.concatenate((track, added.track))
+        step = np.concatenate((step, added.step))
+        state = np.concatenate((state, added.state))
+        if covariance is not None and added.covariance is not None:
+            covariance = np.concatenate((covariance, added.covariance))
+    order = np.lexsort((track, step))
+    clouds = estimate.clouds  # of which no row is ever added
+    if edit.offset is not None:
+        state = state - edit.offset
+        if clouds is not None:
+            clouds = clouds.moved(clouds.points - edit.offset)
+            state = clouds.means
+    times, labels = _moved_on(estimate, edit.shift)
+    # A shift to the past puts stamps before the others, and those keep their numbers.
+    step = step[order] + max(edit.shift, 0)
+    had = np.bincount(estimate.step + max(-edit.shift, 0), minlength=len(times))
+    gone = (np.bincount(step, minlength=len(times)) == 0) & (had > 0)
+    step, times = (np.cumsum(~gone) - 1)[step], times[~gone]
+    return Trajectories(
+        step=step,
+        track=track[order],
+        state=state[order],
+        ids=np.array([*estimate.ids.tolist(), *edit.fresh], dtype=object),
+        times=times,
+        columns=estimate.columns,
+        clock=estimate.clock,
+        labels=None if labels is None else labels[~gone],
+        covariance=None if covariance is None else covariance[order],
+        clouds=None if clouds is None else clouds.chosen(kept[order]),
+    )
+
+
+def _moved_on(estimate: Trajectories, shift: int) -> tuple[TimeArray, NDArray[np.object_] | None]:
+    """The stamps that a shift needs, and as they are written: they go on by the median step."""
+    times, labels = estimate.times, estimate.labels
+    if not shift:
+        return times, labels
+    more = np.arange(1, abs(shift) + 1) * median_step(times)
+    fresh = (times[-1] + more if shift > 0 else times[0] - more[::-1]).astype(times.dtype)
+    if labels is not None:
+        texts = written(fresh, zoned=estimate.clock == "zoned")
+        labels = np.concatenate((labels, texts) if shift > 0 else (texts, labels))
+    return np.concatenate((times, fresh) if shift > 0 else (fresh, times)), labels
+
+
+def median_step(times: TimeArray) -> int | float:
+    """The median distance of neighbouring stamps, of the kind of the stamps; 1 of a single one."""
+    apart = np.sort(np.diff(times))
+    return apart[len(apart) // 2].item() if len(apart) else 1
+
+
+def written(times: TimeArray, *, zoned: bool) -> NDArray[np.object_]:
+    """Nanoseconds since 1970 as ISO-8601 times, without trailing zeros."""
+    texts = []
+    for text in times.astype(NANOSECONDS).astype(str).tolist():
+        second, _, part = text.partition(".")
+        part = part.rstrip("0")
+        texts.append(second + (f".{part}" if part else "") + ("Z" if zoned else ""))
+    return np.array(texts, dtype=object)
+
+
+def drop(track: int) -> Edit:
+    """Without a track."""
+    return Edit(pieces={track: ()})
+
+
+def cut(track: int, first: int, last: int) -> Edit:
+    """A track from one step to another alone."""
+    return Edit(pieces={track: (Piece(first, last, track),)})
+
+
+def split(track: int, step: int, steps: int, tracks: int, name: str) -> Edit:
+    """What a track has from a step on as a track of its own, with a new name."""
+    pieces = (Piece(0, step - 1, track), Piece(step, steps - 1, tracks))
+    return Edit(pieces={track: pieces}, fresh=(name,))
+
+
+def exchange(first: int, second: int, step: int, steps: int) -> Edit:
+    """The tracks of two names exchanged from a step on."""
+    return Edit(
+        pieces={
+            a: (Piece(0, step - 1, a), Piece(step, steps - 1, b))
+            for a, b in ((first, second), (second, first))
+        }
+    )
+
+
+def merge(track: int, into: int, steps: int) -> Edit:
+    """All rows of a track as rows of another one that has none at the same steps."""
+    return Edit(pieces={k: (Piece(0, steps - 1, into),) for k in (track, into)})
+
+
+def add(rows: Rows) -> Edit:
+    """Rows more."""
+    return Edit(added=rows)
