@@ -26,6 +26,30 @@ cdef double NOTHING = -1e300
 cdef double NEVER = 1e300
 
 
+# --- sums in NumPy's order ---------------------------------------------------------------------
+
+
+cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
+    """Sum by halves, down to eight sums side by side, as NumPy's: its rounding hardly grows."""
+    cdef double part[8]
+    cdef double total = 0.0
+    cdef Py_ssize_t i, half, whole = size - size % 8
+    if size > 128:
+        half = size // 2
+        half -= half % 8
+        return pairwise(value, half) + pairwise(value + half, size - half)
+    if whole:
+        for i in range(8):
+            part[i] = value[i]
+        for i in range(8, whole):
+            part[i % 8] += value[i]
+        total = (((part[0] + part[1]) + (part[2] + part[3]))
+                 + ((part[4] + part[5]) + (part[6] + part[7])))
+    for i in range(whole, size):
+        total += value[i]
+    return total
+
+
 # --- merging of runs: the twins are in problem.merging and problem.slots -------------------------
 
 
@@ -960,27 +984,6 @@ def row_sums(Layout layout, const double[::1] value):
     return found
 
 
-cdef double pairwise(const double* value, Py_ssize_t size) noexcept nogil:
-    """Sum by halves, down to eight sums side by side, as NumPy's: its rounding hardly grows."""
-    cdef double part[8]
-    cdef double total = 0.0
-    cdef Py_ssize_t i, half, whole = size - size % 8
-    if size > 128:
-        half = size // 2
-        half -= half % 8
-        return pairwise(value, half) + pairwise(value + half, size - half)
-    if whole:
-        for i in range(8):
-            part[i] = value[i]
-        for i in range(8, whole):
-            part[i % 8] += value[i]
-        total = (((part[0] + part[1]) + (part[2] + part[3]))
-                 + ((part[4] + part[5]) + (part[6] + part[7])))
-    for i in range(whole, size):
-        total += value[i]
-    return total
-
-
 def paid(Layout layout, const double[::1] price):
     """Sum of the prices of the columns of each block, (B,); of a column as `sum_parts`."""
     cdef Py_ssize_t r, K = price.shape[0], low, high
@@ -1052,9 +1055,9 @@ def take_weights(Layout layout, const double[::1] found, double[::1] primal,
                 primal[b] = found[b]
 
 
-# --- the certificate: the twins are in problem.paths, with the same bits -------------------------
+# --- the certificate: the twins are in problem.paths and problem.certificate, with the same bits --
 #
-# Nothing above or below is called, and no solver calls these.
+# Nothing above or below is called but `sort_by` and `pairwise`, and no solver calls these.
 
 
 cdef inline double up(double value) noexcept nogil:
@@ -1149,6 +1152,156 @@ def upper_values(const i32[::1] group, const i32[::1] group_first, const i32[::1
             i = pair_row[p]
             unassigned[i] = fmax(unassigned[i], reached[pair_first[p + 1] - 1])
     return none_array
+
+
+def run_gains(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
+              const i32[::1] pair_node, const double[::1] unit, const int64_t[::1] sums,
+              const i32[::1] entry, const double[::1] price, double[::1] relative):
+    """Fill in the relative gains of runs, ``-v - sum r``: the end of `problem.paths.relative_gains`.
+
+    `unit` and `sums` are the running sums of the offsets over the slots of `first` and `begin`.
+    """
+    cdef Py_ssize_t p, s
+    cdef uint64_t before, after
+    cdef double lost
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            after = <uint64_t>sums[first[pair_node[p] + 1]]
+            for s in range(pair_first[p + 1] - 1, pair_first[p] - 1, -1):
+                before = <uint64_t>sums[begin[s]]
+                if entry[s] < 0:
+                    lost = unit[pair_node[p]] * <double><int64_t>(after - before)
+                    relative[s] = up(-price[s] - (down(lost) if lost > 0.0 else lost))
+                after = before
+
+
+def put_aside(const int64_t[::1] best, const i32[::1] group, const i32[::1] entry,
+              const double[::1] cost, const i32[::1] first, const i32[::1] begin,
+              const i32[::1] pair_first, const i32[::1] pair_node, i32[::1] left):
+    """Cost of the best pair of each group, 0 without one; `left` is less 1 at its column slot.
+
+    `best` (G,) and `group` (S,) as in `Gains` and `row_steps`; `first`, `begin`, `pair_first` and
+    `pair_node` are those of the columns.
+    """
+    cdef Py_ssize_t p, s
+    cdef i32 end
+    found = np.zeros(best.shape[0])
+    cdef double[::1] least = found
+    with nogil:
+        for p in range(pair_node.shape[0]):
+            end = first[pair_node[p] + 1]
+            for s in range(pair_first[p + 1] - 1, pair_first[p] - 1, -1):
+                if best[group[s]] == s:
+                    least[group[s]] = cost[entry[s]]
+                    if end > begin[s]:
+                        left[begin[s]] -= 1
+                end = begin[s]
+    return found
+
+
+def idle_prices(const double[::1] unit, const int64_t[::1] sums, const i32[::1] left,
+                const i32[::1] first):
+    """``-sum (left v)`` of the slots of each node in two halves, (2, nodes), from above.
+
+    Prices are `unit` times the differences of `sums`; the halves keep sums from overflow.
+    """
+    cdef Py_ssize_t i, t
+    cdef int64_t whole, low, high
+    found = np.empty((2, unit.shape[0]))
+    cdef double[:, ::1] part = found
+    with nogil:
+        for i in range(unit.shape[0]):
+            low = high = 0
+            for t in range(first[i], first[i + 1]):
+                whole = <int64_t>(<uint64_t>sums[t + 1] - <uint64_t>sums[t])
+                low += (whole & 0x7fffffff) * left[t]
+                high += (whole >> 31) * left[t]
+            part[0, i] = -up(unit[i] * <double>low)
+            part[1, i] = -up(unit[i] * 2147483648.0 * <double>high)
+    return found
+
+
+cdef class Terms:
+    """Terms of a cost, added up in groups of 64: `problem.certificate._in_chunks`."""
+
+    cdef double[::1] sums
+    cdef double[64] group
+    cdef Py_ssize_t count, size
+
+    def __init__(self, Py_ssize_t most):
+        self.sums = np.empty(most // 64 + 4)
+
+    cdef void add(self, double term) noexcept nogil:
+        self.group[self.size] = term
+        self.size += 1
+        if self.size == 64:
+            self.close()
+
+    cdef void close(self) noexcept nogil:
+        if self.size:
+            self.sums[self.count] = self.group[0] + pairwise(&self.group[1], self.size - 1)
+            self.count += 1
+            self.size = 0
+
+
+def break_down(states, const int64_t[::1] weight, int64_t one):
+    """The sums of `problem.certificate.break_down`, of a problem that is one part.
+
+    Returns
+    -------
+    costs : (6, T) float array
+        Localisation, missed, false, missed count, false count, variation.
+    terms : list of float
+        Sums of some terms of the total each.
+    """
+    problem = states.problem
+    cdef const i32[::1] begin = states.begin, entry = states.entry, pair_first = states.pair_first
+    cdef const double[::1] cost = problem.cost
+    cdef const double[::1] switch_price = problem.switch_price_at
+    cdef const i32[::1] row, step
+    cdef const double[:] price
+    cdef Py_ssize_t s, e, p, steps = problem.steps, side, i
+    cdef double whole = one, share, paid
+    cdef int64_t rise
+    cdef int64_t[::1] free
+    costs = np.zeros((6, steps))
+    cdef double[:, ::1] at = costs
+    cdef Terms terms = Terms(2 * begin.shape[0] + len(problem.truth_step)
+                             + len(problem.estimate_step))
+    for side, objects in enumerate(problem.sides):
+        row = objects.row.astype(np.int32, copy=False)
+        step = objects.step.astype(np.int32, copy=False)
+        price = objects.price
+        free = np.full(step.shape[0], one)
+        with nogil:
+            for s in range(begin.shape[0]):
+                e = entry[s]
+                if e < 0 or weight[s] == 0:
+                    continue
+                free[row[e]] -= weight[s]
+                if side == 0:
+                    paid = <double>weight[s] / whole * cost[e]
+                    at[0, begin[s]] += paid
+                    terms.add(paid)
+            terms.close()
+            for i in range(step.shape[0]):
+                if free[i]:
+                    share = <double>free[i] / whole
+                    at[3 + side, step[i]] += share
+                    paid = share * price[i]
+                    at[1 + side, step[i]] += paid
+                    terms.add(paid)
+            terms.close()
+    with nogil:
+        for p in range(pair_first.shape[0] - 1):
+            for s in range(pair_first[p] + 1, pair_first[p + 1]):
+                rise = weight[s] - weight[s - 1]
+                if rise:
+                    share = <double>(rise if rise > 0 else -rise) / whole
+                    at[5, begin[s]] += share
+                    terms.add(switch_price[begin[s]] * share)
+        terms.close()
+    return costs, np.asarray(terms.sums[:terms.count]).tolist()
 
 
 # --- entropic sweeps ------------------------------------------------------------------------------

@@ -12,10 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from tgospa_eval.errors import SolverError
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
 from tgospa_eval.problem.problem import Floats, Ints, Objects, Problem, sum_by, sum_parts
 from tgospa_eval.problem.reduced import forced_cost
-from tgospa_eval.problem.slots import PART, parts
+from tgospa_eval.problem.slots import PART, Slots, parts
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, whole_weights
@@ -204,8 +205,7 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
     """
     columns, problem = states.columns, states.problem
     running = columns.running(prices)
-    unit, whole = running[0], running[1][1:] - running[1][:-1]
-    left = np.ones(len(whole), np.int32)  # less one for each pair of the slot that is put aside
+    left = np.ones(len(prices), np.int32)  # less one for each pair of the slot that is put aside
     terms = np.zeros((states.nodes, 4))
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
@@ -216,19 +216,12 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
         price[runs] = np.nextafter(price[runs], 0.0)
         gains = relative_gains(rows, steps, price)
         terms[:, 1] -= best_values(rows, gains.relative, steps, gains.offset)
+        terms[:, 2] += lower_sums(_put_aside(rows, steps, gains.best, left), steps.first)
         found = gains.best >= 0
-        best = gains.best[found]
-        entry = rows.entry[best]
-        least = np.zeros(len(found))
-        least[found] = problem.cost[entry]
-        terms[:, 2] += lower_sums(least, steps.first)
         groups += sum_parts(found.astype(np.float64), steps.first)
-        taken.append(entry)
-        slot, end = rows.columns.begin[best], rows.columns.end[best]
-        np.subtract.at(left, slot[end > slot], 1)
-    # In two halves, so that no sum overflows.
-    low_sum, high_sum = (_whole_sums(half * left, columns.first) for half in _halves(whole))
-    terms[:, 0], terms[:, 3] = -up(unit * low_sum), -up(unit * HALF_WORD * high_sum)
+        if objects.alike is None:
+            taken.append(rows.entry[gains.best[found]])
+    terms[:, 0], terms[:, 3] = _idle_prices(running, left, columns.first)
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
     if objects.alike is not None:
@@ -247,6 +240,41 @@ def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: in
         for part, a, b in zip(constant, first[:-1], first[1:], strict=True)
     ]
     return np.maximum(down(np.array(sums_of)), 0.0)
+
+
+def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
+    """Cost of the best pair of each row and step, 0 without; one less is `left` at its slot."""
+    columns = rows.columns
+    if kernels:
+        cost: Floats = kernels.put_aside(
+            best,
+            steps.begin,
+            rows.entry,
+            rows.problem.cost,
+            columns.first,
+            columns.begin,
+            columns.pair_first,
+            columns.pair_node,
+            left,
+        )
+        return cost
+    found = best >= 0
+    state = best[found]
+    least = np.zeros(len(found))
+    least[found] = rows.problem.cost[rows.entry[state]]
+    slot, end = columns.begin[state], columns.end[state]
+    np.subtract.at(left, slot[end > slot], 1)
+    return least
+
+
+def _idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
+    """``-sum (left v)`` of each node, from above, in two halves, so that no sum overflows."""
+    if kernels:
+        found: Floats = kernels.idle_prices(*running, left, first)
+        return found
+    unit, whole = running[0], running[1][1:] - running[1][:-1]
+    low, high = (_whole_sums(half * left, first) for half in _halves(whole))
+    return np.stack((-up(unit * low), -up(unit * HALF_WORD * high)))
 
 
 def _halves(whole: Ints) -> tuple[Ints, Ints]:
@@ -323,6 +351,18 @@ def break_down(states: States, weights: Ints) -> Breakdown:
     The cost of a feasible assignment (docs/theory/metric.md, "Decomposition"), exact in W.
     """
     problem, steps = states.problem, states.problem.steps
+    if kernels and max(len(weights), *(len(side.step) for side in problem.sides)) <= PART:
+        costs, sums = kernels.break_down(states, weights, ONE)
+        return Breakdown(
+            localisation=costs[0],
+            missed=costs[1],
+            false=costs[2],
+            switch=costs[5] * problem.switch_price_at[:-1],
+            missed_count=costs[3],
+            false_count=costs[4],
+            switch_count=0.5 * costs[5],
+            total=math.fsum(sums),
+        )
 
     localisation = np.zeros(steps)
     chunks: list[float] = []  # of all terms, for the sum

@@ -79,7 +79,6 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
     """
     problem, entry = states.problem, states.entry
     price = np.zeros(len(entry)) if price is None else price
-    runs = np.flatnonzero(entry < 0)
     if kernels and problem.pair_price is not None:
         gains = Gains(
             *kernels.upper_gains(
@@ -89,7 +88,21 @@ def relative_gains(states: States, steps: Slots, price: Floats | None = None) ->
     else:
         gains = _relative_gains(states, steps, price)
     # A run loses the offsets while it lasts.
-    gains.relative[runs] = up(-price[runs] - steps.totals(gains.offset, runs, floor=True))
+    running = steps.running(gains.offset, floor=True)
+    if kernels:
+        kernels.run_gains(
+            steps.first,
+            steps.begin,
+            steps.pair_first,
+            steps.pair_node,
+            *running,
+            entry,
+            price,
+            gains.relative,
+        )
+    else:
+        runs = np.flatnonzero(entry < 0)
+        gains.relative[runs] = up(-price[runs] - steps.spans(running, runs, floor=True))
     return gains
 
 

@@ -14,14 +14,14 @@ from tgospa_eval import Certified, Result, Sinkhorn, evaluate
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import InputError, check_size
 from tgospa_eval.problem import merging, slots, states
-from tgospa_eval.problem.certificate import certify, lower_bounds
+from tgospa_eval.problem.certificate import break_down, certify, lower_bounds
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
 from tgospa_eval.problem.problem import Problem, sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE
+from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers import dual_ascent as ascent
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
@@ -124,6 +124,7 @@ def test_certificate_compiled_has_the_bits_of_the_plain(
     states = merge_runs(problem)
     slots_ = len(states.columns.step)
     prices = np.where(rng.random(slots_) < 0.5, rng.exponential(0.3, slots_), 0.0)
+    weights = repair(states, rng.integers(-1, 4, len(states.begin)) / 3)
 
     def found() -> list[np.ndarray]:
         steps = row_steps(states)
@@ -133,6 +134,7 @@ def test_certificate_compiled_has_the_bits_of_the_plain(
             best_values(states, gains.relative, steps, gains.offset),
             best_values(states, states.gain),
             lower_bounds(states, prices),
+            *map(np.asarray, vars(break_down(states, weights)).values()),
         ]
 
     fast = found()
