@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import more
-from tgospa_eval.errors import InputError
+from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
@@ -128,6 +128,31 @@ class Distance(ABC):
         """
         del pairs, sides
         return None
+
+    def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
+        """Derivative of the distance of near pairs of prepared sides by the estimate, (d, N).
+
+        In distance per unit of each state column; of Gaussians by their means. 0 where a distance
+        is 0, one of the derivatives where it has a kink.
+
+        Raises
+        ------
+        ConfigError
+            No derivative is known.
+        """
+        a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
+        return self.slopes_between(a, b)
+
+    def slopes_between(self, a: Floats, b: Floats) -> Floats:
+        """Derivative of `between` by `b`, both (d, N).
+
+        Raises
+        ------
+        ConfigError
+            No derivative is known.
+        """
+        del a, b
+        raise ConfigError(f"no derivative is known of the distance {self.name} with these settings")
 
     @property
     def lower_bound(self) -> "Distance":

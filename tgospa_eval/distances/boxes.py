@@ -35,6 +35,23 @@ class IoU(Distance):
         union = width[0] * height[0] + width[1] * height[1] - shared
         return np.asarray((union - shared) / union)
 
+    def slopes_between(self, a: Floats, b: Floats) -> Floats:
+        """Derivative by left, top, width and height of the second box: ``-d(I / U)``."""
+        shared = [_overlap((a[k], b[k]), (a[k + 2], b[k + 2])) for k in (0, 1)]
+        both = shared[0] * shared[1]
+        union = a[2] * a[3] + b[2] * b[3] - both
+        slopes = np.zeros_like(b)
+        for k in (0, 1):
+            inside = b[k] + b[k + 2] < a[k] + a[k + 2]  # its right or lower edge is the one
+            moved = np.where(inside, 1.0, 0.0) - np.where(b[k] > a[k], 1.0, 0.0)
+            for place, change, of_area in (
+                (k, moved, 0.0),
+                (k + 2, np.where(inside, 1.0, 0.0), b[3 - k]),
+            ):
+                by = np.where(both > 0, change * shared[1 - k], 0.0)
+                slopes[place] = -(by * union - both * (of_area - by)) / union**2
+        return slopes
+
     def embed(self, axes: Floats) -> Floats:
         """Left, top and the logarithms of width and height."""
         return np.concatenate((axes[:2], np.log(axes[2:])))

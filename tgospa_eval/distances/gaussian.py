@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import Distance, Floats, Pairs, Settings, Sides
-from tgospa_eval.distances.vector import Norm
+from tgospa_eval.distances.vector import Norm, shares
 from tgospa_eval.errors import ConfigError, InputError, TgospaWarning
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
@@ -106,6 +106,13 @@ class GaussianWasserstein(Distance):
         """Distances of the means, and of the covariances."""
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         return self._parts(zip(a, b, strict=True))
+
+    def slopes(self, pairs: Pairs, sides: Sides) -> Floats:
+        """Derivative by the means: that of their distance, times its share of the whole."""
+        slopes = self._means.slopes(pairs, sides)
+        means, spreads = self.parts(pairs, sides)
+        whole = np.hypot(means, spreads)
+        return slopes * shares(means, whole)
 
     def _parts(self, components: Iterable[Pair]) -> Pair:
         pairs = list(components)

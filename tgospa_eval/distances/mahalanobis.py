@@ -16,7 +16,7 @@ from tgospa_eval.distances.base import (
     Settings,
     Sides,
 )
-from tgospa_eval.distances.vector import check_length, positive_numbers
+from tgospa_eval.distances.vector import check_length, positive_numbers, shares
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks import covariances
@@ -80,6 +80,14 @@ class Mahalanobis(Distance):
                     rest = rest - weight * done
             whitened.append(rest / factor[k, k])
         return reduce(np.hypot, whitened, np.zeros(()))
+
+    def slopes_between(self, a: Floats, b: Floats) -> Floats:
+        """``S C^-1 S (b - a) / d`` with the scales S."""
+        scale = np.asarray(self.scale or (1.0,) * len(a))[:, None]
+        apart = scale * (b - a)
+        pull = np.linalg.solve(np.asarray(self.covariance), apart)
+        length = np.sqrt(np.maximum((apart * pull).sum(axis=0), 0.0))
+        return np.asarray(scale * shares(pull, length))
 
     def embed(self, axes: Floats) -> Floats:
         """The columns, and what is left of each that those before it nearly determine."""

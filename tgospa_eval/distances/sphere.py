@@ -6,6 +6,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, Sides, first_fault
+from tgospa_eval.distances.vector import shares
 
 RADIUS = 6371008.8
 """Mean radius of the Earth in metres, (2 a + b) / 3 of GRS 80 (IUGG)."""
@@ -51,6 +52,18 @@ class Haversine(Distance):
         near = np.hypot(np.sin(np.radians(0.5 * (lat_a - lat_b))), width * np.sin(turn))
         far = np.hypot(np.sin(np.radians(0.5 * (lat_a + lat_b))), width * np.cos(turn))
         return np.asarray(2 * RADIUS * np.arctan2(near, far))
+
+    def slopes_between(self, a: Floats, b: Floats) -> Floats:
+        """Derivative by latitude and longitude, in metres per degree: ``R dh / sqrt(h - h^2)``."""
+        turn = np.radians(np.fmod(np.fmod(b[1], 360.0) - np.fmod(a[1], 360.0), 360.0))
+        lat_a, lat_b = np.radians(a[0]), np.radians(b[0])
+        sine = np.sin(0.5 * turn)
+        by_latitude = 0.5 * np.sin(lat_b - lat_a) - np.cos(lat_a) * np.sin(lat_b) * sine * sine
+        by_longitude = 0.5 * _cosine(a[0]) * _cosine(b[0]) * np.sin(turn)
+        angle = self.between(zip(a, b, strict=True)) / RADIUS
+        width = 0.5 * np.sin(angle)  # sqrt(h (1 - h)), for h = sin(angle / 2)^2
+        slopes = np.radians(RADIUS) * np.array([by_latitude, by_longitude])
+        return shares(slopes, width)
 
     def embed(self, axes: Floats) -> Floats:
         """Points of the sphere."""

@@ -84,6 +84,23 @@ class Norm(Distance):
             size = np.abs(a - b) if period == np.inf else _around(a, b, period)
             yield size if self.scale is None else self.scale[k] * size
 
+    def slopes_between(self, a: Floats, b: Floats) -> Floats:
+        """Derivative of the norm by the second point, both (d, N)."""
+        scale = np.ones((len(a), 1)) if self.scale is None else np.array(self.scale)[:, None]
+        apart = b - a
+        for k, period in enumerate(self.period or ()):
+            if period < np.inf:
+                apart[k] = np.remainder(apart[k] + 0.5 * period, period) - 0.5 * period
+        apart = apart * scale
+        sign = np.sign(apart)
+        if self.power == 1.0:
+            return scale * sign
+        if self.power == np.inf:
+            largest = np.argmax(np.abs(apart), axis=0) == np.arange(len(apart))[:, None]
+            return np.where(largest, scale * sign, 0.0)
+        length = reduce(np.hypot, apart)
+        return scale * shares(apart, length)
+
     def embed(self, axes: Floats) -> Floats:
         """Points: a periodic component becomes two coordinates, on a circle of that length."""
         if self.period is None:
@@ -127,6 +144,11 @@ class Norm(Distance):
         if self.scale is not None:
             found["scale"] = dict(zip(columns, self.scale, strict=True))
         return found
+
+
+def shares(parts: Floats, whole: Floats) -> Floats:
+    """Quotients, 0 where the whole is."""
+    return np.asarray(np.divide(parts, whole, out=np.zeros_like(parts), where=whole > 0))
 
 
 def _around(a: Floats, b: Floats, period: float) -> Floats:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import os
 
     from tgospa_eval.results.explanation import Explanation
+    from tgospa_eval.results.gradient import Gradient
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +120,7 @@ class Result(Summary):
     scene : Scene, optional
         The states, for pictures; not part of the JSON.
     source : object, optional
-        What was evaluated and how, as `evaluation.prepare.Source`, for `explain`.
+        What was evaluated and how, as `evaluation.prepare.Source`, for `explain` and `gradient`.
     """
 
     proof: Proof
@@ -170,6 +171,26 @@ class Result(Summary):
         """States of the truth and of the estimate."""
         problem = self.proof.states.problem
         return len(problem.truth_step), len(problem.estimate_step)
+
+    def gradient(self) -> "Gradient":
+        """How the cost changes with every state of the estimate, with cutoff and switch penalty.
+
+        By the envelope theorem: the derivative of the cost at the reported assignment, which is
+        held. Where the best assignment is unique it is that of the metric, else one of those in
+        some direction; `Gradient.unique` says what is known.
+
+        Returns
+        -------
+        Gradient
+            Of ``total`` and of ``tgospa``.
+
+        Raises
+        ------
+        ConfigError
+            No derivative is known of the base distance.
+        """
+        found: Gradient = import_module("tgospa_eval.evaluation.gradient").gradient(self)
+        return found
 
     def assignments_table(self) -> Columns:
         """Pairs that both exist, are nearer than the cutoff, and are assigned."""

@@ -37,7 +37,7 @@ PUBLIC = (
     *("metric", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve", "with_"),
-    *("metrics", "to_dict", "to_json", "to_html", "save", "explain"),
+    *("metrics", "gradient", "to_dict", "to_json", "to_html", "save", "explain"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_worst"),
 )
 """What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""

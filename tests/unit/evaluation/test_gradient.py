@@ -1,0 +1,156 @@
+"""Derivatives against differences: of the base distances, and of whole evaluations."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tgospa_eval import ConfigError, Trajectories, evaluate
+from tgospa_eval.distances import DISTANCES, Distance, GaussianWasserstein, Mahalanobis, Norm
+
+RNG = np.random.default_rng(0)
+POINTS = RNG.normal(size=(2, 3, 40))
+BOXES = np.abs(RNG.normal(5, 1, (4, 100)))
+PLACES = np.array([RNG.uniform(-89, 89, 60), RNG.uniform(-180, 180, 60)])
+SCALED = {"scale": (1, 2, 0.5), "period": (2.0, np.inf, 1.5)}
+COVARIANCE = np.cov(RNG.normal(size=(3, 30)))
+
+
+@pytest.mark.parametrize(
+    ("distance", "a", "b"),
+    [
+        *((Norm(name="norm", power=p, **SCALED), *POINTS) for p in (1.0, 2.0, np.inf)),
+        (Mahalanobis(covariance=COVARIANCE, scale=(1, 3, 2)), *POINTS),
+        (DISTANCES["iou"], BOXES, BOXES + RNG.normal(0, 0.5, BOXES.shape)),
+        (DISTANCES["iou"], BOXES, BOXES + 20),
+        (DISTANCES["haversine"], PLACES, PLACES + RNG.normal(0, 0.5, PLACES.shape)),
+    ],
+)
+def test_slopes_of_distances(distance: Distance, a: np.ndarray, b: np.ndarray) -> None:
+    slopes = distance.slopes_between(a, b)
+    assert np.array_equal(distance.slopes_between(a, a), np.zeros_like(a)) or b.shape[0] == 4
+    for k in range(len(b)):
+        by = np.zeros_like(b)
+        by[k] = 1e-6
+        higher, lower = (distance.between(zip(a, side, strict=True)) for side in (b + by, b - by))
+        difference = (higher - lower) / 2e-6
+        assert slopes[k] == pytest.approx(difference, rel=1e-6, abs=1e-8 * np.abs(slopes).max())
+
+
+def scene(distance: str) -> tuple[np.ndarray, np.ndarray]:
+    """Tracks with gaps, of which two are swapped for a while."""
+    rng = np.random.default_rng(3)
+    size = 4 if distance == "iou" else 2
+    truth = rng.uniform(0, 20, (1, 4, size)) + np.cumsum(rng.normal(0, 0.5, (9, 4, size)), axis=0)
+    estimate = truth + rng.normal(0, 0.3, truth.shape)
+    estimate[4:, [0, 1]] = estimate[4:, [1, 0]]
+    estimate[3:5, 2] = np.nan
+    truth[:2, 3] = np.nan
+    return np.abs(truth), np.abs(estimate)
+
+
+@pytest.mark.parametrize("order", [1, 1.5, 2])
+@pytest.mark.parametrize("distance", ["euclidean", "manhattan", "chebyshev", "haversine", "iou"])
+@pytest.mark.parametrize("family", [{}, {"rho": 0.3, "step_weights": np.linspace(1, 3, 9)}])
+def test_derivatives_are_differences(
+    distance: str, order: float, family: dict[str, object]
+) -> None:
+    truth, estimate = scene(distance)
+    cutoff = {"iou": 0.9, "haversine": 3e5}.get(distance, 3.0)
+    gamma = 0.4 * cutoff
+
+    def total(moved: np.ndarray = estimate, c: float = cutoff, g: float = gamma) -> float:
+        return evaluate(truth, moved, c, order, g, distance=distance, **family).total
+
+    result = evaluate(truth, estimate, cutoff, order, gamma, distance=distance, **family)
+    gradient = result.gradient()
+    assert gradient.unique
+    scale = np.abs(gradient.total).max()
+    for step, track, column in [(0, 0, 0), (3, 1, 1), (5, 0, 0), (5, 2, 1), (8, 3, 0)]:
+        by = np.zeros_like(estimate)
+        by[step, track, column] = 1e-6
+        difference = (total(estimate + by) - total(estimate - by)) / 2e-6
+        assert gradient.array[step, track, column] == pytest.approx(difference, abs=1e-4 * scale)
+    h = 1e-6 * cutoff
+    by_cutoff = (total(c=cutoff + h) - total(c=cutoff - h)) / (2 * h)
+    by_penalty = (total(g=gamma + h) - total(g=gamma - h)) / (2 * h)
+    assert gradient.cutoff == pytest.approx(by_cutoff, rel=1e-5)
+    assert gradient.switch_penalty == pytest.approx(by_penalty, rel=1e-5)
+    assert gradient.root * gradient.total == pytest.approx(gradient.tgospa)
+    assert gradient.root == pytest.approx(result.tgospa / (order * result.total))
+
+
+def test_gaussians_are_moved_by_their_means() -> None:
+    rng = np.random.default_rng(4)
+    means = rng.normal(0, 1, (2, 3, 2, 2))
+
+    def side(states: np.ndarray, spread: float) -> Trajectories:
+        return Trajectories.from_array(states, covariance=np.diag([spread, 1.0]))
+
+    def run(moved: np.ndarray) -> object:
+        return evaluate(
+            side(means[0], 1.0), side(moved, 4.0), 8, 2, 1, distance=GaussianWasserstein()
+        )
+
+    gradient = run(means[1]).gradient()
+    for at in np.ndindex(3, 2, 2):
+        by = np.zeros_like(means[1])
+        by[at] = 1e-6
+        difference = (run(means[1] + by).total - run(means[1] - by).total) / 2e-6
+        assert gradient.array[at] == pytest.approx(difference, abs=1e-5)
+
+
+def test_where_it_is_not_unique() -> None:
+    """Two estimates that are as near: either may be followed, and a state has either slope."""
+    truth = np.zeros((1, 1, 1))
+    tied = evaluate(truth, np.array([[[1.0], [-1.0]]]), 5, 2, 1)
+    assert not tied.gradient().unique
+    assert evaluate(truth, np.array([[[1.0], [-1.1]]]), 5, 2, 1).gradient().unique
+    assert evaluate(truth, truth, 5, 2, 1).gradient().root == 0.0
+    free = evaluate(truth, truth + 1, 5, 1, 0).gradient()
+    assert np.isnan(free.switch_penalty)
+
+
+def test_table() -> None:
+    truth = pd.DataFrame({"id": ["a", "a"], "t": [1.5, 2.5], "x": [0.0, 0.0]})
+    estimate = truth.assign(id="b", x=[1.0, 3.0])
+    table = evaluate(truth, estimate, 10, 2, 1).gradient().table
+    assert table.to_dict("list") == {"id": ["b", "b"], "t": [1.5, 2.5], "x": [2.0, 6.0]}
+
+
+def test_clouds_have_none() -> None:
+    rows = {"id": [1, 1], "t": [0, 0], "x": [0.0, 1.0], "weight": [0.5, 0.5]}
+    pytest.importorskip("ot")
+    result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance="cloud-wasserstein")
+    with pytest.raises(ConfigError, match="no derivative is known"):
+        result.gradient()
+
+
+def test_torch() -> None:
+    torch = pytest.importorskip("torch")
+    from tgospa_eval.torch import tgospa
+
+    truth, estimate = scene("euclidean")
+    moved = torch.tensor(estimate, requires_grad=True)
+    for total in (False, True):
+        value = tgospa(torch.tensor(truth), moved, total=total, cutoff=3, switch_penalty=1)
+        (slopes,) = torch.autograd.grad(value, moved)
+        result = evaluate(truth, estimate, 3, 2, 1)
+        gradient = result.gradient()
+        assert value.item() == (result.total if total else result.tgospa)
+        expected = gradient.array * (1.0 if total else gradient.root)
+        assert slopes.numpy() == pytest.approx(expected)
+
+
+def test_jax() -> None:
+    jax = pytest.importorskip("jax")
+    from tgospa_eval.jax import tgospa
+
+    truth, estimate = scene("euclidean")
+
+    def value(moved: object) -> object:
+        return tgospa(jax.numpy.array(truth), moved, total=True, cutoff=3.0, switch_penalty=1.0)
+
+    found, slopes = jax.jit(jax.value_and_grad(value))(jax.numpy.array(estimate))
+    result = evaluate(truth, estimate, 3, 2, 1)
+    assert float(found) == pytest.approx(result.total, rel=1e-5)  # single precision by default
+    assert np.asarray(slopes) == pytest.approx(result.gradient().array, abs=1e-4)

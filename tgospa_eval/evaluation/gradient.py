@@ -1,0 +1,88 @@
+"""Derivatives of a result: those of the cost of its assignment, which is held.
+
+The metric is a minimum over assignments, so by the envelope theorem (Danskin) its derivative is
+that of the cost at the best one, where that is unique; else it is a subgradient of the minimum's
+directional derivatives (docs/theory/gradient.md).
+"""
+
+import math
+
+import numpy as np
+
+from tgospa_eval.distances import Effort, Pairs
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.prepare import Fitted, Source
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.weights import ONE
+from tgospa_eval.results.gradient import Gradient
+from tgospa_eval.results.result import Result
+
+NO_TIE = 1e-9
+"""In units of c^p: a row whose next best path is worse by less may have another."""
+
+
+def gradient(result: Result) -> Gradient:
+    """Derivatives of the total by estimate states, cutoff and switch penalty."""
+    source = result.source
+    if not isinstance(source, Source):
+        raise ConfigError("this result was not made by evaluate: evaluate again")
+    proof = result.proof
+    states, problem, parameters = proof.states, proof.states.problem, proof.parameters
+    cutoff, p, gamma = parameters.cutoff, parameters.order, parameters.switch_penalty
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    entry = states.entry[used]
+    weight = problem.weight(entry)
+    pairs = Pairs(
+        truth_row=problem.truth_row[entry],
+        estimate_row=problem.estimate_row[entry],
+        distance=cutoff * (problem.cost[entry] / weight) ** (1 / p),
+    )
+    change = weight * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
+    slopes = change * _slopes(source.sides, pairs)
+    total = np.zeros((len(problem.estimate_step), len(slopes)))
+    for k, slope in enumerate(slopes):
+        total[:, k] = np.bincount(pairs.estimate_row, slope, minlength=len(total))
+    at_zero = math.nan if p == 1 else 0.0  # where switches are free, any number of them is best
+    return Gradient(
+        total=total,
+        cutoff=p / cutoff * (result.missed + result.false),
+        switch_penalty=p / gamma * result.switch if gamma > 0 else at_zero,
+        root=result.tgospa / (p * result.total) if result.total > 0 else 0.0,
+        unique=is_unique(result),
+        step=problem.estimate_step,
+        track=problem.estimate_track,
+        columns=source.sides.alignment.estimate.columns,
+        labels=result.labels,
+    )
+
+
+def _slopes(fitted: Fitted, pairs: Pairs) -> Floats:
+    """Derivative of the distances of near pairs by the estimate, (d, N)."""
+    aligned, distance = fitted.alignment, fitted.distance
+    truth, estimate = (side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate))
+    sides, prepared = distance.prepared((truth, estimate), Effort())
+    return prepared.slopes(pairs, sides)
+
+
+def is_unique(result: Result) -> bool:
+    """Whether the prices prove that the assignment is the only best one.
+
+    Every best assignment is a mixture of paths that are best for their rows at the best prices. If
+    each row has a single best path, by more than rounding, and that is the one it has, there is no
+    other. Rows that compete for an estimate are often indifferent at the best prices: then nothing
+    is shown.
+    """
+    proof = result.proof
+    states = proof.states
+    if not (kernels and result.certified) or proof.reduced or not len(states.begin):
+        return bool(result.certified and not len(states.begin))
+    from tgospa_eval.solvers.dual_ascent import Ascent  # here: as the solvers are
+
+    all_blocks = np.ones(len(states.block_begin), bool)
+    weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
+    ascent = Ascent(states, all_blocks, 0.0, weights, prices)
+    ascent.mark(proof.prices, NO_TIE)
+    near, needed = ascent.has(kernels.NEAR), ascent.has(kernels.NEEDED)
+    assigned = proof.weights == ONE
+    return bool(np.all(near == (proof.weights > 0)) and np.all(needed[near] & assigned[near]))

@@ -1,0 +1,79 @@
+"""How the cost of a result changes with the estimate and with the parameters."""
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.results.records import Labels
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Gradient:
+    """Derivatives at the reported assignment, which is held (envelope theorem).
+
+    Parameters
+    ----------
+    total : (R, d) float array
+        Derivative of ``total`` by each state of the estimate, in the order of its rows, by step and
+        track; in cost per unit of the column.
+    cutoff, switch_penalty : float
+        Derivative of ``total`` by the parameters. Not a number for gamma = 0 and p = 1, where any
+        number of switches is best.
+    root : float
+        Derivative of ``tgospa`` by ``total``, ``tgospa / (p total)``; 0 where the total is 0.
+    unique : bool
+        Whether the best assignment is proven to be the only one, by the prices at hand: then the
+        derivatives are those of the metric, but at kinks of the base distance. False where that is
+        not shown.
+    step, track : (R,) int arrays
+        Of each state.
+    columns : tuple of str
+        Names of the d state columns.
+    labels : Labels
+        Times and ids.
+    """
+
+    total: Floats
+    cutoff: float
+    switch_penalty: float
+    root: float
+    unique: bool
+    step: Ints
+    track: Ints
+    columns: tuple[str, ...]
+    labels: Labels
+
+    def __repr__(self) -> str:
+        states, size = self.total.shape
+        return f"Gradient({states} states of {size} columns, unique={self.unique})"
+
+    @property
+    def tgospa(self) -> Floats:
+        """Derivative of ``tgospa`` by each state of the estimate, (R, d)."""
+        return self.root * self.total
+
+    @property
+    def array(self) -> Floats:
+        """Derivative of ``total`` as an array of states, (T, k, d), 0 where there is none."""
+        found = np.zeros((len(self.labels.times), len(self.labels.estimates), self.total.shape[1]))
+        found[self.step, self.track] = self.total
+        return found
+
+    @cached_property
+    def table(self) -> "pd.DataFrame":
+        """Derivative of ``total``: ``id``, ``t`` and a column for each state column."""
+        import pandas as pd  # here: not needed to compute, and slow to import
+
+        return pd.DataFrame(
+            {
+                "id": [self.labels.estimates[j] for j in self.track.tolist()],
+                "t": [self.labels.times[k] for k in self.step.tolist()],
+                **dict(zip(self.columns, self.total.T, strict=True)),
+            }
+        )
