@@ -2,7 +2,9 @@
 
 import csv
 import importlib.util
+import io
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,11 +25,31 @@ ENDS_OF_LINES = "\r\n"
 
 def csv_text(table: Columns) -> str:
     """A table as CSV; None is an empty field, numbers are full doubles, no text is a formula."""
-    lines = _Lines()
-    writer = csv.writer(lines, lineterminator=ENDS_OF_LINES)
-    writer.writerow(map(csv_cell, table))
-    writer.writerows(zip(*(map(csv_cell, column) for column in table.values()), strict=True))
+    columns = [_cells(column) for column in table.values()]
+    text = io.StringIO(newline="")
+    _write(text, table, columns)
+    written = text.getvalue()
+    if written.count(ENDS_OF_LINES) == 1 + len(columns[0] if columns else ()):
+        return written.replace(ENDS_OF_LINES, "\n")
+    lines = _Lines()  # a text has such an end inside
+    _write(lines, table, columns)
     return "".join(lines)
+
+
+def _write(target: "io.StringIO | _Lines", table: Columns, columns: list[Sequence[object]]) -> None:
+    writer = csv.writer(target, lineterminator=ENDS_OF_LINES)
+    writer.writerow(map(csv_cell, table))
+    writer.writerows(zip(*columns, strict=True))
+
+
+def _cells(column: Sequence[object]) -> Sequence[object]:
+    """A column of a table: each text is looked at once, numbers not at all."""
+    if not any(issubclass(kind, str) for kind in set(map(type, column))):
+        return column
+    cells = {text: csv_cell(text) for text in set(column) if isinstance(text, str)}
+    if all(cell is text for text, cell in cells.items()):
+        return column
+    return [cells[value] if isinstance(value, str) else value for value in column]
 
 
 class _Lines(list[str]):

@@ -15,6 +15,8 @@ import pytest
 
 from tgospa_eval import Result, Trajectories, __version__, evaluate, read_trajectories
 from tgospa_eval.reports import REPORTS
+from tgospa_eval.reports.files import csv_text
+from tgospa_eval.results.records import Columns
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -322,7 +324,6 @@ def test_csv_quotes_ids(write: Write) -> None:
     name = 'a,"b"\nc'
     path = write("a.csv", 'id,t,x\n"a,""b""\nc",1,2\n')
     result = evaluate(read_trajectories(path), read_trajectories(path))
-    from tgospa_eval.reports.files import csv_text
 
     (row,) = read_csv(csv_text(result.assignments_table()))
     assert (row["truth"], row["estimate"]) == (name, name)
@@ -538,3 +539,20 @@ def test_frames_and_files_are_the_same(quickstart: Pair, sample: Result) -> None
     for document in (mine, theirs):
         del document["timings"]
     assert mine == theirs
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ({}, "\n"),
+        ({"a": [], "=b": []}, "a,'=b\n"),
+        (
+            {"a": ["=1", "-5", "b", "b"], "n": [1, None, 2.5, True]},
+            "a,n\n'=1,1\n-5,\nb,2.5\nb,True\n",
+        ),
+        ({"a": ["x\r\ny", "-z"], "n": [0.1, 2]}, 'a,n\n"x\r\ny",0.1\n\'-z,2\n'),
+        ({"a": ["x\ry", 'say "no"', None], "n": [1, 2, 3]}, 'a,n\n"x\ry",1\n"say ""no""",2\n,3\n'),
+    ],
+)
+def test_tables_as_csv(table: Columns, text: str) -> None:
+    assert csv_text(table) == text
