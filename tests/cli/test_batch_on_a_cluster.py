@@ -112,6 +112,17 @@ def test_workers_with_another_version(
     assert "this is 9.9: install the same" in answer.err
 
 
+def test_workers_that_do_not_see_the_files(
+    running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr("tgospa_eval.cli.batch.run.os.getcwd", lambda: str(tmp_path / "gt"))
+        answer = invoke("batch", *PATTERNS, "-o", "r", "--scheduler", running.address)
+    assert (answer.status, answer.out, answer.err.count("\n")) == (2, "", 1)
+    assert f"does not see {tmp_path}/gt/gt/" in answer.err
+    assert list(Path("r/jobs").iterdir()) == []  # nothing to retry
+
+
 def test_a_scheduler_that_is_lost(
     running: Running, invoke: Invoke, runs: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

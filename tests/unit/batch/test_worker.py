@@ -10,6 +10,7 @@ import pytest
 from tgospa_eval.batch.jobs import Job
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
+    UNSEEN,
     Task,
     evaluate_job,
     files_of,
@@ -119,7 +120,8 @@ def test_a_worker_elsewhere_reads_paths_from_where_it_was_asked(
     assert list(Path().iterdir()) == []
     blind = evaluate_job(replace(here, base=str(tmp_path / "other")))
     assert blind["status"] == "failed"
-    assert "does not see this file" in blind["message"]
+    assert str(tmp_path / "other") in blind["message"]
+    assert blind[UNSEEN] == here.job.truth
 
 
 def test_a_folder_of_a_report_that_cannot_be_made(task: Task, tmp_path: Path) -> None:

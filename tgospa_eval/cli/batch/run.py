@@ -20,11 +20,12 @@ from tgospa_eval.batch.lock import locked
 from tgospa_eval.batch.pairing import labels_of
 from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
 from tgospa_eval.batch.processes import Processes
-from tgospa_eval.batch.store import SCHEMA, Row, Store
+from tgospa_eval.batch.store import SCHEMA, SETTINGS_FILE, Row, Store
 from tgospa_eval.batch.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.files import folder_of, is_written, write_batch
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
+    UNSEEN,
     Task,
     digest_of,
     evaluate_job,
@@ -301,6 +302,7 @@ def _tasks(
             proof=batch.proof,
             per_step=batch.per_step,
             base=base,
+            store=os.path.join(str(output.output), SETTINGS_FILE),
         )
 
 
@@ -333,6 +335,11 @@ def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> li
     -------
     list of Row
         Those that failed.
+
+    Raises
+    ------
+    ConfigError
+        A worker does not see a file that is there.
     """
     pending: list[Row] = []
     faults: list[Row] = []
@@ -341,6 +348,12 @@ def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> li
     rows = spread(evaluate_job, tasks, lost_job, engine)
     try:
         for done, row in enumerate(rows, 1):
+            if os.path.exists(row.pop(UNSEEN, "")):
+                raise ConfigError(
+                    f"--scheduler: {row['message']}: workers read and write files by themselves, "
+                    "under the same paths on a file system that all share; what is stored stays, "
+                    "and the same command goes on from there"
+                )
             pending.append(row)
             if row["status"] == "failed":
                 faults.append(row)

@@ -31,6 +31,9 @@ SMALL = 1 << 20
 NOT_WRITTEN = "not_written"
 """Column of rows whose folder could not be written: why. The next run tries it again."""
 
+UNSEEN = "unseen"
+"""Where a row names the file that its worker did not see, on its way to who looks for it too."""
+
 NAMING_FILES = ("covariance", "inner_cov", "step_weights")
 """Options that may name a file."""
 
@@ -53,8 +56,9 @@ class Task:
         Whether with its proof.
     per_step : bool
         Whether the costs of its steps are stored.
-    base : str
-        Where relative paths begin, for a worker that was not started there.
+    base, store : str
+        Where relative paths begin, for a worker that was not started there, and the settings of
+        the batch, which it sees if it shares its folder.
     """
 
     job: Job
@@ -64,6 +68,7 @@ class Task:
     proof: bool = False
     per_step: bool = False
     base: str = ""
+    store: str = ""
 
     @property
     def is_written(self) -> bool:
@@ -137,6 +142,9 @@ def evaluate_job(task: Task) -> Row:
     begin = time.monotonic()
     try:
         here = _as_seen_here(task)
+        unseen = _unseen(task, here)
+        if unseen is not None:
+            return finished_row(task, unseen, 0.0)
         result, finished = evaluate_files(
             here.job.truth,
             here.job.estimate,
@@ -172,13 +180,7 @@ def _fault(error: Exception) -> str:
 
 
 def _as_seen_here(task: Task) -> Task:
-    """The task with paths of this worker.
-
-    Raises
-    ------
-    InputError
-        The files are not there: it has another file system.
-    """
+    """The task with paths of this worker."""
     if not task.base:
         return task
 
@@ -186,12 +188,6 @@ def _as_seen_here(task: Task) -> Task:
         return os.path.join(task.base, path)
 
     job = replace(task.job, truth=seen(task.job.truth), estimate=seen(task.job.estimate))
-    for path in (job.truth, job.estimate):
-        if not os.path.exists(path):
-            raise InputError(
-                f"{path}: the worker on {socket.gethostname()} does not see this file; workers "
-                "read files by themselves, from a file system that all share"
-            )
     given = task.options
     options = replace(
         given,
@@ -200,7 +196,25 @@ def _as_seen_here(task: Task) -> Task:
         inner_cov=given.inner_cov
         and (given.inner_cov if given.inner_cov == "global" else seen(given.inner_cov)),
     )
-    return replace(task, job=job, options=options, folder=task.folder and seen(task.folder))
+    return replace(
+        task,
+        job=job,
+        options=options,
+        folder=task.folder and seen(task.folder),
+        store=seen(task.store),
+    )
+
+
+def _unseen(asked: Task, here: Task) -> Row | None:
+    """What to say of a file that is not there for a worker of a cluster; None if all are."""
+    if not asked.base:
+        return None
+    needed = [(task.job.truth, task.job.estimate, task.store) for task in (asked, here)]
+    for path, seen in zip(*needed, strict=True):
+        if not os.path.exists(seen):
+            told = f"the worker on {socket.gethostname()} does not see {seen}"
+            return {"status": "failed", "message": told, UNSEEN: path}
+    return None
 
 
 def lost_job(task: Task) -> Row:
