@@ -123,18 +123,18 @@ class Store:
                 break
         if table is None:
             return pd.DataFrame(columns=["key", "status"])
-        rows: pd.DataFrame = table.to_pandas()
-        rows["_done"] = rows["status"] == "done"
-        rows = rows.sort_values(["_done", "finished"], kind="stable").drop_duplicates(
-            "key", keep="last"
-        )
-        labels = [name for name in rows.columns if name.startswith("label.")]
+        labels = [name for name in table.column_names if name.startswith("label.")]
         # A file that changed since has another key: its older row is one of the past.
         same = [*labels, "truth", "estimate", "options"]
-        rows = rows.sort_values("finished", kind="stable").drop_duplicates(same, keep="last")
-        return rows.drop(columns="_done").sort_values(
-            labels or "key", kind="stable", ignore_index=True
-        )
+        found: pd.DataFrame = table.select(["key", "status", "finished", *same]).to_pandas()
+        found["_done"] = found["status"] == "done"
+        found = found.sort_values(["_done", "finished"], kind="stable")
+        found = found.drop_duplicates("key", keep="last").sort_values("finished", kind="stable")
+        found = found.drop_duplicates(same, keep="last")
+        kept = found.sort_values(labels or "key", kind="stable").index
+        # All columns, which are many, are taken once.
+        rows: pd.DataFrame = table.take(kept.to_numpy()).to_pandas()
+        return rows
 
     def join(self) -> None:
         """Make one part of many, and take away what was half written when a process was killed.
@@ -189,6 +189,7 @@ class Store:
         ConfigError
             They cannot be written.
         """
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
         if not rows:
@@ -198,8 +199,9 @@ class Store:
         # First, so that no job is known whose steps are not there.
         if steps is not None:
             self._write(STEP_FOLDER, name, lambda path: pq.write_table(steps, path))
-        plain = [{key: value for key, value in row.items() if key != STEPS} for row in rows]
-        self._write(PART_FOLDER, name, lambda path: _frame(plain).to_parquet(path, index=False))
+        names = dict.fromkeys(name for row in rows for name in row if name != STEPS)
+        table = pa.table({name: pa.array([row.get(name) for row in rows]) for name in names})
+        self._write(PART_FOLDER, name, lambda path: pq.write_table(table, path))
 
     def _write(self, folder: str, name: str, write: Callable[[Path], None]) -> None:
         """Write a part beside its place, and rename it."""
@@ -227,9 +229,3 @@ class Store:
 def _part_name() -> str:
     """A name that no other has, later than all before."""
     return f"part-{time.time_ns():020d}-{uuid.uuid4().hex[:8]}.parquet"
-
-
-def _frame(rows: Sequence[Row]) -> "pd.DataFrame":
-    import pandas as pd
-
-    return pd.DataFrame(list(rows))

@@ -1,5 +1,6 @@
 """Patterns of paths with fields: ``runs/{tracker}/{sequence}.txt``. Knows no content of a file."""
 
+import functools
 import glob
 import re
 from collections.abc import Iterator, Mapping
@@ -31,7 +32,7 @@ def found(pattern: str, folder: str = "") -> Iterator[tuple[str, dict[str, str]]
     """The paths that are like a pattern, below a folder, with what its fields stand for."""
     parts = re.split(FIELD, pattern)  # text, name, text, name, ..., text
     wild = "*".join(glob.escape(text) for text in parts[::2])
-    shape = re.compile(_shape(parts, "+"))
+    shape = _shape(pattern, "+")
     for path in sorted(glob.glob(wild, root_dir=folder or None)):
         match = shape.fullmatch(path.replace("\\", "/"))
         if match is not None:
@@ -40,19 +41,19 @@ def found(pattern: str, folder: str = "") -> Iterator[tuple[str, dict[str, str]]
 
 def is_ambiguous(pattern: str, path: str) -> bool:
     """Whether the fields could stand for other things in the same path."""
-    parts = re.split(FIELD, pattern)
-    greedy, lazy = (
-        re.fullmatch(_shape(parts, repeated), path.replace("\\", "/")) for repeated in ("+", "+?")
-    )
+    slashed = path.replace("\\", "/")
+    greedy, lazy = (_shape(pattern, repeated).fullmatch(slashed) for repeated in ("+", "+?"))
     return bool(greedy and lazy and greedy.groupdict() != lazy.groupdict())
 
 
-def _shape(parts: list[str], repeated: str) -> str:
-    """The regular expression of a pattern that was split."""
+@functools.lru_cache
+def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
+    """The regular expression of a pattern, for thousands of paths."""
+    parts = re.split(FIELD, pattern)
     shape, seen = "", set()
     for text, name in zip(parts[::2], (*parts[1::2], None), strict=True):
         shape += re.escape(text.replace("\\", "/"))
         if name is not None:
             shape += f"(?P={name})" if name in seen else f"(?P<{name}>[^/]{repeated})"
             seen.add(name)
-    return shape
+    return re.compile(shape)
