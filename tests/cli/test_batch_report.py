@@ -145,3 +145,21 @@ def test_parameters_are_shown_apart(invoke: Invoke, runs: Path) -> None:
         Path("r/report.html").read_text(encoding="utf-8"),
     )
     assert widths.count("100.00") == 2  # of the other nothing is localisation
+
+
+def test_brackets_that_overlap_name_nobody_the_best(
+    invoke: Invoke, crowd: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    truth, estimate = crowd
+    lines = Path(estimate).read_text(encoding="utf-8").splitlines(keepends=True)
+    Path("b.csv").write_text("".join(lines[:-1]), encoding="utf-8")
+    rows = f"{truth},{estimate},a\n{truth},b.csv,b\n"
+    Path("m.csv").write_text(f"truth,estimate,who\n{rows}", encoding="utf-8")
+    limit = ("-c", "25", "--time-limit", "1e-6")
+    answer = invoke("batch", "m.csv", "-o", "r", "--workers", "1", *limit, "--by", "who")
+    assert answer.status == 4
+    text = words("r/report.html")
+    assert text.startswith("\u2068who: none of 2 is proven best\u2069")
+    assert "2 not exact" in text
+    assert "of the best assignments that were found" in text

@@ -119,6 +119,8 @@ def _title(view: BatchView, ranking: Ranking | None) -> str:
     """The answer."""
     if ranking is not None:
         best = ranking.entries[0]
+        if best.place != (1, 1):
+            return f"{ranking.label}: none of {len(ranking.entries)} is proven best"
         return f"{best.name}: TGOSPA {view.between(best.per_step)} per step"
     if len(view.groups) == 1:
         return f"TGOSPA {view.between(view.groups[0].values['per_step'])} per step"
