@@ -1,44 +1,42 @@
 """From the options of a batch to its store and tables."""
 
-import functools
 import json
 import os
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batch import jobs
-from tgospa_eval.batch.cluster import Cluster
 from tgospa_eval.batch.curves import rms_curves
 from tgospa_eval.batch.engine import Engine, spread
-from tgospa_eval.batch.jobs import Plan
 from tgospa_eval.batch.lock import locked
 from tgospa_eval.batch.pairing import labels_of
-from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS
-from tgospa_eval.batch.processes import Processes
-from tgospa_eval.batch.store import SCHEMA, SETTINGS_FILE, Row, Store
+from tgospa_eval.batch.per_step import STEPS
+from tgospa_eval.batch.store import SCHEMA, Row, Store
 from tgospa_eval.batch.tables import check_labels, tabulated
-from tgospa_eval.cli.batch.files import folder_of, is_written, write_batch
+from tgospa_eval.cli.batch.files import is_written, write_batch
+from tgospa_eval.cli.batch.plan import (
+    BatchOptions,
+    about_defaults,
+    check_missing,
+    left_over,
+    planned,
+    shard_of,
+    size_of,
+    tasks_of,
+)
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     UNSEEN,
     Task,
-    digest_of,
     evaluate_job,
-    files_of,
-    given_text,
-    key_of,
     lost_job,
 )
-from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.typed import typed_options
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
-from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
@@ -53,44 +51,6 @@ FLUSH = 2.0
 
 MOST_HELD = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
-
-FAULTS_SHOWN = 10
-"""Faults that are shown."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BatchOptions(Values):
-    """What there is to do, and how to spread and tabulate it."""
-
-    truth: str | None = None
-    estimate: str | None = None
-    layout: str | None = None
-    seqmap: str | None = None
-    allow_missing: bool = False
-    retry_failed: bool = False
-    shard: str | None = None
-    workers: int | None = None
-    scheduler: str | None = None
-    reports: bool = False
-    proof: bool = False
-    per_step: bool = False
-    by: tuple[str, ...] = ()
-    mean_of_roots: bool = False
-
-    def groups(self, known: Collection[str]) -> list[str]:
-        """The labels of --by, each once; a text that is the name of one is that, commas and all."""
-        names = [
-            name
-            for text in self.by
-            if text
-            for name in ([text] if text in known else map(str.strip, text.split(",")))
-        ]
-        return list(dict.fromkeys(names))
-
-    @property
-    def engine(self) -> Engine:
-        """Where the jobs are done."""
-        return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
 def run_batch(
@@ -113,11 +73,11 @@ def run_batch(
         raise ConfigError("--curve is for --per-step, or for the folders of --reports")
     if batch.scheduler and batch.workers:
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
-    plan = _plan(paths, batch)
-    _check_missing(plan, batch)
+    plan = planned(paths, batch)
+    check_missing(plan, batch)
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(batch.groups(labels), labels)
-    store, shard = Store(str(output.output)), _shard(batch.shard)
+    store, shard = Store(str(output.output)), shard_of(batch.shard)
     settings = {
         "schema": SCHEMA,
         "version": __version__,
@@ -128,16 +88,16 @@ def run_batch(
     }  # fmt: skip
     store.open(settings)
     if not output.quiet:
-        for text in _about_defaults(options, boxes=batch.layout is not None):
+        for text in about_defaults(options, boxes=batch.layout is not None):
             print_notice(text)
     with locked(store.folder, shard):
-        tasks = list(_tasks(ctx, plan, options, batch, output))
+        tasks = list(tasks_of(ctx, plan, options, batch, output))
         tasks = [task for number, task in enumerate(tasks) if number % shard[1] == shard[0] - 1]
         if shard == (1, 1):
             store.join()
         rows = store.rows()
-        left = list(_left(tasks, rows, retry_failed=batch.retry_failed))
-        left.sort(key=_size, reverse=True)
+        left = list(left_over(tasks, rows, retry_failed=batch.retry_failed))
+        left.sort(key=size_of, reverse=True)
         if not output.quiet and len(left) < len(tasks):
             print_notice(f"{counted(len(tasks) - len(left), 'job')} of {len(tasks)} done before")
         faults = _work(left, store, batch.engine, quiet=output.quiet)
@@ -196,136 +156,6 @@ def report_batch(folder: str, batch: BatchOptions, output: OutputOptions) -> Non
     tables = _tables(store, store.rows(), batch)
     emit(BATCH_REPORTS[output.format_](tables), output.format_)
     write_batch(store, tables, output, lenient=False)
-
-
-def _plan(paths: tuple[str, ...], batch: BatchOptions) -> Plan:
-    """The jobs that the arguments name in one of three ways."""
-    if batch.layout:
-        if len(paths) != 2:
-            raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
-        sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
-        return jobs.of_layout(batch.layout, *paths, sequences)
-    if batch.truth and batch.estimate and not paths:
-        return jobs.of_patterns(batch.truth, batch.estimate)
-    if len(paths) == 1 and not (batch.truth or batch.estimate):
-        keys = [name.replace("-", "_") for name, flag in KNOWN.items() if not flag]
-        return jobs.of_manifest(paths[0], {*keys, *(key.replace("_", "-") for key in keys)})
-    raise ConfigError(
-        "name the jobs by --truth PATTERN --estimate PATTERN, by a manifest, or by --layout NAME "
-        "GT TRACKERS"
-    )
-
-
-def _check_missing(plan: Plan, batch: BatchOptions) -> None:
-    """List what is missing; without --allow-missing nothing is begun.
-
-    Raises
-    ------
-    ConfigError
-        Something is missing, or everything.
-    """
-    lines = [*plan.faults[:FAULTS_SHOWN]]
-    if len(plan.faults) > FAULTS_SHOWN:
-        lines.append(f"and {len(plan.faults) - FAULTS_SHOWN} more")
-    if plan.faults and not batch.allow_missing:
-        some = "; --seqmap FILE takes the sequences in that file alone" if batch.layout else ""
-        raise ConfigError(
-            *lines, f"nothing is begun; --allow-missing goes on with the others{some}"
-        )
-    for text in lines:
-        print_notice(text)
-    if not plan.jobs:
-        raise ConfigError("there is no job")
-
-
-def _about_defaults(options: EvaluationOptions, *, boxes: bool) -> Iterator[str]:
-    """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
-    from tgospa_eval.distances import DISTANCES  # here: the command line does without
-
-    if boxes and options.distance == "euclidean" and not options.columns:
-        yield "boxes are compared by their centres (x, y); overlap: --distance iou"
-    given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
-    values = zip(given, DISTANCES[options.distance].defaults, strict=True)
-    used = {name: value for name, value in values if given[name] is None}
-    if used:
-        shown = " and ".join(
-            f"{letter} = {used[name]:g}"
-            for name, letter in (("cutoff", "c"), ("switch-penalty", "gamma"))
-            if name in used
-        )
-        yield f"default {shown}; choose with {' and '.join(f'--{name}' for name in used)}"
-
-
-def _shard(text: str | None) -> tuple[int, int]:
-    """Number and count of the shards.
-
-    Raises
-    ------
-    ConfigError
-        It is no K/N.
-    """
-    try:
-        number, count = map(int, (text or "1/1").split("/"))
-    except ValueError:
-        number = count = 0
-    if not 1 <= number <= count:
-        raise ConfigError(f"--shard {text}: must be K/N with 1 <= K <= N, such as 3/16")
-    return number, count
-
-
-def _tasks(
-    ctx: click.Context,
-    plan: Plan,
-    options: EvaluationOptions,
-    batch: BatchOptions,
-    output: OutputOptions,
-) -> Iterator[Task]:
-    """The jobs with their own options and their keys; what they share is there once."""
-    shared = replace(options, jobs=1)
-    of_all = given_text(shared)
-    base = os.getcwd() if batch.scheduler else ""
-    digest = functools.cache(digest_of)
-    for job in plan.jobs:
-        chosen, given = shared, of_all
-        if job.options:
-            own = typed_options(ctx, dict(job.options), f"job {job.name}")
-            chosen = replace(shared, **own)  # type: ignore[arg-type]
-            given = given_text(chosen)
-        folder = None
-        if batch.reports:
-            folder = folder_of(str(output.output), job.labels, job.options)
-        yield Task(
-            job=job,
-            options=chosen,
-            key=key_of(job, given, files_of(job, chosen), digest),
-            folder=folder,
-            proof=batch.proof,
-            per_step=batch.per_step,
-            base=base,
-            store=os.path.join(str(output.output), SETTINGS_FILE),
-        )
-
-
-def _left(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) -> Iterator[Task]:
-    """What is not done, and what lacks something that is asked for beside its row."""
-    numbers = ["sizes.steps", STORED_STEPS, STORED_CURVE]
-    found = before.reindex(columns=["key", "status", NOT_WRITTEN, *numbers])
-    found[numbers] = found[numbers].astype(float).fillna(0.0)
-    found[NOT_WRITTEN] = found[NOT_WRITTEN].notna()
-    rows = {row["key"]: row for row in found.to_dict("records")}
-    for task in tasks:
-        row = rows.get(task.key)
-        if row is None or (retry_failed and row["status"] == "failed"):
-            yield task
-        elif row["status"] != "failed":
-            written = task.folder is None or (task.is_written and not row[NOT_WRITTEN])
-            if not (written and task.has_steps(row)):
-                yield task.keeping(row)
-
-
-def _size(task: Task) -> int:
-    """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
-    return sum(os.path.getsize(path) for path in (task.job.truth, task.job.estimate))
 
 
 def _work(tasks: list[Task], store: Store, engine: Engine, *, quiet: bool) -> list[Row]:
