@@ -46,13 +46,14 @@ lock: .venv/bin/python
 		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
 
 clean:
-	rm -rf .venv build dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/problem/_kernels.*.so
+	rm -rf .venv build dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/problem/*.so \
+		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
 # The one step that builds the package and its extension; the others only add to it.
-.venv/installed: .venv/bin/python pyproject.toml tgospa_eval/problem/_kernels.pyx
+.venv/installed: .venv/bin/python pyproject.toml tgospa_eval/problem/_kernels.pyx tgospa_eval/formats/text/_scan.pyx
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 

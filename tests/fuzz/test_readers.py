@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from tgospa_eval.errors import TgospaError
 from tgospa_eval.formats import FORMATS, ROLES, ReadOptions, read
-from tgospa_eval.formats.text import bulk, convert, table
+from tgospa_eval.formats.text import bulk, convert, scan, table
 
 MEMORY = 50_000_000
 """Bytes beyond what the largest of these files, some kilobytes, may ever need."""
@@ -157,13 +157,14 @@ def answer(path: Path, options: ReadOptions, role: str, format_: str | None) -> 
 
 
 def answers(path: Path, options: ReadOptions, role: str, format_: str | None) -> None:
-    """Read it twice, the second time as a large file."""
+    """Read it as it comes, without the compiled loop, and as a large file."""
     found = []
-    for size in (bulk.BULK_BYTES, 0):
+    for size, scanner in ((bulk.BULK_BYTES, scan.scanner), (bulk.BULK_BYTES, None), (0, None)):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(bulk, "BULK_BYTES", size)
+            patch.setattr(scan, "scanner", scanner)
             found.append(answer(path, options, role, format_))
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
 
 
 def column_of_a_frame(kind: str) -> st.SearchStrategy[Any]:
@@ -305,14 +306,15 @@ END = {
 """Ids and times of the first row of a seed, and what they are written as."""
 
 
-@pytest.mark.parametrize("size", [10**9, 0], ids=["careful", "quick"])
+@pytest.mark.parametrize("size", [-(10**9), 10**9, 0], ids=["compiled", "careful", "quick"])
 @pytest.mark.parametrize("name", SEEDS)
 def test_memory_per_byte(
     name: str, size: int, write: Callable[[str, str | bytes], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A row takes 32 bytes as numbers, some 80 with keys and their order: two or three times its
     # text. A list of fields would take twenty times.
-    monkeypatch.setattr(bulk, "BULK_BYTES", size)
+    monkeypatch.setattr(bulk, "BULK_BYTES", abs(size))
+    monkeypatch.setattr(scan, "scanner", scan.scanner if size < 0 else None)
     monkeypatch.setattr(convert, "LETTERS_TOGETHER", 1 << 12)
     monkeypatch.setattr(table, "ROWS_OF_BLOCK", 1 << 7)
     format_ = "csv" if name == "quoted" else name

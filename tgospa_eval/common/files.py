@@ -78,8 +78,8 @@ def read_bytes(
             content = b"".join(_pieces(path, most))
             size = len(content)
         elif size <= most:
-            with open(path, "rb") as file:
-                content = file.read()
+            with open(path, "rb", buffering=0) as file:  # all at once needs no buffer
+                content = file.readall()
     if size > most:
         raise kind(f"{path}: larger than {most >> 20} MiB; {remedy}")
     return content

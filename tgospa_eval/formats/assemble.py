@@ -36,7 +36,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     choice = _Choice(len(state))
     for rule, (apart, sentence) in rows.apart.items():
         choice.keep(~apart, rule, sentence)
-    choice.keep(_filled(state), "blank", "with a blank or NaN position: absent at that step")
+    filled = (state == state).all(axis=1)  # NaN is not
+    choice.keep(filled, "blank", "with a blank or NaN position: absent at that step")
     grid = _grid(rows, options, choice)
     _keep_classes(rows, options, choice)
     track_ids, track = rows.ids
@@ -47,9 +48,10 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
         particles = gather(rows, key, choice.mask, always=options.clouds and roles.spread is None)
     _keep_region(rows, options, particles, choice)
-    _check_states(rows, state, choice.mask, options)
+    chosen = None if choice.all() else np.flatnonzero(choice.mask)
+    _check_states(rows, state, chosen, options)
 
-    taken, ordered = _by_key(key, None if choice.all() else np.flatnonzero(choice.mask))
+    taken, ordered = _by_key(key, chosen)
     clouds = None
     if particles is not None:
         clouds, taken, ordered = particles.clouds(rows, state, taken, ordered)
@@ -109,6 +111,8 @@ class _Choice:
 
     def keep(self, inside: Flags, rule: str, sentence: str) -> None:
         """Leave out what is not inside."""
+        if inside.all():
+            return
         before = int(np.count_nonzero(self.mask))
         self.mask &= inside
         count = before - int(np.count_nonzero(self.mask))
@@ -127,14 +131,6 @@ class _Grid(NamedTuple):
     moments: TimeArray
     step: Ints
     labels: NDArray[np.object_] | None
-
-
-def _filled(state: Floats) -> Flags:
-    """Rows without NaN."""
-    filled = np.ones(len(state), bool)
-    for column in state.T:
-        filled &= column == column  # NaN is not
-    return filled
 
 
 def _grid(rows: Rows, options: ReadOptions, choice: _Choice) -> _Grid:
@@ -183,29 +179,41 @@ def _keep_region(
     choice.keep(inside, "region", "left out by --region")
 
 
-def _check_states(rows: Rows, state: Floats, mask: Flags, options: ReadOptions) -> None:
-    """Sizes of boxes, sums that are no doubles, and what the distance cannot compare."""
+def _check_states(rows: Rows, state: Floats, chosen: Ints | None, options: ReadOptions) -> None:
+    """Sizes of boxes, sums that are no doubles, and what the distance cannot compare.
+
+    `chosen` are the rows that take part; None are all.
+    """
+
+    def first(wrong: Flags) -> tuple[int, str]:
+        """The first of those that are wrong among the chosen, and how many more; -1 if none."""
+        at = np.flatnonzero(wrong if chosen is None else wrong[chosen])
+        if not len(at):
+            return -1, ""
+        return int(at[0] if chosen is None else chosen[at[0]]), more(len(at))
+
     if rows.roles.centres or options.boxes:
-        wrong = np.flatnonzero(mask & ~np.isfinite(state).all(axis=1))
-        if len(wrong):
+        row, others = first(np.asarray(~np.isfinite(state).all(axis=1)))
+        if row >= 0:
             raise InputError(
-                f"{rows.where(int(wrong[0]))}: a box too large for a number{more(len(wrong))}; "
-                "use another unit"
+                f"{rows.where(row)}: a box too large for a number{others}; use another unit"
             )
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
-        wrong = np.flatnonzero(mask & ~(extent > 0 if options.boxes else extent >= 0))
-        if len(wrong):
+        row, others = first(np.asarray(~(extent > 0 if options.boxes else extent >= 0)))
+        if row >= 0:
             rule = "it must be > 0 for --distance iou" if options.boxes else "it must be >= 0"
             raise InputError(
-                f"{rows.where(int(wrong[0]))}, column {quoted(name)}: {extent[wrong[0]]:g} is no "
-                f"{name} of a box{more(len(wrong))}; {rule}"
+                f"{rows.where(row)}, column {quoted(name)}: {extent[row]:g} is no {name} of a "
+                f"box{others}; {rule}"
             )
-    chosen = np.flatnonzero(mask)
-    fault = options.fault(rows.roles.names, state[chosen].T) if options.fault else None
+    if options.fault is None:
+        return
+    fault = options.fault(rows.roles.names, (state if chosen is None else state[chosen]).T)
     if fault is not None:
         row, name, what = fault
-        raise InputError(f"{rows.where(int(chosen[row]))}, column {quoted(name)}: {what}")
+        row = row if chosen is None else int(chosen[row])
+        raise InputError(f"{rows.where(row)}, column {quoted(name)}: {what}")
 
 
 def _repeats(
@@ -282,6 +290,8 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
     """Rows, all or the chosen, in the order of their keys, and the sorted keys."""
     if chosen is not None:
         key = key[chosen]
+    if (key[1:] > key[:-1]).all():  # as most programs write them
+        return (np.arange(len(key)) if chosen is None else chosen), key
     if len(key) and key.max() < 4 * len(key):  # nearly a full grid: a table is quicker than sorting
         table = np.full(int(key.max()) + 1, -1)
         table[key] = np.arange(len(key))
@@ -295,6 +305,10 @@ def _by_key(key: Ints, chosen: Ints | None) -> tuple[Ints, Ints]:
 
 def _number_times(value: TimeArray) -> tuple[TimeArray, Ints]:
     """Distinct times in order, and the number of each row's."""
+    if (value[1:] >= value[:-1]).all():  # as most programs write them
+        begins = np.ones(len(value), bool)
+        np.greater(value[1:], value[:-1], out=begins[1:])
+        return value[begins], np.cumsum(begins) - 1
     if value.dtype.kind == "i" and len(value):
         low, high = int(value.min()), int(value.max())
         if high - low < 4 * len(value):  # a table is quicker than sorting

@@ -23,8 +23,10 @@ def floats(texts: Sequence[str], decimal: str = ".") -> Floats:
 
 def is_number(text: str, decimal: str = ".") -> bool:
     """Whether a text is a number, with this mark if any."""
+    if "_" in text or not text.isascii() or (decimal == "," and "." in text):  # as in `floats`
+        return False
     try:
-        floats([text], decimal)
+        float(text.replace(decimal, "."))
     except ValueError:
         return False
     return True

@@ -70,7 +70,7 @@ def read(
         kind = type(path).__name__
         raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
     options = options or ReadOptions()
-    data = load(name, most_bytes(options.max_input))
+    data = load(name, most_bytes(options.max_input, name))
     chosen = format or guess(name, data)
     if chosen not in PACKED:
         size = len(data)

@@ -1,7 +1,10 @@
 """What reading a file will take, known before it is read: small files may unpack to anything."""
 
 import math
+import os
+import stat
 import sys
+from contextlib import suppress
 
 from tgospa_eval.common.memory import available_memory
 from tgospa_eval.errors import InputError
@@ -63,10 +66,15 @@ def check_room(path: str, size: float, file: int, limit: float | None, what: str
         )
 
 
-def most_bytes(limit: float | None) -> int:
-    """Bytes that a file itself may have."""
+def most_bytes(limit: float | None, path: str) -> int:
+    """Bytes that a file itself may have; what is available matters to the largest alone."""
     if limit == 0:
         return sys.maxsize - 1
-    if limit is None:
-        return max(int(DEFAULT_GIGABYTES * GIGABYTE), available_memory() or 0)
-    return int(limit * GIGABYTE)
+    if limit is not None:
+        return int(limit * GIGABYTE)
+    most = int(DEFAULT_GIGABYTES * GIGABYTE)
+    with suppress(OSError, ValueError):  # whoever reads it will say so
+        found = os.stat(path)
+        if stat.S_ISREG(found.st_mode) and found.st_size <= MODEST:
+            return most
+    return max(most, available_memory() or 0)

@@ -1,20 +1,10 @@
 """The compiled kernels where they were built; everything works without them, more slowly."""
 
-import os
-from importlib import import_module
 from typing import Any
 
+from tgospa_eval.common.compiled import compiled
 
-def _load() -> Any:
-    if os.environ.get("TGOSPA_EVAL_KERNEL") == "numpy":
-        return None
-    try:
-        return import_module("tgospa_eval.problem._kernels")
-    except ImportError:
-        return None
-
-
-kernels: Any = _load()
+kernels: Any = compiled("tgospa_eval.problem._kernels")
 """The extension module, or None. ``TGOSPA_EVAL_KERNEL=numpy`` leaves it aside, for comparison."""
 
 KERNEL = "compiled" if kernels else "numpy"

@@ -112,17 +112,21 @@ class Trajectories:
 
     def _check_order(self) -> None:
         """Times and rows increase strictly, and rows point into times and ids."""
-        if not np.all(self.times[1:] > self.times[:-1]) or np.any(self.times != self.times):
+        times, step, track = self.times, self.step, self.track
+        if not (times[1:] > times[:-1]).all() or (len(times) == 1 and times[0] != times[0]):
             raise InputError("times must increase strictly")
-        if not len(self.step):
+        if not len(step):
             return
-        if self.step.min() < 0 or self.step.max() >= len(self.times):
+        later = step[1:] > step[:-1]
+        later |= (step[1:] == step[:-1]) & (track[1:] > track[:-1])
+        in_order = later.all()
+        # Of what is in order the ends are the least and the largest.
+        low, high = (step[0], step[-1]) if in_order else (step.min(), step.max())
+        if low < 0 or high >= len(times):
             raise InputError("a step lies outside the times")
-        if self.track.min() < 0 or self.track.max() >= len(self.ids):
+        if track.min() < 0 or track.max() >= len(self.ids):
             raise InputError("a track lies outside the ids")
-        later = self.step[1:] > self.step[:-1]
-        beside = (self.step[1:] == self.step[:-1]) & (self.track[1:] > self.track[:-1])
-        if not np.all(later | beside):
+        if not in_order:
             raise InputError("rows must be sorted by (step, track), each at most once")
 
     def _packed(self, covariance: Floats) -> Floats:

@@ -14,7 +14,7 @@ import pytest
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.formats.columns.roles import find_roles
-from tgospa_eval.formats.text import bulk
+from tgospa_eval.formats.text import bulk, scan
 
 Run = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -376,9 +376,11 @@ def test_parquet_without_the_extra(write: Write, environment: dict[str, str]) ->
 CLASSES = "id,t,x,class,v\na,1,0,car,1\na,2,1,car,2\nb,2,5,bus,3\nc,3,9,,\n"
 
 
-@pytest.fixture(params=["small", "large"])
+@pytest.fixture(params=["compiled", "small", "large"])
 def way(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small and large files are parsed in two ways, which must not show."""
+    """Files are parsed in three ways, which must not show."""
+    if request.param != "compiled":
+        monkeypatch.setattr(scan, "scanner", None)
     if request.param == "large":
         monkeypatch.setattr(bulk, "BULK_BYTES", 0)
 

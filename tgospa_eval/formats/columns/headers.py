@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.asked import ask
@@ -134,7 +135,8 @@ class Headers:
         """Position of a header, upper and lower case aside; `name` is the column it is for."""
         if header in self.exact:
             return self.exact[header]
-        return self._only(self.folded.get(header.casefold(), []), name)
+        places = self.folded.get(header.casefold())
+        return self._only(places, name) if places else None
 
     def find(self, name: str, *, plainly: bool = False) -> int | None:
         """Position of a column: as mapped, by its name, else, if not `plainly`, by an alias.
@@ -176,9 +178,7 @@ class Headers:
 
     def _places(self, name: str) -> list[int]:
         """Positions of all headers that may be a column, the most usual first."""
-        return self._of(
-            dict.fromkeys(_joined(alias) for alias in HEADER_ALIASES.get(name, ())), name
-        )
+        return self._of(_aliases(name), name)
 
     def _of(self, keys: Iterable[str], name: str) -> list[int]:
         """Positions of headers that are one of these words, with a unit of the column if any."""
@@ -280,9 +280,15 @@ def _joined(header: str) -> str:
     return "".join(re.findall(r"[^\W_]+", header)).casefold()
 
 
+@cache
+def _aliases(name: str) -> tuple[str, ...]:
+    """The aliases of a column, each as one word, the most usual first."""
+    return tuple(dict.fromkeys(map(_joined, HEADER_ALIASES.get(name, ()))))
+
+
 def _keys(header: str) -> Iterator[tuple[str, str]]:
     """The header as one word, and without its last word, which may be a unit: that word too."""
-    words = re.findall(r"[^\W_]+", header)
+    words = [header] if header.isalnum() else re.findall(r"[^\W_]+", header)
     yield "".join(words).casefold(), ""
     if len(words) > 1:
         yield "".join(words[:-1]).casefold(), words[-1].casefold()

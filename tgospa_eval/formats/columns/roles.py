@@ -77,7 +77,7 @@ class Roles:
     passed: tuple[str, ...] = ()
     lacking: dict[str, str] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[int, ...]:
         """Columns that are read as numbers, those of the state first."""
         mixes = (*self.state, *self.region.values(), *self.sizes)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from tgospa_eval.common.files import SETTINGS, is_missing, named, read_bytes
+from tgospa_eval.common.files import SETTINGS, named, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
@@ -55,12 +55,13 @@ def load(path: str, most: int = SETTINGS) -> bytes:
     InputError
         It cannot be read.
     """
-    if is_missing(path):
-        raise InputError(f"{path}: no such file")
     with named(path, InputError):
-        endless = _is_endless(path)
-    if endless:
-        raise InputError(f"{path}: is a device, not a file")
+        try:
+            endless = _is_endless(path)
+        except FileNotFoundError:
+            raise InputError(f"{path}: no such file") from None
+        if endless:
+            raise InputError(f"{path}: is a device, not a file")
     try:
         if most == SETTINGS:
             return read_bytes(path, InputError)
@@ -134,43 +135,43 @@ def chunks(text: str, start: int = 0) -> Iterator[str]:
         start = end + 1
 
 
-def convert(
-    blocks: Iterable[Block],
-    roles: Roles,
-    decimal: str,
-    path: str,
-    names: Sequence[str],
-    *,
-    texts: Sequence[int] = (),
-    name_id: Callable[[str], str] = str.strip,
-) -> tuple[Rows, dict[int, Coded], Places]:
-    """The rows of blocks of texts; all mistakes in one error.
-
-    A block is turned into numbers before the next one is asked for: texts of numbers are not held,
-    of others each distinct one.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fields:
+    """The columns of a file that are used.
 
     Parameters
     ----------
-    blocks : iterable of Block
-        The rows, in order.
-    roles : Roles
-        Which column is what.
-    decimal : str
-        Decimal mark.
-    path, names
-        The file and its columns, for messages.
-    texts : sequence of int
-        Columns to be returned as texts.
-    name_id : callable
-        Text of an id to its name.
-
-    Raises
-    ------
-    InputError
-        An id is blank, a text is no number or no time, or infinite.
+    lines : (R,) int array or range
+        Line of each row.
+    coded : dict of int to Coded
+        Texts, by column.
+    values : (R, n) float array
+        The columns `Roles.numbers`, NaN where blank.
+    mistakes : sequence of tuple
+        Column and row of what is no number, and the message.
     """
-    wanted = {roles.id, roles.time, *texts, *(() if roles.klass is None else (roles.klass,))}
-    coders = {column: _Coder() for column in wanted}
+
+    lines: Ints | range
+    coded: dict[int, Coded]
+    values: Floats
+    mistakes: Sequence[tuple[int, int, str]] = ()
+
+
+def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
+    """Columns that are read as texts: ids, times, classes, and those asked for."""
+    klass = () if roles.klass is None else (roles.klass,)
+    return tuple(dict.fromkeys((roles.id, roles.time, *texts, *klass)))
+
+
+def gather(
+    blocks: Iterable[Block], roles: Roles, decimal: str, texts: Sequence[int] = ()
+) -> Fields:
+    """The columns of blocks of texts; `texts` are more columns to be returned as such.
+
+    A block is turned into numbers before the next one is asked for: texts of numbers are not held,
+    of others each distinct one.
+    """
+    coders = {column: _Coder() for column in text_columns(roles, texts)}
     readers = {column: Numbers(decimal) for column in roles.numbers}
     lines: list[Ints] = [np.zeros(0, np.int64)]
     for block in blocks:
@@ -181,7 +182,47 @@ def convert(
             reader.add(block.columns[column])
     coded = {column: coder.coded() for column, coder in coders.items()}
     del coders
-    places = Places(path=path, lines=np.concatenate(lines), names=names)
+    numbers = np.concatenate(lines)
+    values = np.empty((len(numbers), len(roles.numbers)), order="F")
+    mistakes: list[tuple[int, int, str]] = []
+    for k, column in enumerate(roles.numbers):
+        reader = readers.pop(column)
+        values[:, k] = reader.values()
+        mistakes += [(column, row, message) for row, message in reader.mistakes]
+    return Fields(lines=numbers, coded=coded, values=values, mistakes=mistakes)
+
+
+def convert(
+    fields: Fields,
+    roles: Roles,
+    decimal: str,
+    path: str,
+    names: Sequence[str],
+    *,
+    name_id: Callable[[str], str] = str.strip,
+) -> tuple[Rows, Places]:
+    """The rows of the fields of a file, and where they are; all mistakes in one error.
+
+    Parameters
+    ----------
+    fields : Fields
+        The columns.
+    roles : Roles
+        Which column is what.
+    decimal : str
+        Decimal mark.
+    path, names
+        The file and its columns, for messages.
+    name_id : callable
+        Text of an id to its name.
+
+    Raises
+    ------
+    InputError
+        An id is blank, a text is no number or no time, or infinite.
+    """
+    coded = fields.coded
+    places = Places(path=path, lines=fields.lines, names=names)
     problems: list[str] = []
     of_weights: list[str] = []  # a column of this name may be something else
     ids = numbered(coded[roles.id], name_id)
@@ -189,12 +230,9 @@ def convert(
     if len(blank):
         place = places.field(int(blank[0]), roles.id)
         problems.append(f"{place}: blank id{more(len(blank))}; name the object")
-    values = np.empty((len(places.lines), len(roles.numbers)), order="F")
-    for k, column in enumerate(roles.numbers):
-        reader = readers.pop(column)
-        values[:, k] = reader.values()
+    for column, row, message in fields.mistakes:
         wrong = of_weights if column == roles.weight else problems
-        wrong += [f"{places.field(row, column)}: {message}" for row, message in reader.mistakes]
+        wrong.append(f"{places.field(row, column)}: {message}")
     try:
         times = coded_times(coded[roles.time], decimal)
     except TimeError as error:
@@ -206,12 +244,12 @@ def convert(
         roles=roles,
         ids=ids,
         times=times,
-        numbers=values,
+        numbers=fields.values,
         where=places.row,
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
         weight_fault="\n".join(of_weights) or None,
     )
-    return rows, {column: coded[column] for column in texts}, places
+    return rows, places
 
 
 class _Coder:

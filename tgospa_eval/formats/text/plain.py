@@ -16,7 +16,15 @@ from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
-from tgospa_eval.formats.text.convert import Block, Places, check_text, chunks, convert, decode
+from tgospa_eval.formats.text.convert import (
+    Block,
+    Places,
+    check_text,
+    chunks,
+    convert,
+    decode,
+    gather,
+)
 
 
 @dataclass(frozen=True)
@@ -101,7 +109,9 @@ def read_plain(
         text = decode(data, path)
     del data
     blocks = _blocks(text, split, len(names), path, first)
-    return convert(blocks, roles, ".", path, names, texts=wanted, name_id=_plain_id)
+    fields = gather(blocks, roles, ".", wanted)
+    rows, places = convert(fields, roles, ".", path, names, name_id=_plain_id)
+    return rows, {column: fields.coded[column] for column in wanted}, places
 
 
 def _first_of_many(data: bytes) -> str | None:

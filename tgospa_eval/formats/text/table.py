@@ -23,7 +23,15 @@ from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
-from tgospa_eval.formats.text.convert import Block, check_text, chunks, convert, decode
+from tgospa_eval.formats.text.convert import (
+    Block,
+    check_text,
+    chunks,
+    convert,
+    decode,
+    gather,
+)
+from tgospa_eval.formats.text.scan import scanned
 
 DELIMITERS = ",;\t"
 
@@ -53,24 +61,30 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     # A large ASCII file needs no decoding unless it takes the careful way.
     large = len(data) >= bulk.BULK_BYTES
     whole = not (large and data.isascii() and b"\n" in data[:HEADER_BYTES])
-    head = decode(data if whole else data[:HEADER_BYTES], path)
-    names, roles, delimiter, first, start = _header(head, path, options)
-    rows = head[start:]
+    text = decode(data if whole else data[:HEADER_BYTES], path)
+    names, roles, delimiter, first, start = _header(text, path, options)
+    rows = text[start:]
     if large:  # what is cut off in the middle of a number may look like another one
         rows = rows[: rows.rfind("\n") + 1]
     roles, decimal = _with_decimal(rows, delimiter, roles, options.decimal)
-    del head, rows
-    if large:
-        layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
+    del rows
+    layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
+    fields = None
+    if text.isascii():  # letters and bytes are at the same places
+        plain = text.encode() if whole else data.replace(b"\r\n", b"\n")
+        fields = scanned(plain, start, layout, roles, decimal)
+        del plain
+    if fields is None and large:
         found = bulk.read_bulk(data, layout, roles, decimal)
         if found is not None:
             return found[0]
-    text = decode(data, path)
-    del data
-    blocks = tokenise(text, start, delimiter, len(names), path, first)
-    if any(mark in text for mark in COMMENTS):
-        blocks = _without_comments(blocks, path)
-    return convert(blocks, roles, decimal, path, names)[0]
+    if fields is None:
+        text = text if whole else decode(data, path)
+        blocks = tokenise(text, start, delimiter, len(names), path, first)
+        if any(mark in text for mark in COMMENTS):
+            blocks = _without_comments(blocks, path)
+        fields = gather(blocks, roles, decimal)
+    return convert(fields, roles, decimal, path, names)[0]
 
 
 def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
