@@ -9,7 +9,7 @@ from tgospa_eval.distances.vector import Norm
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
-MOST_PAIRS = 1 << 16
+MOST_PAIRS = 1 << 18
 """Pairs, near or not, of which all are looked at."""
 
 SAMPLED_STEPS = 100

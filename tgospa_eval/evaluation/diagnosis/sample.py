@@ -46,9 +46,11 @@ class StepRows:
     @classmethod
     def of(cls, side: Trajectories, steps: Ints | None = None) -> "StepRows":
         """Those at some steps; by default at all."""
-        if steps is None:
-            steps = np.arange(len(side.times))
-        return cls(side=side, bounds=rows_at(side, steps))
+        if steps is not None:
+            return cls(side=side, bounds=rows_at(side, steps))
+        found = cls(side=side, bounds=rows_at(side, np.arange(len(side.times))))
+        vars(found)["table"] = side.seen_as(())
+        return found
 
     @cached_property
     def counts(self) -> Ints:

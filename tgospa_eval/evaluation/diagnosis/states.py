@@ -116,11 +116,13 @@ class _Sample:
         """The same."""
         return self.rows[1].table
 
+    @cached_property
+    def _truths(self) -> StepRows:
+        return StepRows.of(self.truth)
+
     def costs(self, estimate: Trajectories) -> StepCosts:
         """With another estimate."""
-        return step_costs(
-            StepRows.of(self.truth), StepRows.of(estimate), self.parameters, self.distance
-        )
+        return step_costs(self._truths, StepRows.of(estimate), self.parameters, self.distance)
 
     @property
     def is_bad(self) -> bool:
