@@ -26,7 +26,6 @@ WIDE = {
     "read_trajectories": "tgospa_eval",
     "sweep": "tgospa_eval",
     "reduce_cloud": "tgospa_eval.distances",
-    "solve_restricted_lp": "tgospa_eval.solvers.restricted_lp",
     "tgospa_problem": "tgospa_eval.problem.tgospa",
 }
 """Functions whose settings, or arrays, are keywords with names that stay."""

@@ -1055,6 +1055,54 @@ def take_weights(Layout layout, const double[::1] found, double[::1] primal,
                 primal[b] = found[b]
 
 
+def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] first,
+                   const i32[::1] low, const i32[::1] high, const double[::1] value,
+                   const double[::1] leave, const u8[::1] follows):
+    """Best values of paths through the free states of a programme, in each row forward in time.
+
+    The rows have borders before, between and after their constraints, numbered row by row from
+    `first` (rows + 1,) on. States lie between the borders `low` and `high`, those without a
+    constraint where the state before them ends; `order` has them by (high, number). A state that
+    `follows` the one before it takes over its value. Returns the value of "none" at each border,
+    and that of each state at its end less that, cut to [-leave, leave].
+    """
+    cdef Py_ssize_t F = order.shape[0], a, b, c
+    cdef i32 s, r, at = 0
+    cdef double unassigned = 0.0, best
+    none_array = np.zeros(first[first.shape[0] - 1])
+    through_array = np.zeros(F)
+    cdef double[::1] none = none_array, through = through_array
+    with nogil:
+        a = 0
+        while a < F:
+            s = order[a]
+            r = row[s]
+            while at < high[s]:
+                none[at] = unassigned
+                at += 1
+            b = a
+            while b < F and high[order[b]] == high[s]:
+                s = order[b]
+                if low[s] < at:
+                    through[s] = none[low[s]] + value[s] + (through[s - 1] if follows[s] else 0.0)
+                    unassigned = fmax(unassigned, through[s] - leave[s])
+                b += 1
+            for c in range(a, b):
+                s = order[c]
+                if low[s] < at:
+                    best = through[s] - unassigned
+                else:
+                    best = value[s] + (through[s - 1] if follows[s] else 0.0)
+                through[s] = fmax(-leave[s], best if best < leave[s] else leave[s])
+            a = b
+            if a == F or row[order[a]] != r:
+                while at < first[r + 1]:
+                    none[at] = unassigned
+                    at += 1
+                unassigned = 0.0
+    return none_array, through_array
+
+
 # --- the certificate: the twins are in problem.paths and problem.certificate, with the same bits --
 #
 # Nothing above or below is called but `sort_by` and `pairwise`, and no solver calls these.

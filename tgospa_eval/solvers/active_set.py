@@ -110,7 +110,6 @@ class _Block:
             np.where(active[self.row], 0.0, self.paths),
             np.zeros(len(self.prices)),
             self.switch_price,
-            np.inf,
             self.limit.left(),
             interior=len(free) > INTERIOR,
         )

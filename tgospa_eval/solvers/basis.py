@@ -1,13 +1,14 @@
 """Where the simplex method starts: a basis that fits the prices.
 
-A starting basis marks columns and constraints as basic. It may be too
-large, too small or singular: whoever factors it leaves columns out and puts slacks in. It only
-decides how many iterations follow.
+A starting basis marks columns and constraints as basic. It may be too large, too small or singular:
+whoever factors it leaves columns out and puts slacks in. It only decides how many iterations
+follow.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.solvers.programme import Programme
 
@@ -16,11 +17,8 @@ Marks = NDArray[np.bool_]
 LEAST_STATES = 3000
 """Free states from which on a starting basis saves time: fewer take 50 ms at most without."""
 
-TURNS = 8
-"""The potentials are found turn by turn, which pays with so many states a turn."""
-
-BASIC = 0.03
-"""Reduced costs and duals that are smaller count as zero: what prices are wrong by."""
+BASIC = 1e-10
+"""Reduced costs and duals that are smaller count as zero."""
 
 
 def suggest(p: Programme) -> tuple[Marks, Marks] | None:
@@ -30,23 +28,16 @@ def suggest(p: Programme) -> tuple[Marks, Marks] | None:
     of each row are potentials, best values of paths that end in each state: see `_potentials`.
     What has a reduced cost or a dual of about zero then is basic.
     """
-    size = len(p.free)
-    if size < LEAST_STATES or not p.columns.price.any():
+    if not kernels or len(p.free) < LEAST_STATES:
         return None
     dual = _potentials(p)
-    if dual is None:
-        return None
-    _, rises, *_ = p.parts
-    reduced = np.abs(p.reduced(-dual))
-    reduced[rises.stop :] = np.inf  # no price is at the border of its box
-    rows = len(p.full)
-    near = np.concatenate((reduced[: rises.stop], dual))
-    most = max(BASIC, float(np.partition(near, rows - 1)[rows - 1]))
-    return reduced <= most, dual <= most
+    rows = dual <= BASIC
+    rows[p.constraints[1]] = True
+    return np.abs(p.reduced(-dual)) <= BASIC, rows
 
 
-def _potentials(p: Programme) -> Floats | None:
-    """Duals >= 0 of all constraints that fit the prices, or None if finding them takes long.
+def _potentials(p: Programme) -> Floats:
+    """Duals >= 0 of all constraints that fit the prices.
 
     Along each row in time: h, the best value of a path that is in no state; F_s, that of a path
     through state s to its end, F_s = (F or h before) + gain - prices; h rises to F_s - lambda. The
@@ -61,50 +52,33 @@ def _potentials(p: Programme) -> Floats | None:
     np.subtract.at(value, p.columns.state, p.columns.price[p.columns.constraint])
     leave = np.zeros(size)
     leave[source] = paid
-    follows = np.zeros(size, bool)
+    follows = np.zeros(size, np.uint8)
     follows[to] = True
 
-    low, high, row, base, total = _spans(p)
-    state = np.arange(size)
-    empty = low == high
-    chain = np.maximum.accumulate(np.where(empty & follows, 0, state))
-    # States without a constraint of their own take their turns one after the other.
-    depth = np.where(empty, state - chain + empty[chain], 0)
-    turn = (high - base[row]) * (int(depth.max(initial=0)) + 1) + depth
-    order = np.argsort(turn, kind="stable")
-    cuts = np.flatnonzero(np.diff(turn[order], prepend=-1))
-    if len(cuts) * TURNS > size:
-        return None
-    through = np.zeros(size + 1)  # f of the state before
-    unassigned_value, at = np.zeros(len(base)), np.zeros(total)
-    for s in np.split(order, cuts[1:]):
-        best = np.where(follows[s], through[s], 0.0) + value[s]
-        if not empty[s[0]]:
-            best += at[low[s]]
-            np.maximum.at(unassigned_value, row[s], best - leave[s])
-            now = unassigned_value[row[s]]
-            at[high[s]] = now
-            best -= now
-        through[s + 1] = np.clip(best, -leave[s], leave[s])
-    # The value of "none" never falls; where no state ends it is what it was.
-    lift = base[-1] + at.max(initial=0.0) + 1.0
-    step = np.zeros(total)
-    step[base] = 1.0
-    number = np.cumsum(step) * lift
-    at = np.maximum.accumulate(at + number) - number
-    inner = np.ones(total, bool)
-    inner[np.append(base[1:], total) - 1] = False
+    low, high, row, first = _spans(p)
+    none, through = kernels.row_potentials(
+        np.argsort(high, kind="stable").astype(np.int32),
+        row.astype(np.int32),
+        first.astype(np.int32),
+        low.astype(np.int32),
+        high.astype(np.int32),
+        value,
+        leave,
+        follows,
+    )
+    inner = np.ones(len(none), bool)
+    inner[first[1:] - 1] = False
     dual = np.empty(len(p.full))
     rows, columns, transitions = p.constraints
-    dual[rows] = np.diff(at, append=0.0)[inner]
+    dual[rows] = np.diff(none, append=0.0)[inner]
     dual[columns] = p.columns.price
     dual[transitions] = moves.paid
-    dual[transitions][moves.two] -= through[source + 1]
+    dual[transitions][moves.two] -= through[source]
     return np.maximum(dual, 0.0)
 
 
-def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints, int]:
-    """Borders of constraints around each free state, its row, first border of each, number.
+def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints]:
+    """Borders of constraints around each free state, its row, first border of each and their end.
 
     Each row has a border before its first constraint and one after each; borders are numbered row
     by row. A state without a constraint lies where the one before it of its pair ends.
@@ -129,6 +103,5 @@ def _spans(p: Programme) -> tuple[Ints, Ints, Ints, Ints, int]:
         np.where(known, low, border),
         np.where(known, high, border),
         row,
-        base,
-        len(row_of) + len(used),
+        np.append(base, len(row_of) + len(used)),
     )

@@ -24,7 +24,7 @@ from tgospa_eval.solvers.batches import Batch
 from tgospa_eval.solvers.bracket_progress import share_of_digits
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.dual_ascent import Ascent
-from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS, Round
+from tgospa_eval.solvers.schedule import PROGRAMMES, WINDOWS
 from tgospa_eval.solvers.subproblem import cut_out
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Programmes:
         share = share_of_digits(width[ascent.open].sum(), cost[tried].sum(), ascent.wanted_gap)
         self.batch.progress.update(tried, width, cost, ascent.unassigned_cost, share)
 
-    def run(self, rounds: tuple[Round, ...], most: int | None = None) -> None:
+    def run(self, rounds: tuple[float, ...], most: int | None = None) -> None:
         """A round of programmes each, until the brackets are met; components up to `most` states.
 
         Where very much is undecided, programmes look at the neighbourhood of what keeps the
@@ -65,55 +65,55 @@ class Programmes:
         """
         ascent = self.ascent
         begin, stuck = time.perf_counter(), 0.0
-        for number in rounds:
+        for reach in rounds:
             if self._done():
                 break
-            if number.reach == stuck:
+            if reach == stuck:
                 continue
-            ascent.survey(ascent.prices, number.reach)
+            ascent.survey(ascent.prices, reach)
             near = ascent.near(self.tempted)
             if np.count_nonzero(near) > WINDOWS.undecided:
-                self._run_windows(near, number, most, len(near))
+                self._run_windows(near, reach, most, len(near))
                 continue
             before = ascent.open_gap
-            if not self._solve_undecided(near, number.box, most):
+            if not self._solve_undecided(near, reach, most):
                 break
-            wide = max(PROGRAMMES.stuck * before, PROGRAMMES.early_gap * ascent.open_cost)
+            wide = max(PROGRAMMES.stuck * before, PROGRAMMES.stuck_gap * ascent.open_cost)
             if most is None and ascent.open_gap > wide:
-                stuck = number.reach
+                stuck = reach
         self.seconds += time.perf_counter() - begin
 
-    def run_nearby(self, number: Round) -> None:
+    def run_nearby(self, reach: float) -> None:
         """Of a large problem only: programmes in windows, unless sweeps of all take less time."""
         size = len(self.tempted)
         if size < WINDOWS.large or self._done():
             return
         begin = time.perf_counter()
-        self.ascent.survey(self.ascent.prices, number.reach)
+        self.ascent.survey(self.ascent.prices, reach)
         near = self.ascent.near(self.tempted)
-        self._run_windows(near, number, None, int(WINDOWS.share * size))
+        self._run_windows(near, reach, None, int(WINDOWS.share * size))
         self.seconds += time.perf_counter() - begin
 
     def _done(self) -> bool:
         return self.batch.limit.late() or not bool(self.ascent.open.any())
 
-    def _run_windows(self, near: Mask, number: Round, most: int | None, room: int) -> None:
+    def _run_windows(self, near: Mask, reach: float, most: int | None, room: int) -> None:
         """Programmes around the steps that keep the brackets open, in growing windows of time.
 
         Components of more than `most` states are left out, and windows of more than `room`.
         """
         ascent = self.ascent
-        span, reach = WINDOWS.span, number.reach
+        span, least = WINDOWS.span, reach
         while not self._done():
             before = ascent.open_gap
             if span >= ascent.states.problem.steps:
-                self._solve_undecided(near, number.box, most)
+                self._solve_undecided(near, reach, most)
                 return
             spared = WINDOWS.spared * ascent.wanted_gap * ascent.open_cost
             around = ascent.within(near, windows(ascent.losses(ascent.prices), spared, span))
             if np.count_nonzero(around) > room:
                 return
-            self._solve_undecided(around, number.box, most)
+            self._solve_undecided(around, reach, most)
             if ascent.open_gap > WINDOWS.shrink * before:
                 if most is not None:
                     return
@@ -121,26 +121,26 @@ class Programmes:
                 if reach < WINDOWS.farther:
                     reach = WINDOWS.farther
                 else:
-                    span, reach = span * WINDOWS.widen, number.reach
+                    span, reach = span * WINDOWS.widen, least
             ascent.survey(ascent.prices, reach)
             near = ascent.near(self.tempted)
 
-    def _solve_undecided(self, near: Mask, box: float, most: int | None) -> bool:
+    def _solve_undecided(self, near: Mask, reach: float, most: int | None) -> bool:
         """Solve what has to be decided among the states near; False if all of it is too large."""
         states = self.ascent.states
         free, component = self.ascent.undecided(near)
-        if not len(free) and np.isinf(box):  # what keeps the bracket open passes for rounding
+        if not len(free) and np.isinf(reach):  # what keeps the bracket open passes for rounding
             pairs = self.ascent.open[states.pair_block]
             free = np.flatnonzero(np.repeat(pairs, np.diff(states.pair_first)))
             component = states.pair_block[states.pair[free]]
         found = groups(states, free, component, most)
         if found:
-            self._solve(found, box)
+            self._solve(found)
             self.ascent.keep(self.ascent.wide())
         # Where there is nothing to decide, what keeps the bracket open is farther away.
         return bool(found) or not len(free)
 
-    def _solve(self, found: list[Ints], box: float) -> None:
+    def _solve(self, found: list[Ints]) -> None:
         """Propose what is best for each group of states, refined where tolerances matter.
 
         The prices of a programme may miss the best by `PROGRAMMES.tolerance` for each state.
@@ -151,7 +151,7 @@ class Programmes:
             if left is not None and left <= PROGRAMMES.build * len(group):
                 break
             try:
-                solved.append(self._solve_group(group, box, len(found) == 1))
+                solved.append(self._solve_group(group, len(found) == 1))
             except StoppedError:
                 break
         if not solved:
@@ -165,7 +165,7 @@ class Programmes:
                 self._propose(self._apart(lambda: self._refined(solved), size))
                 self.report_progress()
 
-    def _solve_group(self, free: Ints, box: float, whole: bool) -> "_Solved":
+    def _solve_group(self, free: Ints, whole: bool) -> "_Solved":
         """Solve one programme: of the problem itself, or of what a group touches, cut out."""
         from tgospa_eval.solvers.restricted_lp import solve_restricted_lp  # HiGHS: slow to import
 
@@ -179,7 +179,7 @@ class Programmes:
             given = given[0][piece.state], given[1][piece.slot]
         found = self._apart(
             lambda: solve_restricted_lp(
-                states, own, *given, ascent.switch_price, box, left, interior=self.interior
+                states, own, *given, ascent.switch_price, left, interior=self.interior
             ),
             len(free),
         )

@@ -42,9 +42,9 @@ class Moves:
 class Programme:
     """Maximise reward x over 0 <= x <= upper with A x <= full.
 
-    The columns of A are the free states, a rise for each transition, and for the prices that may
-    not leave their box an idle and an excess column. Its rows are the capacities of the rows, those
-    of the columns, and the transitions.
+    The columns of A are the free states, a rise for each transition, and for each constraint with a
+    price what it leaves idle: there A x = full. Its rows are the capacities of the rows, those of
+    the columns, and the transitions.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ class Programme:
         The states that it decides, in order.
     moves : Moves
     rows, columns : CapacityRows
-    idle, over : int arrays
-        Constraints of columns that have an idle or an excess column.
+    idle : (I,) int array
+        Rows of A that hold with equality.
     reward : float array
     row, column, entry : (nnz,) arrays
         A; nothing appears twice.
@@ -67,7 +67,6 @@ class Programme:
     rows: CapacityRows
     columns: CapacityRows
     idle: Ints
-    over: Ints
     reward: Floats
     row: Ints
     column: Ints
@@ -76,17 +75,37 @@ class Programme:
     upper: Floats
 
     @cached_property
-    def parts(self) -> tuple[slice, slice, slice, slice]:
-        """Columns of A: states, rises, idle, excess."""
-        ends = np.cumsum([len(self.free), len(self.moves.to), len(self.idle), len(self.over)])
-        a, b, c, d = ends.tolist()
-        return slice(0, a), slice(a, b), slice(b, c), slice(c, d)
+    def parts(self) -> tuple[slice, slice, slice]:
+        """Columns of A: states, rises, idle."""
+        a, b, c = np.cumsum([len(self.free), len(self.moves.to), len(self.idle)]).tolist()
+        return slice(0, a), slice(a, b), slice(b, c)
 
     @cached_property
     def constraints(self) -> tuple[slice, slice, slice]:
         """Rows of A: capacities of the rows, of the columns, transitions."""
         a, b = len(self.rows.room), len(self.columns.room)
         return slice(0, a), slice(a, a + b), slice(a + b, len(self.full))
+
+    @cached_property
+    def anchor(self) -> Floats:
+        """The prices as duals <= 0 of the constraints, 0 of those that have none."""
+        dual = np.zeros(len(self.full))
+        dual[self.constraints[1]] = -self.columns.price
+        return dual
+
+    @cached_property
+    def least(self) -> Floats:
+        """Lower bounds of A x: `full` where there is an idle column."""
+        least = np.full(len(self.full), -np.inf)
+        least[self.idle] = self.full[self.idle]
+        return least
+
+    @cached_property
+    def spare(self) -> Ints:
+        """Rows of A without an idle column."""
+        spare = np.ones(len(self.full), bool)
+        spare[self.idle] = False
+        return np.flatnonzero(spare)
 
     def reduced(self, dual: Floats) -> Floats:
         """Reduced costs of the minimisation of -reward x at duals <= 0 of the constraints."""
@@ -125,13 +144,12 @@ class Programme:
 
 
 def make_programme(
-    states: States, free: Ints, weights: Floats, prices: Floats, switch_price: Floats, box: float
+    states: States, free: Ints, weights: Floats, prices: Floats, switch_price: Floats
 ) -> Programme:
     """The programme of the free states, in order, the others held at their weights.
 
     maximise sum g_s w_s - sum_a price_a |w_a+1 - w_a| over w >= 0 with every slot at most full.
-    |d| = 2 max(d, 0) - d leaves one column and one row for each transition a. Prices stay within
-    `box` of where they are: leaving a slot idle earns the lowest, overfilling it costs the highest.
+    |d| = 2 max(d, 0) - d leaves one column and one row for each transition a.
     """
     size = len(free)
     held = weights.copy()
@@ -142,26 +160,19 @@ def make_programme(
     del held
 
     nr, nc, na = len(rows.room), len(columns.room), len(moves.paid)
-    low = np.maximum(columns.price - box, 0.0)
-    idle = np.flatnonzero(low > 0)
-    over = np.arange(nc if np.isfinite(box) else 0)
+    idle = nr + np.flatnonzero(columns.price)
     rise, two = nr + nc + np.arange(na), moves.two
-    row = np.concatenate(
-        (rows.constraint, nr + columns.constraint, rise, rise[two], rise, nr + idle, nr + over)
-    )
-    rises = size + np.arange(na)
-    slacks = size + na + np.arange(len(idle) + len(over))
+    row = np.concatenate((rows.constraint, nr + columns.constraint, rise, rise[two], rise, idle))
+    rises, slacks = size + np.arange(na), size + na + np.arange(len(idle))
     column = np.concatenate((rows.state, columns.state, moves.to, moves.source[two], rises, slacks))
     entry = np.ones(len(row))
     begin = len(rows.constraint) + len(columns.constraint) + na
     entry[begin : begin + two.sum() + na] = -1.0
-    entry[len(row) - len(over) :] = -1.0
     reward = np.concatenate(
         (
             states.gains(free) + moves.reward.astype(np.float64),
             -2.0 * moves.paid,
-            low[idle],
-            -(columns.price + box)[over],
+            np.zeros(len(idle)),
         )
     )
     upper = np.full(len(reward), np.inf)
@@ -175,7 +186,6 @@ def make_programme(
         rows=rows,
         columns=columns,
         idle=idle,
-        over=over,
         reward=reward,
         row=row,
         column=column,

@@ -52,13 +52,13 @@ def test_a_piece_asks_the_same_as_the_whole(seed: int) -> None:
     for low, high in ((0, 9), (20, 30), (50, 60)):
         free = np.flatnonzero(ascent.has(kernels.NEAR) & (begin >= low) & (states.end < high))
         given = ascent.weights, ascent.prices
-        whole = solve_restricted_lp(states, free, *given, ascent.switch_price, 0.05, None)
+        whole = solve_restricted_lp(states, free, *given, ascent.switch_price, None)
         piece = cut_out(states, free)
         assert len(piece.state) < len(begin)
         assert np.array_equal(piece.state[piece.free], free)
         part = solve_restricted_lp(
             piece.states, piece.free, given[0][piece.state], given[1][piece.slot],
-            ascent.switch_price, 0.05, None,
+            ascent.switch_price, None,
         )  # fmt: skip
         assert np.array_equal(piece.slot[part.slot], whole.slot)
         np.testing.assert_allclose(part.weights, whole.weights, atol=1e-12)

@@ -24,7 +24,7 @@ def whole(states: States) -> Proposal:
     size, slots = len(states.begin), len(states.columns.step)
     return solve_restricted_lp(
         states, np.arange(size), np.zeros(size), np.zeros(slots), states.problem.switch_price_at,
-        np.inf, None,
+        None,
     )  # fmt: skip
 
 
@@ -77,7 +77,7 @@ def test_an_unfinished_proposal_stays() -> None:
     size, slots = len(states.begin), len(states.columns.step)
     found = solve_restricted_lp(
         states, np.arange(size), np.zeros(size), np.zeros(slots), states.problem.switch_price_at,
-        np.inf, 0.0,
+        0.0,
     )  # fmt: skip
     assert not found.finished
     assert refine(found, None) is found
@@ -105,8 +105,8 @@ def test_prices_suggest_a_basis() -> None:
     rough = np.where(prices > 0, prices + np.random.default_rng(0).normal(0, 1e-3, slots), 0.0)
     rough = np.maximum(rough, 0.0)
     free, switch_price = np.arange(size), states.problem.switch_price_at
-    assert suggest(make_programme(states, free, np.zeros(size), rough, switch_price, np.inf))
-    warm = solve_restricted_lp(states, free, np.zeros(size), rough, switch_price, np.inf, None)
+    assert suggest(make_programme(states, free, np.zeros(size), rough, switch_price))
+    warm = solve_restricted_lp(states, free, np.zeros(size), rough, switch_price, None)
     assert warm.finished
     assert warm.iterations < 0.5 * cold.iterations
     assert bracket(states, warm)[0] == pytest.approx(bracket(states, cold)[0], rel=1e-9)
