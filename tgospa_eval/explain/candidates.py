@@ -84,7 +84,7 @@ def _exchanged(assigned: Assigned) -> Iterator[Candidate]:
                 yield Candidate(
                     kind="exchange",
                     saving=HALVES * saved * float(prices[after.begin]),
-                    edit=edits.exchange(a, b, step, steps),
+                    edit=edits.exchange(a, b, after.begin, steps),
                     tracks=_in_time(assigned, a, b, step),
                     begin=step,
                 )
@@ -160,7 +160,9 @@ def _split(assigned: Assigned, names: tuple[str, ...]) -> Iterator[Candidate]:
             yield Candidate(
                 kind="split",
                 saving=halves * float(prices[after.begin]),
-                edit=edits.split(track, step, steps, tracks, _other_name(names[track], names)),
+                edit=edits.split(
+                    track, after.begin, steps, tracks, _other_name(names[track], names)
+                ),
                 tracks=(track,),
                 begin=step,
             )

@@ -12,8 +12,9 @@ from tgospa_eval.explain import candidates as found
 from tgospa_eval.explain import motion
 from tgospa_eval.explain.assigned import Assigned
 from tgospa_eval.explain.candidates import Candidate
+from tgospa_eval.explain.direct import Trial
 from tgospa_eval.explain.motion import Places
-from tgospa_eval.explain.trials import Trial, Trials
+from tgospa_eval.explain.trials import Trials
 from tgospa_eval.results.explanation import Explanation, Repair
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import Columns

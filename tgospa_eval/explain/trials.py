@@ -9,16 +9,18 @@ solved together, as copies at steps of their own, from the assignment and the pr
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.evaluation.evaluate import GAP
 from tgospa_eval.evaluation.prepare import Fitted, fit, measure, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.explain.assigned import Assigned
 from tgospa_eval.explain.candidates import Candidate
 from tgospa_eval.explain.copies import Copy, Original, joined, priced
+from tgospa_eval.explain.direct import Direct, Trial
 from tgospa_eval.explain.edits import Edit, edited
 from tgospa_eval.problem.certificate import (
     ROUNDOFF,
@@ -38,25 +40,8 @@ from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start
 from tgospa_eval.tracks.trajectories import Trajectories
 
-COPIES_TOGETHER = 1 << 19
+COPIES_TOGETHER = 1 << 18
 """Rows and entries of the copies that are solved together."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trial:
-    """What is proven of the cost after a repair, in units of c^p.
-
-    Parameters
-    ----------
-    lower, upper : float
-        The bracket.
-    total : float
-        The cost of the assignment that was found.
-    """
-
-    lower: float
-    upper: float
-    total: float
 
 
 def solved(solver: Solver, states: States, saved: SavedSolution, stopwatch: Stopwatch) -> Solution:
@@ -89,16 +74,30 @@ class Trials:
         self.sides, self.request = sides, request
         self.states, self.problem = proof.states, proof.states.problem
         self.blocks = self.states.track_blocks
-        self.lower = lower_bounds(self.states, proof.prices, proof.reduced)
-        self.cost, self.terms = _block_costs(self.states, proof.weights)
-        self.original = Original(
-            problem=self.problem,
-            held=assigned.held,
-            priced=priced(self.states, proof.prices),
-        )
+        gap = request.solver.gap if request.solver.proves else GAP
+        self.direct = Direct(proof, assigned, gap)
         estimate = sides.alignment.estimate
         self.present = np.bincount(estimate.step, minlength=self.problem.steps)
         self.steady = self._steady()
+
+    @cached_property
+    def lower(self) -> Floats:
+        """Lower bound of each component."""
+        return lower_bounds(self.states, self.proof.prices, self.proof.reduced)
+
+    @cached_property
+    def cost(self) -> tuple[Floats, int]:
+        """Cost of each component, and how many terms it has at most."""
+        return _block_costs(self.states, self.proof.weights)
+
+    @cached_property
+    def original(self) -> Original:
+        """What copies are made of."""
+        return Original(
+            problem=self.problem,
+            held=self.assigned.held,
+            priced=priced(self.states, self.proof.prices),
+        )
 
     def _steady(self) -> bool:
         """Whether an estimate on the grid at the same steps is measured in the same way."""
@@ -136,13 +135,20 @@ class Trials:
         progress = stopwatch.progress
         found: dict[int, Trial] = {}
         local = [k for k, candidate in enumerate(candidates) if self.local(candidate.edit)]
-        copies = self._copies([candidates[k].edit for k in local], stopwatch)
-        done = 0
-        for group in _groups([copy.size for copy in copies]):
+        edits = [candidates[k].edit for k in local]
+        near = self._near(edits, stopwatch)
+        copies: dict[int, Copy] = {}
+        for number, (k, edit) in enumerate(zip(local, edits, strict=True)):
+            known = self.direct.trial(edit, near, number)
+            if known is None:
+                copies[k] = self._copy(edit, near, number)
+            else:
+                found[k] = known
+        done = len(found)
+        for group in _groups(copies):
             progress.again("repairs", done / max(len(candidates), 1))
             parts = [copies[k] for k in group]
-            for k, trial in zip(group, self._solve(parts, stopwatch), strict=True):
-                found[local[k]] = trial
+            found |= zip(group, self._solve(parts, stopwatch), strict=True)
             done += len(group)
         for k in sorted(set(range(len(candidates))) - set(local)):
             if progress.stop.is_set():
@@ -161,17 +167,15 @@ class Trials:
         bounds, _, split = certify(prepared.states, solution, consume=solution.disposable)
         return Trial(lower=bounds.lower, upper=bounds.upper, total=split.total)
 
-    def _copies(self, edits: list[Edit], stopwatch: Stopwatch) -> list[Copy]:
-        """Of each edit the components that it touches, as they are afterwards."""
+    def _near(self, edits: list[Edit], stopwatch: Stopwatch) -> Problem | None:
+        """The rows that edits add, each edit a track, with all truths."""
         added = _together(self.sides.alignment.estimate, edits)
-        near = None
-        if added is not None:
-            alignment = replace(self.sides.alignment, estimate=added)
-            sides = replace(self.sides, alignment=alignment)
-            cutoff = self.request.parameters.cutoff
-            measured, pairs = measure(sides, self.request, cutoff=cutoff, stopwatch=stopwatch)
-            near = measured.problem(pairs, self.request.parameters)
-        return [self._copy(edit, near, number) for number, edit in enumerate(edits)]
+        if added is None:
+            return None
+        sides = replace(self.sides, alignment=replace(self.sides.alignment, estimate=added))
+        cutoff = self.request.parameters.cutoff
+        measured, pairs = measure(sides, self.request, cutoff=cutoff, stopwatch=stopwatch)
+        return measured.problem(pairs, self.request.parameters)
 
     def _copy(self, edit: Edit, near: Problem | None, number: int) -> Copy:
         """One of them; of the `near` problem those rows count that are tracks of this number."""
@@ -223,11 +227,12 @@ class Trials:
                 (side.step[row] // steps).tolist(), side.price[row], strict=True
             ):
                 alone[copy].append(float(price))
+        block_costs, most = self.cost
         for k, copy in enumerate(copies):
             kept, beside = ~copy.blocks, list(self._beside(copy))
             least = [*lower[of_copy == k].tolist(), *alone[k], *self.lower[kept].tolist(), *beside]
-            whole = math.fsum((float(cost[k]), *self.cost[kept].tolist(), *beside))
-            widened = whole * (1 + error + self.terms * ROUNDOFF)
+            whole = math.fsum((float(cost[k]), *block_costs[kept].tolist(), *beside))
+            widened = whole * (1 + error + most * ROUNDOFF)
             yield Trial(
                 lower=lower_cost(problem, math.fsum(least)),
                 upper=widened / (1 - problem.cost_error),
@@ -264,11 +269,11 @@ def _together(estimate: Trajectories, edits: list[Edit]) -> Trajectories | None:
     )
 
 
-def _groups(sizes: list[int]) -> Iterator[list[int]]:
-    """Neighbours that are COPIES_TOGETHER together, or a single one."""
+def _groups(copies: dict[int, Copy]) -> Iterator[list[int]]:
+    """Neighbours that are COPIES_TOGETHER in size, or a single one."""
     group: list[int] = []
-    for k, size in enumerate(sizes):
-        if group and sum(sizes[other] for other in group) + size > COPIES_TOGETHER:
+    for k, copy in copies.items():
+        if group and sum(copies[other].size for other in group) + copy.size > COPIES_TOGETHER:
             yield group
             group = []
         group.append(k)

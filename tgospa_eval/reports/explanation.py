@@ -99,7 +99,7 @@ def _notes(found: Explanation) -> Iterator[str]:
     if not found.repairs:
         yield f"no repair is known to save anything ({several} tried)"
         return
-    yield f"each alone, proven by solving again what it touches; {several} tried"
+    yield f"each alone, from proven bounds before and after; {several} tried"
     yield NOT_ADDITIVE
 
 

@@ -101,7 +101,7 @@ class Explanation:
     repairs : tuple of Repair
         By what they are proven to save, the most first.
     candidates, tried : int
-        Repairs that may save something, and how many of them were solved again.
+        Repairs that may save something, and how many of them were tried.
     seconds : float
         How long that took.
     estimate : Trajectories
