@@ -131,13 +131,13 @@ class Result(Summary):
         """Which single repairs of the estimate would save most, each with proven bounds.
 
         Tracks are merged, exchanged, split, dropped, cut, filled and extended, and the whole
-        estimate is moved in time and space, one change at a time. What each saves is found by
-        solving again what it touches. Savings do not add up.
+        estimate is moved in time and space, one change at a time. What each saves is proven from
+        bounds before and after it. Savings do not add up.
 
         Parameters
         ----------
         top : int
-            How many repairs to list at most; up to twice as many are solved again.
+            How many repairs to list at most; up to twice as many are tried.
 
         Returns
         -------

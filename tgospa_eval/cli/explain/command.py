@@ -60,8 +60,8 @@ def command(ctx: click.Context, /, truth: str, estimate: str, **options: object)
     """Show which single repairs of ESTIMATE would save most of the cost, proven.
 
     A repair joins, exchanges, splits, drops, cuts, fills or extends tracks, or moves
-    the whole estimate in time or space. What each saves is proven by solving again
-    what it touches. Savings do not add up: apply one, and explain what is left.
+    the whole estimate in time or space. What each saves is proven from bounds before
+    and after it. Savings do not add up: apply one, and explain what is left.
 
     \b
     Examples:
