@@ -28,7 +28,7 @@ fuzz: .venv/installed-test
 	$(BIN)/python tests/fuzz --seconds $(SECONDS)
 
 bench: .venv/installed
-	$(BIN)/python tests/benchmarks
+	$(BIN)/python tests/benchmarks$(if $(BASE),/against.py $(BASE))
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .

@@ -1,0 +1,124 @@
+"""``python tests/benchmarks/against.py COMMIT``: this version beside another, in turn, in one run.
+
+The other is built from the repository into a temporary folder, with the libraries of this one.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+from tables import Table
+
+ROOT = Path(__file__).parents[2]
+ROUNDS = 3
+
+EVALUATION = """
+import sys, time
+sys.path[:0] = [sys.argv[1] + "/tests/benchmarks", sys.argv[1] + "/tests/support"]
+from scenes import Scene
+from tgospa_eval import Certified, evaluate
+truth, estimate = Scene.parse(sys.argv[2]).arrays(0)
+asked = {"curve": True} if sys.argv[3:] else {}
+def run(steps=None):
+    evaluate(truth[:steps], estimate[:steps], 5.0, 2, 2.0, solver=Certified(jobs=1), **asked)
+run(5)
+best, until = float("inf"), time.monotonic() + 2.0
+while best == float("inf") or time.monotonic() < until:
+    begin = time.process_time()
+    run()
+    best = min(best, time.process_time() - begin)
+print(best)
+"""
+"""Least seconds of an evaluation in a warm process."""
+
+COMMAND = """
+import sys, time
+begin = time.process_time()
+from tgospa_eval.cli import main
+sys.argv[0] = "tgospa-eval"
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+print(time.process_time() - begin)
+"""
+"""Seconds of a command, its imports included."""
+
+CROWD = (
+    *("--scenario", "dense", "--state", "box", "--targets", "40", "--steps", "300"),
+    *("--area", "600", "--noise", "8", "--detection", "0.7", "--fragmentation", "0.05"),
+)
+"""Boxes as of pedestrians that hide one another: many misses, tracks that are lost and found."""
+
+
+def cases(folder: Path) -> dict[str, tuple[str, ...]]:
+    """What is measured: a program, and its arguments."""
+    files = [str(folder / "crowd" / f"{side}.csv") for side in ("truth", "estimate")]
+    small = [str(ROOT / "sample_data/quickstart" / f"{side}.csv") for side in ("truth", "estimate")]
+    small += ["-c", "10", "-g", "5", "-q"]
+    found = {
+        scene: (EVALUATION, str(ROOT), scene)
+        for scene in ("10,50,20", "20,50,20,1", "50,100,20,2", "100,300,150,2")
+    }
+    return found | {
+        "curve of 20,200,60": (EVALUATION, str(ROOT), "20,200,60", "curve"),
+        "centres of boxes, c = 100": (COMMAND, *files, "-c", "100", "-g", "10", "-q"),
+        "boxes, iou": (COMMAND, *files, "--distance", "iou", "-q"),
+        "start and two small files": (COMMAND, *small),
+        "the same with pictures": (COMMAND, *small, "-o", str(folder / "out"), "--force"),
+    }
+
+
+def seconds(path: Path, program: str, *arguments: str) -> float:
+    """What a program in a new process says of itself, with the package found at a path."""
+    found = subprocess.run(
+        [sys.executable, "-c", program, *arguments],
+        env={**os.environ, "PYTHONPATH": str(path)},
+        cwd=path,  # where no settings are
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return float(found.stdout.split()[-1])
+
+
+def install(commit: str, folder: Path) -> Path:
+    """Build a version into a folder."""
+    source, target = folder / "source", folder / "base"
+    source.mkdir()
+    archive = subprocess.run(
+        ["git", "-C", str(ROOT), "archive", commit], capture_output=True, check=True
+    )
+    subprocess.run(["tar", "x", "-C", str(source)], input=archive.stdout, check=True)
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps"]
+    subprocess.run([*pip, "--target", str(target), str(source)], check=True)
+    return target
+
+
+@click.command()
+@click.argument("commit")
+def main(commit: str) -> None:
+    """Seconds of the processor with COMMIT and with this version, the least of three in turn."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        base = install(commit, folder)
+        seconds(ROOT, COMMAND, "simulate", str(folder / "crowd"), *CROWD)
+        rows = []
+        for case, given in cases(folder).items():
+            best = [float("inf")] * 2
+            for _ in range(ROUNDS):
+                for number, path in enumerate((base, ROOT)):
+                    best[number] = min(best[number], seconds(path, *given))
+            rows.append([case, f"{best[0]:.4f}", f"{best[1]:.4f}", f"{best[0] / best[1]:.2f}"])
+            click.echo(case, err=True)
+    notes = ("scenes: targets, steps, side of the square, errors, as in docs/performance.md",)
+    click.echo(
+        Table("This version beside another", ("what", commit, "this", "ratio"), rows, notes).plain()
+    )
+
+
+if __name__ == "__main__":
+    main()
