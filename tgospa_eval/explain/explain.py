@@ -21,10 +21,7 @@ from tgospa_eval.results.records import Columns
 from tgospa_eval.results.result import Result
 
 TRIED = 2
-"""Repairs that are solved again for each that is listed at most."""
-
-
-"""Candidates of each kind that are looked at for each that is solved again."""
+"""Repairs that are tried for each that is listed at most."""
 
 TURN = 360.0
 """Degrees of longitude all round."""
@@ -44,7 +41,7 @@ def explain(
     result : Result
         As `evaluate` returns it.
     top : int
-        How many to list; up to `TRIED` times as many are solved again.
+        How many to list; up to `TRIED` times as many are tried.
     stopwatch : Stopwatch, optional
         Shows how far it is.
     without : sequence of str

@@ -19,6 +19,7 @@ from tgospa_eval.problem.reduced import forced_cost
 from tgospa_eval.problem.slots import PART, Slots, parts
 from tgospa_eval.problem.solution import Bounds, Breakdown, Reduced, Solution
 from tgospa_eval.problem.states import States
+from tgospa_eval.problem.unassigned import UnassignedPrices, unpaired_prices
 from tgospa_eval.problem.weights import ONE, changes, make_feasible, row_parts, whole_weights
 
 ROUNDOFF = 2.0**-53
@@ -132,7 +133,7 @@ def lower_bounds(states: States, prices: Floats, reduced: tuple[Reduced, ...] = 
         direct &= ~part.blocks
         inner = lower_bounds(part.states, part.solution.prices, part.solution.reduced)
         np.maximum(lower, of_whole(states, part, inner), out=lower)
-    objects = _Objects(states)
+    objects = UnassignedPrices(states)
     prices = fair_prices(prices)
     for low, high in states.cuts(PART):
         if direct[low:high].any():
@@ -147,55 +148,9 @@ def fair_prices(prices: Floats) -> Floats:
     return np.where(prices <= LARGEST_PRICE, np.fmax(prices, 0.0), 0.0)  # NaN becomes 0
 
 
-class _Objects:
-    """Prices of leaving the objects of each block unassigned."""
-
-    def __init__(self, states: States) -> None:
-        problem = states.problem
-        self.sides = []
-        for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
-            self.sides.append((blocks_of[side.track], side.price))
-        self.alike = problem.object_prices
-        if self.alike is not None:
-            blocks = len(states.block_begin)
-            self.counts = [
-                np.bincount(block[block >= 0], minlength=blocks) for block, _ in self.sides
-            ]
-        else:
-            self.order = [np.argsort(block, kind="stable") for block, _ in self.sides]
-
-    def prices(self, block: int) -> list[float]:
-        """The price of each object of a block at each step."""
-        found: list[float] = []
-        for (of_row, price), order in zip(self.sides, self.order, strict=True):
-            low, high = np.searchsorted(of_row, (block, block + 1), sorter=order)
-            found += price[order[low:high]].tolist()
-        return found
-
-    def sums(self, blocks: slice, pairs: Floats) -> list[list[float]]:
-        """Terms of the sum over some blocks of all prices but those of so many pairs each.
-
-        Rounded down; for objects that are alike on either side.
-        """
-        first, second = self.alike or (0.0, 0.0)
-        truths, estimates = (count[blocks] - pairs for count in self.counts)
-        if first == second:
-            return [[part] for part in down(first * (truths + estimates)).tolist()]
-        parts = down(first * truths), down(second * estimates)
-        return [list(of) for of in zip(*(part.tolist() for part in parts), strict=True)]
-
-
-def unpaired_prices(states: States) -> tuple[float, float]:
-    """Cost of the truths and of the estimates that are in no block, rounded down."""
-    found = []
-    for side, blocks in zip(states.problem.sides, states.track_blocks, strict=True):
-        unpaired = blocks < 0
-        price = side.price[unpaired[side.track]] if unpaired.any() else side.price[:0]
-        found.append(float(lower_sums(price, np.array([0, len(price)]))[0]) if len(price) else 0.0)
-    return found[0], found[1]
-
-
-def _bounds_of_prices(states: States, prices: Floats, objects: _Objects, low: int) -> Floats:
+def _bounds_of_prices(
+    states: States, prices: Floats, objects: UnassignedPrices, low: int
+) -> Floats:
     """Lower bound of each block, from prices v >= 0, as in docs/theory/certificate.md.
 
         L = (sum A + sum B - sum_best (A + B)) + sum_best D - sum_i best_i - (sum v - sum_best v)
