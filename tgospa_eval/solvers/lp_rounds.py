@@ -70,8 +70,9 @@ class Programmes:
                 break
             if reach == stuck:
                 continue
-            ascent.survey(ascent.prices, reach)
-            near = ascent.near(self.tempted)
+            near = self._near(reach)
+            if most is not None and self._crowded(near):
+                near = self._near(PROGRAMMES.crowded * reach)
             if np.count_nonzero(near) > WINDOWS.undecided:
                 self._run_windows(near, reach, most, len(near))
                 continue
@@ -89,8 +90,7 @@ class Programmes:
         if size < WINDOWS.large or self._done():
             return
         begin = time.perf_counter()
-        self.ascent.survey(self.ascent.prices, reach)
-        near = self.ascent.near(self.tempted)
+        near = self._near(reach)
         self._run_windows(near, reach, None, int(WINDOWS.share * size))
         self.seconds += time.perf_counter() - begin
 
@@ -122,8 +122,19 @@ class Programmes:
                     reach = WINDOWS.farther
                 else:
                     span, reach = span * WINDOWS.widen, least
-            ascent.survey(ascent.prices, reach)
-            near = ascent.near(self.tempted)
+            near = self._near(reach)
+
+    def _crowded(self, near: Mask) -> bool:
+        """Whether one component of what has to be decided among the states near is large."""
+        if np.count_nonzero(near) <= PROGRAMMES.crowd:
+            return False
+        _, component = self.ascent.undecided(near)
+        return bool(np.bincount(component).max(initial=0) > PROGRAMMES.crowd)
+
+    def _near(self, reach: float) -> Mask:
+        """States that a programme may have to decide, (S,)."""
+        self.ascent.survey(self.ascent.prices, reach)
+        return self.ascent.near(self.tempted)
 
     def _solve_undecided(self, near: Mask, reach: float, most: int | None) -> bool:
         """Solve what has to be decided among the states near; False if all of it is too large."""
