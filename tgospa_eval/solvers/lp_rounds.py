@@ -70,6 +70,8 @@ class Programmes:
                 break
             if reach == stuck:
                 continue
+            if most is not None and reach > PROGRAMMES.afar and not self._nearly():
+                break
             near = self._near(reach)
             if most is not None and self._crowded(near):
                 near = self._near(PROGRAMMES.crowded * reach)
@@ -123,6 +125,10 @@ class Programmes:
                 else:
                     span, reach = span * WINDOWS.widen, least
             near = self._near(reach)
+
+    def _nearly(self) -> bool:
+        """Whether hardly anything is open."""
+        return self.ascent.open_gap < PROGRAMMES.nearly * self.ascent.open_cost
 
     def _crowded(self, near: Mask) -> bool:
         """Whether one component of what has to be decided among the states near is large."""
