@@ -96,7 +96,7 @@ def test_distances_are_those_of_the_states_whatever_a_step_counts() -> None:
     assert result.assignments.cost.tolist() == pytest.approx([1, 40, 900])
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, rho=RHO, data=st.data())
 def test_against_programmes_of_the_definition(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, rho: float, data: st.DataObject
@@ -125,7 +125,7 @@ def test_against_programmes_of_the_definition(
     )
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(sides=pairs_of_sets(), p=ORDERS, gamma=SWITCH, rho=RHO)
 def test_one_solution_serves_every_rho(
     sides: tuple[np.ndarray, np.ndarray], p: float, gamma: float, rho: float

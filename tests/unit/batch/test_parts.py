@@ -89,13 +89,12 @@ def test_a_full_disk(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """What does not fit leaves nothing behind, and what was there before stays."""
     before, listed = store.rows(), names(store)
 
-    class Full:
-        def to_parquet(self, path: Path, **_: object) -> None:
-            path.write_bytes(b"PAR1")
-            raise OSError(errno.ENOSPC, "No space left on device")
+    def full(_: object, path: Path) -> None:
+        path.write_bytes(b"PAR1")
+        raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr(module, "_frame", lambda _: Full())
+        patched.setattr("pyarrow.parquet.write_table", full)
         with pytest.raises(ConfigError, match="cannot be written: No space left on device"):
             store.add([row(4)])
     assert names(store) == listed

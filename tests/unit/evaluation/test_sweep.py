@@ -54,7 +54,7 @@ def same_as_separate(
 
 
 @given(pairs_of_sets(), st.sampled_from(sorted(VALUES)), ORDERS)
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_points_are_separate_evaluations(
     sides: tuple[np.ndarray, np.ndarray], name: str, order: float
 ) -> None:
@@ -121,7 +121,7 @@ def solved(states: States) -> tuple[SavedSolution, float]:
     ORDERS,
     st.tuples(st.floats(0.3, 3), st.floats(0.01, 2), st.floats(0.05, 0.95)),
 )
-@settings(max_examples=80)
+@settings(max_examples=40)
 def test_prices_between_neighbours_prove_the_chord(
     sides: tuple[np.ndarray, np.ndarray], name: str, order: float, at: tuple[float, float, float]
 ) -> None:

@@ -32,7 +32,7 @@ def way(name: str) -> Iterator[None]:
         yield
 
 
-@settings(max_examples=300, suppress_health_check=list(HealthCheck))
+@settings(max_examples=120, suppress_health_check=list(HealthCheck))
 @given(
     rows=st.lists(
         st.tuples(ODD_FIELDS | st.integers(0, 30).map(str), st.integers(0, 9).map(str) | ODD_FIELDS,

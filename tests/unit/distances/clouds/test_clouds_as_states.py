@@ -157,7 +157,7 @@ def test_global_covariance_is_the_mean_of_all_clouds() -> None:
         evaluate(flat, flat, distance=CloudWasserstein(inner="mahalanobis"))
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.integers(0, 10**6), st.sampled_from([1, 2]), st.sampled_from([1.0, 2.0]))
 def test_tgospa_of_clouds_is_a_metric(seed: int, cloud_order: int, order: float) -> None:
     sides = [scene(seed + k, tracks=3, most=4) for k in range(3)]
