@@ -33,6 +33,10 @@ def test_prices_of_missed_and_false(invoke: Run, pair: list[str]) -> None:
     table = invoke(*pair, "--sweep", "rho=0.3,0.5", "--format", "csv").out.splitlines()
     assert table[0].startswith("rho,tgospa")
     assert [float(line.split(",")[3]) for line in table[1:]] == pytest.approx([19.5, 14.5])
+    shown = invoke(*pair, "--sweep", "rho=0.3,0.5", "-o", "out", "--pictures", "png").out
+    assert "at 2 values of the rho from rho = 0.3 to 0.5, all proven exact" in shown
+    assert "c = 5, p = 2, gamma = 1; euclidean" in shown
+    assert Path("out/sweep.png").exists()
 
 
 def test_proof_folders_know_the_prices(invoke: Run, pair: list[str]) -> None:
@@ -50,6 +54,8 @@ def test_weights_of_steps(invoke: Run, write: Write, pair: list[str]) -> None:
     answer = invoke(*pair, "--step-weights", weights)
     assert answer.out.startswith("TGOSPA = 7.28011, exact")
     assert "weights of the steps" in answer.out
+    markdown = invoke(*pair, "--step-weights", weights, "--format", "markdown").out
+    assert "(c = 5, p = 2, gamma = 1, weighted steps)" in markdown
     document = json.loads(invoke(*pair, "--step-weights", weights, "--format", "json").out)
     assert document["metric"] == "time-weighted-tgospa"
     assert [step["total"] for step in document["per_step"]] == pytest.approx([1, 2, 50])

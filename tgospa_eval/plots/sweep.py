@@ -16,6 +16,7 @@ AXIS_NAMES = {
     "cutoff": "cutoff $c$",
     "order": "order $p$",
     "switch_penalty": r"switch penalty $\gamma$",
+    "rho": r"price of false targets $\rho$",
 }
 LOGARITHMIC = 0.25
 """An axis is logarithmic if half of its values lie in so much of it."""

@@ -118,9 +118,9 @@ class View:
 def view(result: Summary, drawn: Drawn | None = None) -> View:
     """What the pictures of a result draw; `drawn` is its `document`, where it is known."""
     data, arrays = document(result) if drawn is None else drawn
-    parameters, unit = result.proof.parameters, data["unit"]
+    unit = data["unit"]
     unit = f" {unit}" if unit else ""
-    about = f"{result.claim}; {parameters.in_words(data['unit'])}"
+    about = f"{result.claim}; {result.parameters_in_words(data['unit'])}"
     return View(
         data=data,
         truth=_side("truth", data, arrays),

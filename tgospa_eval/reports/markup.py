@@ -31,8 +31,7 @@ def _others(result: Summary) -> list[Table]:
 
 
 def _title(result: Summary) -> tuple[str, str]:
-    p = result.proof.parameters
-    parameters = f"({p.in_words()})"
+    parameters = f"({result.parameters_in_words()})"
     return headline(result), parameters
 
 

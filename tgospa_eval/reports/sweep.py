@@ -9,7 +9,7 @@ from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, a
 from tgospa_eval.results.records import COUNTED_PARTS
 from tgospa_eval.results.sweep import Point, Sweep
 
-LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma"}
+LETTERS = {"cutoff": "c", "order": "p", "switch_penalty": "gamma", "rho": "rho"}
 
 
 def render(found: Sweep, format: str) -> str:
@@ -83,11 +83,12 @@ def _parameters(found: Sweep) -> str:
     used = found.settings
     fixed = ", ".join(
         f"{letter} = {used[name]:g}"
-        + (f" {used['unit']}" if used["unit"] and name != "order" else "")
+        + (f" {used['unit']}" if used["unit"] and name not in ("order", "rho") else "")
         for name, letter in LETTERS.items()
         if name in used
     )
-    return f"{fixed}; {used['distance']}; {sizes_in_words(found.sizes)}"
+    weighted = ", weighted steps" if "step_weights" in used else ""
+    return f"{fixed}{weighted}; {used['distance']}; {sizes_in_words(found.sizes)}"
 
 
 def _notes(found: Sweep) -> Iterator[str]:

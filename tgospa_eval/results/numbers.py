@@ -205,6 +205,11 @@ class Numbers(ABC):
         rho = "" if self.proof.parameters.rho == 0.5 else "quasi-"
         return f"{'time-weighted-' if 'step_weights' in self.settings else ''}{rho}tgospa"
 
+    def parameters_in_words(self, unit: str | None = None) -> str:
+        """Cutoff, order, switch penalty, and what makes it another metric of the family."""
+        weighted = ", weighted steps" if "step_weights" in self.settings else ""
+        return self.proof.parameters.in_words(unit) + weighted
+
     def per_step_table(self) -> Columns:
         """Cost of each step by kind."""
         split = self.proof.breakdown

@@ -150,7 +150,6 @@ class Summary(Numbers, ABC):
         from tgospa_eval.results.notebook import card
 
         per_step = self.per_step_table()
-        parameters = self.proof.parameters
         cost = {name: getattr(self, name) for name in PARTS} | {"total": self.total}
         times = per_step["t"] or [""]
         return card(
@@ -159,7 +158,7 @@ class Summary(Numbers, ABC):
             notes=(
                 *map(str, self.warnings),
                 sizes_in_words(self.sizes),
-                parameters.in_words(self.labels.unit),
+                self.parameters_in_words(self.labels.unit),
             ),
             parts=[
                 (name, number(value), self.share(value), _count(self.counts.get(name)))
