@@ -11,6 +11,7 @@ import pytest
 from checkout import SAMPLES
 
 Run = Callable[..., Any]
+Write = Callable[[str, str], str]
 Row = tuple[str, int, float, float]
 
 METRIC = ("-c", "10", "-g", "5", "-q")
@@ -177,3 +178,17 @@ def test_filters_leave_out_what_they_would_undo(
     invoke("explain", truth, estimate, *METRIC, *filters, "-o", target)
     after = json.loads(invoke(truth, target, *METRIC, *filters, "--format", "json").out)
     assert after["total"] == pytest.approx(repairs[0]["total"], rel=1e-12)
+
+
+def test_a_side_without_objects(invoke: Run, write: Write) -> None:
+    """All estimates are false: dropping each saves what it costs."""
+    header = "id,t,x\n"
+    empty, estimate = write("empty.csv", header), write("e.csv", f"{header}a,0,1\na,1,1\nb,0,5\n")
+    options = ("-c", "2", "-g", "1", "-q", "--format", "json")
+    found = json.loads(invoke("explain", empty, estimate, *options).out)
+    saved = [(repair["kind"], repair["saving"]["lower"]) for repair in found["repairs"]]
+    assert saved == [("drop", pytest.approx(4)), ("drop", pytest.approx(2))]
+    for other in (empty, estimate):
+        answer = invoke("explain", other, empty, *options)
+        assert answer.status == 0
+        assert json.loads(answer.out)["repairs"] == []

@@ -143,6 +143,20 @@ def test_one_solution_serves_every_rho(
     )
 
 
+def test_a_sweep_at_cutoffs_far_above_the_errors() -> None:
+    """Bounds at smaller cutoffs hold for one rho only."""
+    rng = np.random.default_rng(5)
+    truth = rng.uniform(0, 20, (1, 6, 2)) + np.cumsum(rng.normal(0, 0.5, (12, 6, 2)), axis=0)
+    estimate = truth[:, ::-1] + rng.normal(0, 1e-3, truth.shape)
+    estimate[3:6, 0] = np.nan
+    swept = sweep(truth, estimate, 1e5, 2, 1, rho=[0.1, 0.5, 0.9])
+    for point in swept.points:
+        single = evaluate(truth, estimate, 1e5, 2, 1, rho=point.value)
+        assert single.proof.reduced
+        assert point.certified
+        assert (point.total, point.lower_bound) == (single.total, single.lower_bound)
+
+
 @pytest.mark.parametrize("rho", [0.2, 0.7])
 @pytest.mark.parametrize("weights", [None, np.linspace(0.5, 2, 12)])
 def test_cutoffs_far_above_the_errors(rho: float, weights: np.ndarray | None) -> None:

@@ -227,7 +227,9 @@ class _Line:
         states = prepared.states
         stopwatch.progress.begin(parameters.root)
         if self.name == "rho":
-            self.found = self.found or replace(solver(states, stopwatch), disposable=False)
+            # Bounds at smaller cutoffs are for the prices that they were solved with.
+            if self.found is None or self.found.reduced:
+                self.found = replace(solver(states, stopwatch), disposable=False)
             return _point(prove(prepared, solver, self.found, stopwatch), self.name), None
         if not (kernels and solver.proves and self.name in CONCAVE):
             result = prove(prepared, solver, solver(states, stopwatch), stopwatch)

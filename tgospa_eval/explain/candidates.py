@@ -182,7 +182,8 @@ def of_rows(assigned: Assigned, most: int) -> Iterator[Candidate]:
     free = assigned.follows < 0
     partner = assigned.truth.find(assigned.follows, side.step)
     # What follows a truth is worth what the truth costs without it, less the pair.
-    worth = np.where(free, -side.price, problem.truth_price[partner] - assigned.cost)
+    worth = -side.price
+    worth[~free] = problem.truth_price[partner[~free]] - assigned.cost[~free]
     saved = -np.bincount(side.track, worth, minlength=side.count)
     for stretch in assigned.stretches:
         price = problem.switch_price_at

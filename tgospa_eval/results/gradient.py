@@ -30,7 +30,7 @@ class Gradient:
     unique : bool
         Whether the best assignment is proven to be the only one, by the prices at hand: then the
         derivatives are those of the metric, but at kinks of the base distance. False where that is
-        not shown.
+        not shown, always without the compiled extension.
     step, track : (R,) int arrays
         Of each state.
     columns : tuple of str
