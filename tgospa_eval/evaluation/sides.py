@@ -32,9 +32,12 @@ TrajectoriesLike: TypeAlias = (
 
 
 def as_sides(
-    truth: TrajectoriesLike, estimate: TrajectoriesLike, distance: Distance
+    truth: TrajectoriesLike,
+    estimate: TrajectoriesLike,
+    distance: Distance,
+    attributes: tuple[str, ...] = (),
 ) -> tuple[Trajectories, Trajectories]:
-    """Both sides as Trajectories.
+    """Both sides as Trajectories, with those attributes that they have.
 
     Raises
     ------
@@ -48,18 +51,22 @@ def as_sides(
                 f"truth has {steps[0][0]} steps and estimate {steps[1][0]}: arrays (T, k, d) have "
                 "the same T; rows of NaN mean that nothing exists at a step"
             )
-    return as_trajectories(truth, "truth", distance), as_trajectories(
-        estimate, "estimate", distance
+    return (
+        as_trajectories(truth, "truth", distance, attributes),
+        as_trajectories(estimate, "estimate", distance, attributes),
     )
 
 
 def as_trajectories(
-    side: TrajectoriesLike, name: str, distance: Distance | None = None
+    side: TrajectoriesLike,
+    name: str,
+    distance: Distance | None = None,
+    attributes: tuple[str, ...] = (),
 ) -> Trajectories:
     """Any accepted form of one side as Trajectories.
 
     `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
-    and want their covariances or particles.
+    and want their covariances or particles. `attributes` are further columns to read.
     """
     columns = None if distance is None else distance.columns
     if isinstance(side, Trajectories):
@@ -78,13 +85,19 @@ def as_trajectories(
             boxes=columns == BOX,
             covariance=bool(kinds),
             clouds="cloud" in kinds,
+            attributes=attributes,
         )
     frame = as_frame(side, name)
     if frame is not None:
         from tgospa_eval.formats import ReadOptions
         from tgospa_eval.formats.frames import from_frame
 
-        options = ReadOptions(columns=columns, covariance=bool(kinds), clouds="cloud" in kinds)
+        options = ReadOptions(
+            columns=columns,
+            covariance=bool(kinds),
+            clouds="cloud" in kinds,
+            attributes=attributes,
+        )
         return from_frame(frame, options, name=name).warn()
     lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
     raise ConfigError(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.tracks.attributes import Attributes, chosen, stacked
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 
 NANOSECONDS = "datetime64[ns]"
@@ -33,12 +34,15 @@ class Rows:
         States.
     covariance : (N, d (d + 1) / 2) float array, optional
         Lower triangles, where the other rows have them.
+    attributes : mapping of str to (N,) array, optional
+        Those that the other rows have; missing values if it lacks one.
     """
 
     step: Ints
     track: Ints
     state: Floats
     covariance: Floats | None = None
+    attributes: Attributes = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,6 +93,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
     track, step = track[kept], estimate.step[kept].astype(np.int64)
     state = estimate.state[kept]
     covariance = None if estimate.covariance is None else estimate.covariance[kept]
+    attributes = chosen(estimate.attributes, kept)
     added = edit.added
     if added is not None:
         track = np.concatenate((track, added.track))
@@ -96,6 +101,8 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
         state = np.concatenate((state, added.state))
         if covariance is not None and added.covariance is not None:
             covariance = np.concatenate((covariance, added.covariance))
+        parts = ((attributes, len(kept)), (added.attributes, len(added.step)))
+        attributes = stacked(estimate.attributes, parts)
     order = np.lexsort((track, step))
     clouds = estimate.clouds  # of which no row is ever added
     if edit.offset is not None:
@@ -120,6 +127,7 @@ def edited(estimate: Trajectories, edit: Edit) -> Trajectories:
         labels=None if labels is None else labels[~gone],
         covariance=None if covariance is None else covariance[order],
         clouds=None if clouds is None else clouds.chosen(kept[order]),
+        attributes=chosen(attributes, order),
     )
 
 

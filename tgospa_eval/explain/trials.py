@@ -38,6 +38,7 @@ from tgospa_eval.results.result import Proof
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start
+from tgospa_eval.tracks.attributes import chosen, stacked
 from tgospa_eval.tracks.trajectories import Trajectories
 
 COPIES_TOGETHER = 1 << 18
@@ -255,6 +256,7 @@ def _together(estimate: Trajectories, edits: list[Edit]) -> Trajectories | None:
     step = np.concatenate([rows.step for _, rows in adding])
     track = np.concatenate([np.full(len(rows.step), k) for k, rows in adding])
     order = np.lexsort((track, step))
+    parts = [(rows.attributes, len(rows.step)) for _, rows in adding]
     spreads = [rows.covariance for _, rows in adding if rows.covariance is not None]
     return Trajectories(
         step=step[order],
@@ -266,6 +268,7 @@ def _together(estimate: Trajectories, edits: list[Edit]) -> Trajectories | None:
         clock=estimate.clock,
         labels=estimate.labels,
         covariance=np.concatenate(spreads)[order] if spreads else None,
+        attributes=chosen(stacked(estimate.attributes, parts), order),
     )
 
 

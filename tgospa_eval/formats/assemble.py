@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.attributes import attributes_of
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
@@ -77,6 +78,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         clock=rows.times.clock,
         labels=grid.labels,
         covariance=covariance,
+        attributes=attributes_of(rows, taken) if roles.attributes else {},
+        offered=roles.headers if options.attributes else (),
     )
     classes, klass = _classes(rows, taken, options, choice)
     centres = ["boxes are compared by their centres (x, y); overlap: --distance iou"]

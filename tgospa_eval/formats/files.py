@@ -103,6 +103,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     fix_covariance: bool = False,
     missing_covariance: str = "error",
     clouds: bool = False,
+    attributes: tuple[str, ...] = (),
     max_input: float | None = None,
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
@@ -121,6 +122,9 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     covariance : bool
         Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
         std_y, rho_xy``; whether they are compared depends on the distance.
+    attributes : tuple of str
+        Headers of further columns to read into `Trajectories.attributes`, as far as they are
+        there.
     columns, decimal, on_duplicate, boxes, time, classes, region
         As in `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input
@@ -145,6 +149,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         fix_covariance=fix_covariance,
         missing_covariance=missing_covariance,
         clouds=clouds,
+        attributes=attributes,
         max_input=max_input,
     )
     return read(path, options, role, format).warn()

@@ -13,6 +13,7 @@ from pandas.errors import OutOfBoundsDatetime
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import assemble
+from tgospa_eval.formats.attributes import attribute_of
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.options import ReadOptions
@@ -21,6 +22,7 @@ from tgospa_eval.formats.rows import Numbered, Rows, number_ids
 from tgospa_eval.formats.text.convert import blanks, coded_times, numbers
 from tgospa_eval.formats.times import TimeError, Times
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.trajectories import Floats
 
 ID_TYPES = (str, Real, Decimal, np.bool_, datetime.date, datetime.time, datetime.timedelta)
@@ -78,6 +80,13 @@ def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Ro
         except UNWRITTEN:
             raise _unwritten(frame.iloc[:, column], header, where) from None
 
+    def attribute(column: int) -> Values:
+        values = frame.iloc[:, column]
+        if values.dtype.kind in "iuf":
+            return values.to_numpy(dtype=np.float64, na_value=np.nan)
+        names, number = named(column, "a number or a text")
+        return attribute_of(Coded(names.tolist(), number), decimal)
+
     weight_fault = None
     states = np.empty((len(frame), len(roles.numbers)), order="F")
     for k, column in enumerate(roles.numbers):
@@ -111,6 +120,7 @@ def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Ro
         numbers=states,
         where=where,
         classes=None if roles.klass is None else named(roles.klass, "a class"),
+        attributes={column: attribute(column) for column in roles.texts},
         weight_fault=weight_fault,
     )
 

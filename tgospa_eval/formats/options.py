@@ -46,6 +46,8 @@ class ReadOptions:
     fault : callable, optional
         Of names of state columns and states (d, R): the first that is out of range, its column, and
         what is wrong with it.
+    attributes : tuple of str
+        Further columns to read, as far as the file has them: see `Trajectories.attributes`.
     max_input : float, optional
         GB of memory that reading may take, 0 for any; by default 4, or what is available.
     shared : tuple of str
@@ -74,12 +76,13 @@ class ReadOptions:
     missing_covariance: str = "error"
     clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
+    attributes: tuple[str, ...] = ()
     max_input: float | None = None
     shared: tuple[str, ...] = ()
     option: str = "columns"
 
     def __post_init__(self) -> None:
-        for name in ("columns", "classes"):
+        for name in ("columns", "classes", "attributes"):
             if isinstance(getattr(self, name), str):
                 raise ConfigError(f"{name} is {getattr(self, name)!r}: must be a tuple of names")
         for name, allowed in (

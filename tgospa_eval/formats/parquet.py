@@ -46,7 +46,7 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
     except (pa.ArrowException, OSError, ValueError) as error:
         raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
     roles = find_roles(names, options, path)
-    used = {roles.id, roles.time, *roles.numbers}
+    used = {roles.id, roles.time, *roles.numbers, *roles.texts}
     if roles.klass is not None:
         used.add(roles.klass)
     subset = [names[column] for column in sorted(used)]
@@ -83,6 +83,7 @@ def _check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
     import pyarrow.types as kinds
 
     wanted = {roles.id: "ids", roles.time: "times"} | dict.fromkeys(roles.numbers, "numbers")
+    wanted |= dict.fromkeys(roles.texts, "numbers or texts")
     if roles.klass is not None:
         wanted[roles.klass] = "classes"
     for column, what in wanted.items():

@@ -1,6 +1,6 @@
 """The rows of a file before anything is left out: what every reader yields."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
@@ -12,6 +12,7 @@ from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.filters import Flags
 from tgospa_eval.formats.times import Times
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.attributes import Values
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 Numbered = tuple[NDArray[np.object_], Ints]
@@ -38,6 +39,8 @@ class Rows:
         Where a row is, for messages.
     classes : Numbered, optional
         Classes, if the roles ask for them.
+    attributes : dict of int to (R,) array
+        The columns `Roles.texts`.
     weight_fault : str, optional
         What is wrong with the texts of the weights, for those who need them.
     apart : dict of str to (R,) bool array and str
@@ -51,6 +54,7 @@ class Rows:
     numbers: Floats
     where: Callable[[int], str]
     classes: Numbered | None = None
+    attributes: Mapping[int, Values] = field(default_factory=dict)
     weight_fault: str | None = None
     apart: dict[str, tuple[Flags, str]] = field(default_factory=dict)
 

@@ -97,6 +97,8 @@ def _columns(trajectories: Trajectories) -> dict[str, NDArray[np.generic]]:
     if trajectories.covariance is not None:
         entries = [spelt(one, two)[0] for k, two in enumerate(names) for one in names[: k + 1]]
         columns |= dict(zip(entries, trajectories.covariance.T, strict=True))
+    for name, values in trajectories.attributes.items():
+        columns.setdefault(name, np.repeat(values, counts))
     return columns
 
 

@@ -1,7 +1,7 @@
 """Trajectories: one flat table, a row per object and step. Knows no file and no metric."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError, TgospaWarning
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.attributes import Attributes, checked, chosen
 
 if TYPE_CHECKING:
     from tgospa_eval.tracks.clouds import Clouds
@@ -55,6 +56,11 @@ class Trajectories:
         lower triangles are taken to be covariances.
     clouds : Clouds, optional
         The particles of each row; the states are their weighted means. Not beside covariances.
+    attributes : mapping of str to (R,) array, optional
+        What is known of each row beside its state, by name: numbers, NaN where missing, or texts,
+        blank where missing. Readers have those columns that they are asked for.
+    offered : tuple of str, optional
+        All headers of the file, where it was asked for attributes.
 
     Raises
     ------
@@ -72,6 +78,8 @@ class Trajectories:
     labels: NDArray[np.object_] | None = None
     covariance: Floats | None = None
     clouds: "Clouds | None" = None
+    attributes: Attributes = field(default_factory=dict)
+    offered: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("step", "track"):
@@ -87,6 +95,9 @@ class Trajectories:
             object.__setattr__(self, "covariance", self._packed(np.asarray(self.covariance, float)))
         if self.clouds is not None:
             self._check_clouds(self.clouds)
+        if self.attributes:
+            values = checked(self.attributes, len(self.step))
+            object.__setattr__(self, "attributes", values)
         self._check_order()
         for name, size in (("step", len(self.times)), ("track", len(self.ids))):
             array = getattr(self, name).astype(index_type(size), copy=False)
@@ -196,6 +207,7 @@ class Trajectories:
             labels=None,
             covariance=None if self.covariance is None else self.covariance[rows],
             clouds=None if self.clouds is None else self.clouds.chosen(rows),
+            attributes=chosen(self.attributes, rows),
         )
         freeze(part)
         return part

@@ -45,6 +45,8 @@ class Roles:
         Headers of all other columns.
     weight : int, optional
         Column of the weights of particles.
+    attributes : dict of str to int
+        Columns of the attributes that are asked for, as far as they are there.
     spread : Spread, optional
         Columns of the covariances.
     asked : bool
@@ -70,6 +72,7 @@ class Roles:
     centres: bool
     unused: tuple[str, ...]
     weight: int | None = None
+    attributes: dict[str, int] = field(default_factory=dict)
     spread: "Spread | None" = None
     asked: bool = False
     headers: tuple[str, ...] = ()
@@ -85,6 +88,12 @@ class Roles:
         if self.weight is not None:
             columns.append(self.weight)
         return tuple(dict.fromkeys([*columns, *(self.spread.columns if self.spread else ())]))
+
+    @property
+    def texts(self) -> tuple[int, ...]:
+        """Columns of attributes that are nothing else, and are read as texts."""
+        others = {self.id, self.time, self.klass, *self.numbers}
+        return tuple(sorted(set(self.attributes.values()) - others))
 
     @property
     def called(self) -> dict[str, str]:
@@ -203,6 +212,9 @@ def find_roles(
     if weight in used:
         weight = None
     used |= {weight, *(spread.columns if spread else ())}
+    places = {name: headers.find(name) for name in options.attributes}
+    attributes = {name: column for name, column in places.items() if column is not None}
+    used |= set(attributes.values())
     unused = tuple(name for k, name in enumerate(names) if k not in used)
     parts = "" if "t" in headers.mapped else headers.stamp([names[time], *unused])
     if parts.startswith(quoted(names[time])):
@@ -218,6 +230,7 @@ def find_roles(
         centres=centres,
         unused=unused,
         weight=weight,
+        attributes=attributes,
         spread=spread,
         asked=options.covariance and not options.clouds,
         headers=tuple(names),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.formats.attributes import attribute_of
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, is_number
 from tgospa_eval.formats.guess import COMMENTS
@@ -97,7 +98,8 @@ def read_bulk(
     name_id : callable
         Text of an id to its name.
     """
-    text_columns = tuple(dict.fromkeys((*texts, *(() if roles.klass is None else (roles.klass,)))))
+    klass = () if roles.klass is None else (roles.klass,)
+    text_columns = tuple(dict.fromkeys((*texts, *klass, *roles.texts)))
     used = [roles.id, roles.time, *roles.numbers, *text_columns]
     if len(set(used)) < len(used) or not Path(layout.path).is_file():
         return None
@@ -128,6 +130,7 @@ def read_bulk(
         numbers=numbers,
         where=lambda row: f"{layout.path}, line {layout.first + row}",
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
+        attributes={column: attribute_of(coded[column], decimal) for column in roles.texts},
     )
     return answer, {column: coded[column] for column in texts}
 

@@ -10,6 +10,7 @@ from tgospa_eval.common.files import SETTINGS, named, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.attributes import attribute_of
 from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.fields import Coded, floats
 from tgospa_eval.formats.rows import Numbered, Rows, number_ids
@@ -158,9 +159,9 @@ class Fields:
 
 
 def text_columns(roles: Roles, texts: Sequence[int] = ()) -> tuple[int, ...]:
-    """Columns that are read as texts: ids, times, classes, and those asked for."""
+    """Columns that are read as texts: ids, times, classes, attributes, and those asked for."""
     klass = () if roles.klass is None else (roles.klass,)
-    return tuple(dict.fromkeys((roles.id, roles.time, *texts, *klass)))
+    return tuple(dict.fromkeys((roles.id, roles.time, *texts, *klass, *roles.texts)))
 
 
 def gather(
@@ -247,6 +248,7 @@ def convert(
         numbers=fields.values,
         where=places.row,
         classes=None if roles.klass is None else numbered(coded[roles.klass]),
+        attributes={column: attribute_of(coded[column], decimal) for column in roles.texts},
         weight_fault="\n".join(of_weights) or None,
     )
     return rows, places

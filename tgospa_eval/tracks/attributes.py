@@ -1,0 +1,72 @@
+"""Attributes of states: what a table says of each beside where it is, by the name of its column."""
+
+from collections.abc import Iterable, Mapping
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.text import quoted
+
+Values: TypeAlias = NDArray[np.float64] | NDArray[np.object_]
+"""Numbers, NaN where missing, or texts, blank where missing."""
+
+Attributes: TypeAlias = Mapping[str, Values]
+"""Values (R,) of each row, by name."""
+
+
+def checked(attributes: Attributes, rows: int) -> dict[str, Values]:
+    """Arrays of so many rows that cannot be written to: numbers as doubles, all else as texts.
+
+    Raises
+    ------
+    InputError
+        One is not of this length.
+    """
+    found: dict[str, Values] = {}
+    for name, given in attributes.items():
+        values = np.asarray(given)
+        if values.shape != (rows,):
+            raise InputError(
+                f"attribute {quoted(name)} has the shape {values.shape}: must be ({rows},), a "
+                "value for each row"
+            )
+        kept: Values
+        if values.dtype.kind in "iuf":
+            kept = np.asarray(values, np.float64)
+        elif values.dtype.kind == "O" and all(isinstance(text, str) for text in values.tolist()):
+            kept = values.astype(object, copy=False)
+        else:
+            texts = ["" if value is None else str(value) for value in values.tolist()]
+            kept = np.array(texts, dtype=object)
+        found[str(name)] = kept.view()
+        found[str(name)].setflags(write=False)
+    return found
+
+
+def chosen(attributes: Attributes, rows: NDArray[np.integer]) -> dict[str, Values]:
+    """Those of some rows."""
+    return {name: values[rows] for name, values in attributes.items()}
+
+
+def stacked(like: Attributes, parts: Iterable[tuple[Attributes, int]]) -> dict[str, Values]:
+    """The attributes that `like` has, of several parts in turn; missing where a part lacks one.
+
+    Parameters
+    ----------
+    like : mapping
+        Names, and whether they are numbers.
+    parts : iterable of mapping and int
+        Attributes of each part, and its rows.
+    """
+    parts = list(parts)
+    found: dict[str, Values] = {}
+    for name, values in like.items():
+        blank: object = np.nan if values.dtype.kind == "f" else ""
+        pieces = [
+            part[name] if name in part else np.full(rows, blank, values.dtype)
+            for part, rows in parts
+        ]
+        found[name] = np.concatenate([values[:0], *pieces])
+    return found
