@@ -3,12 +3,14 @@
 import io
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,6 +26,7 @@ from tgospa_eval.evaluation.evaluate import solve
 from tgospa_eval.evaluation.prepare import fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
+from tgospa_eval.plots.result_pictures import DRAWN
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver, batches, certified, exact
@@ -220,6 +223,66 @@ def test_a_narrow_bracket_of_long_work_is_worth_a_word(capsys: pytest.CaptureFix
             said.append(capsys.readouterr().err)
     assert said[0] == said[1] == said[3] == ""
     assert "--gap and --time-limit" in said[2]
+
+
+WATCHED = """
+import sys, threading
+from tgospa_eval.cli.shared import progress
+from tgospa_eval.plots import result_pictures
+
+waiting, update = [], progress.Display.update
+
+def updated(display):
+    update(display)
+    for shown in waiting:
+        shown.set()
+
+def when_shown(*_):
+    waiting.append(threading.Event())
+    waiting[-1].wait(60)
+    return b""
+
+progress.SILENT = 0.0
+progress.Display.update, result_pictures.written = updated, when_shown
+from tgospa_eval.cli import main
+main(sys.argv[1:])
+"""
+"""Shows at once how far the work is; a picture is empty, and takes until that is shown."""
+
+
+@POSIX
+@pytest.mark.process
+def test_pictures_are_named_while_they_are_drawn(
+    tmp_path: Path, environment: dict[str, str], quickstart: Pair
+) -> None:
+    """On a terminal, on a line that is gone at the end; `test_folder` sees none elsewhere."""
+    pytest.importorskip("matplotlib")
+    ours, theirs = os.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-c", WATCHED, *quickstart, "-c", "5", "-g", "2", "-o", "out"],
+        stdout=subprocess.DEVNULL,
+        stderr=theirs,
+        cwd=tmp_path,
+        env=environment | {"TGOSPA_EVAL_PICTURES": "png"},
+    ) as process:
+        os.close(theirs)
+        err = "".join(iter(lambda: some(ours), ""))
+    os.close(ours)
+    assert process.returncode == 0, err
+    *shown, last = [part.strip() for part in err.strip().split("\r")]
+    drawing = [part for part in shown if ".png" in part]
+    names = list(dict.fromkeys(part.partition(",")[0] for part in drawing))
+    assert names == [f"drawing {name}.png" for name in DRAWN]
+    assert drawing[-1].startswith("drawing worst.png, 80 % done, ")
+    assert shown[-1] == ""  # over the last one
+    assert "wrote 8 files and 5 pictures to out" in last
+
+
+def some(stream: int) -> str:
+    """What comes next; nothing at the end, which a terminal tells as an error."""
+    with suppress(OSError):
+        return os.read(stream, 4096).decode()
+    return ""
 
 
 # --- Ctrl-C ---------------------------------------------------------------------------------------

@@ -194,7 +194,9 @@ def batch_pictures(
         if view.drawn_curves:
             draw["curve"] = lambda: draw_curves(view.drawn_curves, style, view.unit)
         for name, make in draw.items():
-            for kind in wanted.formats:  # each anew: a layout remembers the one before
+            made = None
+            for kind in wanted.formats:
                 notify(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
-                files[f"{name}.{kind}"] = written(make(), kind, style.dots)
+                made = make() if made is None else made
+                files[f"{name}.{kind}"] = written(made, kind, style.dots)
     return files

@@ -6,7 +6,7 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.palette import TRACK_COLOURS
-from tgospa_eval.plots import figure, stairs
+from tgospa_eval.plots import boxes, figure, stairs
 from tgospa_eval.plots.overtime import MARGIN, time_axis
 from tgospa_eval.plots.style import (
     FALSE,
@@ -142,19 +142,13 @@ def arranged(side: Side, tracks: Ints, most: int, first: int) -> Lanes:
     )
 
 
-def _boxes(left: Floats, right: Floats, low: Floats, high: Floats) -> Floats:
-    """Corners (N, 4, 2)."""
-    x = np.stack([left, right, right, left], axis=1)
-    return np.stack([x, np.stack([low, low, high, high], axis=1)], axis=2)
-
-
-def _put(axis: "Axes", boxes: Floats, name: str, **looks: Any) -> "PolyCollection":
+def _put(axis: "Axes", corners: Floats, name: str, **looks: Any) -> "PolyCollection":
     """One collection; what is too much for a vector file becomes dots there."""
     from matplotlib.collections import PolyCollection
 
-    polygons: Any = boxes  # as an array: ten times as fast as a list
+    polygons: Any = corners  # as an array: ten times as fast as a list
     made = PolyCollection(polygons, label=name, **looks)
-    made.set_rasterized(len(boxes) > VECTOR_SHAPES)
+    made.set_rasterized(len(corners) > VECTOR_SHAPES)
     made.set_in_layout(False)  # it lies inside the axes, and to find that out takes long
     axis.add_collection(made, autolim=False)
     return made
@@ -177,10 +171,10 @@ def _bars(
     thin = 0.6 if style.titles else 0.3
     handles: dict[str, Artist] = {}
     if held.any():
-        boxes = _boxes(begin[held], end[held], place[held] - half, place[held] + half)
+        corners = boxes(begin[held], end[held], place[held] - half, place[held] + half)
         colours = np.array(TRACK_COLOURS)[track[held] % len(TRACK_COLOURS)]
         looks = {"edgecolors": SOFT if whole else "none", "linewidths": thin / 2}
-        bars = _put(axis, boxes, f"{lanes.side.name}/assigned", facecolors=colours, **looks)
+        bars = _put(axis, corners, f"{lanes.side.name}/assigned", facecolors=colours, **looks)
         if truth:
             handles["assigned, foot: error / c"] = bars
     kind = "missed" if truth else "false"
@@ -188,9 +182,9 @@ def _bars(
     if whole and unassigned.any():
         begin, end, place = begin[unassigned], end[unassigned], place[unassigned]
         short = np.maximum(pixel - (end - begin), 0) / 2
-        boxes = _boxes(begin - short, end + short, place - 0.3, place + 0.3)
+        corners = boxes(begin - short, end + short, place - 0.3, place + 0.3)
         name = f"{lanes.side.name}/{kind}"
-        handles[kind] = _put(axis, boxes, name, linewidths=thin, **FILLS[kind])
+        handles[kind] = _put(axis, corners, name, linewidths=thin, **FILLS[kind])
     elif unassigned.any():
         from matplotlib.patches import Patch
 
@@ -236,7 +230,7 @@ def _shares(axis: "Axes", lanes: Lanes, seen: View, columns: int, colour: str) -
     begin, end = _column_edges(seen, columns)
     left, right, top = begin[cell % columns], end[cell % columns], cell // columns - HALF
     looks = {"facecolors": colour, "edgecolors": colour, "linewidths": 0.1, "zorder": 2.2}
-    _put(axis, _boxes(left, right, top, top + tall), f"{lanes.side.name}/share", **looks)
+    _put(axis, boxes(left, right, top, top + tall), f"{lanes.side.name}/share", **looks)
 
 
 def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
@@ -254,7 +248,7 @@ def _errors(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:
     left, right, low = begin[cell % columns], end[cell % columns], cell // columns + HALF
     # As one outline for each cell, which is a fraction of a bar.
     looks = {"facecolors": "black", "alpha": 0.25, "linewidths": 0}
-    _put(axis, _boxes(left, right, low - tall, low), "truth/error", **looks)
+    _put(axis, boxes(left, right, low - tall, low), "truth/error", **looks)
 
 
 def _others(axis: "Axes", lanes: Lanes, seen: View, columns: int) -> None:

@@ -100,9 +100,11 @@ def result_pictures(
             "worst": lambda: draw_worst(seen, style, parts),
         }
         for name, make in draw.items():  # one after the other: a figure holds memory
-            for kind in wanted.formats:  # each anew: a layout remembers the one before
+            made = None
+            for kind in wanted.formats:
                 notify(f"{name}.{kind}", len(files) / (len(draw) * len(wanted.formats)))
-                files[f"{name}.{kind}"] = written(make(), kind, style.dots)
+                made = make() if made is None else made
+                files[f"{name}.{kind}"] = written(made, kind, style.dots)
     return files
 
 

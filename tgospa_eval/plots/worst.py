@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.plots import counted, figure
+from tgospa_eval.plots import boxes, counted, figure
 from tgospa_eval.plots.style import FILLS, Style, legend, literal, power, styled, titled
 from tgospa_eval.plots.views import Side, View, parts_of, view
 from tgospa_eval.problem.problem import Floats
@@ -15,6 +15,9 @@ from tgospa_eval.results.summary import Summary
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+THICK = 0.36
+"""Half the height of a bar; bars are 1 apart."""
 
 UNASSIGNED = {"truth": "missed", "estimate": "false"}
 """What a track costs where it is unassigned."""
@@ -88,14 +91,20 @@ def _bars(
     axis: "Axes", names: list[str], costs: dict[str, Floats], rows: int, *, beside: bool
 ) -> None:
     """Stacked bars, costliest above, with the sum at the end of each; room for so many."""
-    place, end = np.arange(len(names)), np.zeros(len(names))
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    place, end = np.arange(len(names), dtype=float), np.zeros(len(names))
     for part, cost in costs.items():
         kept = cost > 0
-        axis.barh(place[kept], cost[kept], 0.72, left=end[kept], linewidth=0.5, **FILLS[part])
+        if kept.any():
+            bars = boxes(end[kept], (end + cost)[kept], place[kept] - THICK, place[kept] + THICK)
+            # One artist for all: of each bar the hatches are made anew.
+            path = Path.make_compound_path_from_polys(bars)
+            axis.add_artist(PathPatch(path, linewidth=0.5, label=part, **FILLS[part]))
         end = end + cost
     for at, total in zip(place, end, strict=True):
-        text = f" {number(total, 4)}"
-        axis.annotate(text, (total, at), va="center", fontsize="small", annotation_clip=False)
+        axis.text(total, at, f" {number(total, 4)}", va="center", fontsize="small")
     axis.set_ylim(max(rows, 1) - 0.4, -0.6)
     axis.set_xlim(0, float(end.max(initial=0.0)) * (1.22 if beside else 1.1) or 1.0)
     axis.grid(visible=False, axis="y")

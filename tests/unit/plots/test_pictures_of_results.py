@@ -14,8 +14,10 @@ pytest.importorskip("matplotlib")
 
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.path import Path as MplPath
 
 from tgospa_eval import evaluate, plots
+from tgospa_eval.cli.shared import progress
 from tgospa_eval.common import palette
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
@@ -286,11 +288,26 @@ def test_cumulative() -> None:
     assert dashes.count("-") == 2  # total and localisation; the others are dashed
 
 
+def corners(path: MplPath) -> list[np.ndarray]:
+    """Of the boxes in a path, across and up."""
+    return [box[:-1].T for box in path.vertices.reshape(-1, 5, 2)]
+
+
 def test_worst() -> None:
     made = plot_worst(swap())
     assert [text.get_text() for text in made.axes[0].get_yticklabels()] == ["2", "1", "3", "0"]
-    widths = [bar.get_width() for bar in made.axes[0].patches]
-    assert sorted(widths) == pytest.approx([0.5, 0.5, 0.5, 1, 1, 2])
+    bars = {patch.get_label(): patch.get_path() for patch in made.axes[0].patches}
+    spans = {
+        name: sorted(np.round((x.min(), x.max(), y.mean()), 9).tolist() for x, y in corners(path))
+        for name, path in bars.items()
+    }
+    # from where to where, and in which row: steps 2, 1, 3, 0 from above
+    assert spans == {
+        "localisation": [[0, 0.5, 0], [0, 0.5, 1], [0, 0.5, 3]],
+        "missed": [[0, 1, 2]],
+        "false": [[0.5, 1.5, 1]],
+        "switch": [[0.5, 2.5, 0]],
+    }
     assert [text.get_text() for text in made.axes[1].get_yticklabels()] == ["0", "1"]
     assert [text.get_text() for text in made.axes[2].get_yticklabels()] == ["0", "1", "2"]
     none = plot_worst(evaluate(np.zeros((2, 1, 2)), np.zeros((2, 1, 2))), style="paper")
@@ -529,9 +546,10 @@ def kinds(folder: Path) -> list[str]:
 PICTURES = ("costs", "lanes", "plane", "cumulative", "worst")
 
 
-def test_folder(draw: Draw, tmp_path: Path) -> None:
+def test_folder(draw: Draw, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SILENT", 0.0)
     answer = draw("-o", "a")
-    assert (answer.status, "plot" in answer.err) == (0, False)
+    assert (answer.status, "plot" in answer.err, "drawing" in answer.err) == (0, False, False)
     assert kinds(tmp_path / "a") == [".png"] * 5
     answer = draw(
         "-o", "b", "--pictures", "pdf", "--style", "paper", "--components", "missed,switch",
