@@ -50,7 +50,8 @@ def on_terminal(
 def test_a_terminal_gets_graphs_of_80_columns(
     quickstart: tuple[str, str], tmp_path: Path, environment: dict[str, str]
 ) -> None:
-    shown = on_terminal([*quickstart, "-c", "10", "-g", "5"], tmp_path, environment)
+    more = "--curve", "--window", "12"
+    shown = on_terminal([*quickstart, "-c", "10", "-g", "5", *more], tmp_path, environment)
     assert "\x1b[1;32mTGOSPA = 42.5352" in shown
     lines = COLOUR.sub("", shown).splitlines()
     assert max(map(len, lines)) <= 80
@@ -58,6 +59,8 @@ def test_a_terminal_gets_graphs_of_80_columns(
     assert graph[18:].rstrip() == "     ▁   ▁                        ▄"  # steps 8, 12, 37 from 3
     assert any(re.fullmatch(r" +8 +112\.5 +2 +0 +0\.5", line) for line in lines)
     assert any("1: 101 -> 103" in line for line in lines)
+    assert any(line.startswith("TGOSPA per step of the steps up to each of 56") for line in lines)
+    assert any(line.startswith("TGOSPA of 9 windows of 12 steps") for line in lines)
 
 
 def test_long_stamps_lose_no_digit_that_tells_them_apart(
@@ -68,11 +71,12 @@ def test_long_stamps_lose_no_digit_that_tells_them_apart(
     estimate = write(
         "e.csv", "id,t,x\n" + "".join(f"{k // 5},{t},{k / 9}\n" for k, t in enumerate(stamps))
     )
-    given = (truth, estimate, "-q", "--curve")
+    given = (truth, estimate, "-q", "--curve", "--window", "4")
     plain = invoke(*given).out
     assert all(stamp in plain for stamp in stamps[4:])  # the worst steps, whole
     assert f" {stamps[5]}  a: 0 -> 1\n" in plain  # the switch
     assert re.search(r"\n +\.\.\.03:08\.163556123Z +", plain)  # the curve
+    assert f"\n  {stamps[4]} to {stamps[7]}\n" in plain  # a window, with a line of its own
     monkeypatch.setenv("FORCE_COLOR", "1")
     lively = COLOUR.sub("", invoke(*given).out)
     assert re.search(r"\n +\.\.\.[-T0-9]*19:03:08\.163556123Z +[\d.]+ +0 +0 +0\n", lively)

@@ -13,9 +13,15 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.progress import Limit, Progress
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.evaluation.ending_bounds import Continued, Proven, Whole
+from tgospa_eval.evaluation.ending_bounds import (
+    Continued,
+    Proven,
+    Whole,
+    unpaired_by_step,
+    whole_blocks,
+)
 from tgospa_eval.evaluation.endings import Endings
-from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices, lower_bounds
+from tgospa_eval.problem.certificate import ROUNDOFF, fair_prices
 from tgospa_eval.problem.prefixes import Cells, PrefixBounds, bound_prefixes, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.solution import Curve, Reduced
@@ -57,9 +63,9 @@ def trace(
     found = bound_prefixes(states, weights, prices)
     cells, parts = found.cells, found.parts.copy()
     least, error = found.lower.copy(), found.error.copy()
-    unpaired_costs = _unpaired(states)
+    unpaired_costs = np.cumsum(unpaired_by_step(states), axis=1)
     ends = cells.first[1:] - 1
-    least[ends] = np.maximum(least[ends], _whole_blocks(states, prices, reduced))
+    least[ends] = np.maximum(least[ends], whole_blocks(states, prices, reduced))
 
     bracket = _Brackets(cells=cells, parts=parts, least=least, error=error, gap=solver.gap)
     bracket.open[ends] = False  # a whole block: the solver has had its chance
@@ -168,29 +174,3 @@ def _narrow(
             if kind is Whole:
                 brackets.open[cell[at]] = False
         span *= 2
-
-
-def _unpaired(states: States) -> Floats:
-    """Cost, up to each step, of the truths and estimates that are near to none, (2, T)."""
-    problem = states.problem
-    total = np.zeros((2, problem.steps))
-    for own, side in zip(total, problem.sides, strict=True):
-        price = side.price.copy()
-        price[side.row] = 0.0
-        own[:] = sum_by(side.step, price, problem.steps)
-    return np.cumsum(total, axis=1)
-
-
-def _whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
-    """Lower bound of each whole block, (B,), of objects and steps with a near pair only."""
-    problem, blocks = states.problem, len(states.block_begin)
-    lower = lower_bounds(states, prices, reduced)
-    unpaired = np.zeros(blocks)
-    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
-        block = blocks_of[side.track]
-        price = side.price.copy()
-        price[side.row] = 0.0
-        unpaired += sum_by(block[block >= 0], price[block >= 0], blocks)
-    exact = whole_prices(problem)
-    error = (lower + unpaired) * (2 if exact else 2 + len(problem.truth_price)) * ROUNDOFF
-    return lower - unpaired - error

@@ -7,14 +7,22 @@ import numpy as np
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.evaluation.endings import Before, Cut, Endings
-from tgospa_eval.problem.certificate import ROUNDOFF, break_down, fair_prices, prove
+from tgospa_eval.problem.certificate import (
+    ROUNDOFF,
+    break_down,
+    fair_prices,
+    lower_bounds,
+    prove,
+)
 from tgospa_eval.problem.forward import Moves, forward, offsets
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.paths import up
-from tgospa_eval.problem.prefixes import PrefixBounds
+from tgospa_eval.problem.prefixes import PrefixBounds, whole_prices
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.solution import Reduced, Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.certified import Certified
@@ -43,6 +51,60 @@ class Proven:
     error: Floats
 
 
+class Alone:
+    """Stretches of steps of blocks, each a problem of its own; many side by side.
+
+    Parameters
+    ----------
+    endings : Endings
+        Of the whole.
+    saved : SavedSolution
+        Its solution.
+    block, begin, end : (N,) int arrays
+        Block, and first and last step of each.
+    """
+
+    def __init__(
+        self, endings: Endings, saved: SavedSolution, block: Ints, begin: Ints, end: Ints
+    ) -> None:
+        self.cut = endings.cut(block, begin, end, Before.nothing())
+        self.states = merge_runs(self.cut.problem)
+        self.warm_start = make_warm_start(self.states, (saved,), (1.0,), self.cut.origin)
+
+    def held(self) -> tuple[Floats, Floats, Floats]:
+        """What the solution of the whole proves, as `solve` returns it."""
+        (weights,) = self.warm_start.weights
+        return self._proven(
+            Solution(weights=weights, prices=self.warm_start.prices, status=Status.SOLVED)
+        )
+
+    def solve(self, solver: Certified, stopwatch: Stopwatch) -> tuple[Floats, Floats, Floats]:
+        """Solve them, and prove each as any result is.
+
+        Returns
+        -------
+        parts : (4, N) float array
+            Cost by kind.
+        lower, error : (N,) float arrays
+            As of `Proven`.
+        """
+        return self._proven(solver(self.states, stopwatch, replace(self.warm_start, near=True)))
+
+    def _proven(self, solution: Solution) -> tuple[Floats, Floats, Floats]:
+        cut, states = self.cut, self.states
+        _, lower, split = prove(states, solution, consume=solution.disposable)
+        parts = np.array(
+            [
+                np.add.reduceat(kind, cut.first)
+                for kind in (split.localisation, split.missed, split.false, split.switch)
+            ]
+        )
+        ending = np.searchsorted(cut.first, states.block_begin, side="right") - 1
+        bound = sum_by(ending, lower, len(cut.first))
+        bound *= 1 - len(states.block_begin) * ROUNDOFF
+        return parts, bound, _rounding(states, parts, cut.length)
+
+
 class Whole:
     """Beginnings that are solved from their first step on.
 
@@ -63,25 +125,10 @@ class Whole:
         self, block: Ints, begin: Ints, end: Ints, solver: Certified, stopwatch: Stopwatch
     ) -> Proven:
         """Solve them, and prove each as any result is."""
-        cut = self.endings.cut(block, begin, end, Before.nothing())
-        states = merge_runs(cut.problem)
-        warm_start = make_warm_start(states, (self.saved,), (1.0,), cut.origin)
-        solution = solver(states, stopwatch, replace(warm_start, near=True))
-        _, lower, split = prove(states, solution, consume=True)
-        parts = np.array(
-            [
-                np.add.reduceat(kind, cut.first)
-                for kind in (split.localisation, split.missed, split.false, split.switch)
-            ]
-        )
-        ending = np.searchsorted(cut.first, states.block_begin, side="right") - 1
-        bound = sum_by(ending, lower, len(block))
-        return Proven(
-            cell=self.found.cells.of(block, end),
-            parts=parts,
-            lower=bound * (1 - len(states.block_begin) * ROUNDOFF),
-            error=_rounding(states, parts, cut.length),
-        )
+        alone = Alone(self.endings, self.saved, block, begin, end)
+        parts, lower, error = alone.solve(solver, stopwatch)
+        cell = self.found.cells.of(block, end)
+        return Proven(cell=cell, parts=parts, lower=lower, error=error)
 
 
 class Continued:
@@ -227,3 +274,29 @@ def _rounding(states: States, parts: Floats, length: Ints) -> Floats:
     terms = int(np.bincount(states.begin, minlength=1).max())
     error: Floats = parts.sum(axis=0) * (length + 2 * terms + 16) * ROUNDOFF
     return error
+
+
+def unpaired_by_step(states: States) -> Floats:
+    """Cost at each step of the truths and estimates that are near to none, (2, T)."""
+    problem = states.problem
+    total = np.zeros((2, problem.steps))
+    for own, side in zip(total, problem.sides, strict=True):
+        price = side.price.copy()
+        price[side.row] = 0.0
+        own[:] = sum_by(side.step, price, problem.steps)
+    return total
+
+
+def whole_blocks(states: States, prices: Floats, reduced: tuple[Reduced, ...]) -> Floats:
+    """Lower bound of each whole block, (B,), of objects and steps with a near pair only."""
+    problem, blocks = states.problem, len(states.block_begin)
+    lower = lower_bounds(states, prices, reduced)
+    unpaired = np.zeros(blocks)
+    for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
+        block = blocks_of[side.track]
+        price = side.price.copy()
+        price[side.row] = 0.0
+        unpaired += sum_by(block[block >= 0], price[block >= 0], blocks)
+    exact = whole_prices(problem)
+    error = (lower + unpaired) * (2 if exact else 2 + len(problem.truth_price)) * ROUNDOFF
+    return lower - unpaired - error

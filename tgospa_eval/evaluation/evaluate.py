@@ -23,6 +23,7 @@ from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.solution import Bounds, Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.problem.weights import ONE
@@ -61,6 +62,8 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     time_tolerance: float = 0.0,
     grid: str = "union",
     curve: bool = False,
+    window: int | None = None,
+    every: int | None = None,
     with_: str | Sequence[str] = (),
     rho: float = 0.5,
     step_weights: "StepWeightsLike | None" = None,
@@ -98,6 +101,10 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         Steps that count. Rows at other steps are left out, and counted in `Result.input`.
     curve : bool
         Whether to evaluate the steps up to each step as well, for `Result.curve`.
+    window : int, optional
+        Steps of sliding windows that are evaluated as well, for `Result.windows`.
+    every : int, optional
+        Steps from one window to the next, at most `window`; half of it by default.
     with_ : str or sequence of str
         Other metrics to evaluate beside it, for `Result.with_`: ``"hota"``, ``"clear"``,
         ``"identity"`` (these need the extra ``mot``), ``"gospa"``.
@@ -139,6 +146,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
         unit=unit,
         curve=curve,
+        sliding=Sliding.asked(window, every),
         with_=chosen_metrics(with_),
         defaults=defaults,
         step_weights=as_step_weights(step_weights),
@@ -200,16 +208,24 @@ def evaluate_fitted(
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         found = other_metrics(prepared, request.with_, effort)
         others, sums = joined([found]), found.sums()
-    result = solve(prepared, request.solver, stopwatch, curve=request.curve)
+    result = solve(
+        prepared, request.solver, stopwatch, curve=request.curve, sliding=request.sliding
+    )
     return replace(result, with_=others, sums=sums, source=Source(sides=sides, request=request))
 
 
 def solve(
-    prepared: Prepared, solver: Solver, stopwatch: Stopwatch, *, curve: bool = False
+    prepared: Prepared,
+    solver: Solver,
+    stopwatch: Stopwatch,
+    *,
+    curve: bool = False,
+    sliding: Sliding | None = None,
 ) -> Result:
     """The second half: solution, proof, result; the problem can be solved again."""
     stopwatch.progress.begin(prepared.parameters.root)
-    return prove(prepared, solver, solver(prepared.states, stopwatch), stopwatch, curve=curve)
+    solution = solver(prepared.states, stopwatch)
+    return prove(prepared, solver, solution, stopwatch, curve=curve, sliding=sliding)
 
 
 def prove(
@@ -219,6 +235,7 @@ def prove(
     stopwatch: Stopwatch,
     *,
     curve: bool = False,
+    sliding: Sliding | None = None,
 ) -> Result:
     """What a solution proves of a problem; a disposable one loses its weights."""
     with stopwatch.span("certify"):
@@ -234,19 +251,19 @@ def prove(
         reduced=solution.reduced,
         compared=prepared.compared,
     )
-    traced = None
+    traced = slid = None
+    whole = (prepared.states, weights, solution.prices, cast("Certified", solver))
+    known = solution.reduced, stopwatch.progress
     if curve:
         from tgospa_eval.evaluation.curve import trace  # here: only when it is asked for
 
         with stopwatch.span("curve"):
-            traced = trace(
-                prepared.states,
-                weights,
-                solution.prices,
-                cast("Certified", solver),
-                solution.reduced,
-                stopwatch.progress,
-            )
+            traced = trace(*whole, *known)
+    if sliding is not None:
+        from tgospa_eval.evaluation.windows import slide  # here: only when it is asked for
+
+        with stopwatch.span("windows"):
+            slid = slide(*whole, sliding, *known)
     with stopwatch.span("report"):
         split = _split(prepared.sides, prepared.distance, proof)
     gap = solver.gap if solver.proves else GAP
@@ -254,6 +271,7 @@ def prove(
         proof=proof,
         split=split,
         traced=traced,
+        slid=slid,
         labels=prepared.labels,
         gap=gap,
         settings={**prepared.settings, **solver_settings(solver)},

@@ -9,6 +9,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted
@@ -40,6 +41,8 @@ class EvaluationRequest:
         Of the states, for printing.
     curve : bool
         Whether to evaluate the steps up to each step as well.
+    sliding : Sliding, optional
+        Which sliding windows to evaluate as well.
     with_ : sequence of str
         Other metrics beside it, of `OTHER_METRICS`.
     recorded : mapping of str to object
@@ -52,7 +55,7 @@ class EvaluationRequest:
     Raises
     ------
     ConfigError
-        The curve is asked of a solver that cannot make it.
+        The curve or windows are asked of a solver that cannot make them.
     """
 
     parameters: Parameters
@@ -61,14 +64,16 @@ class EvaluationRequest:
     time_matching: TimeMatching = field(default_factory=TimeMatching)
     unit: str | None = None
     curve: bool = False
+    sliding: Sliding | None = None
     with_: Sequence[str] = ()
     recorded: Mapping[str, object] = field(default_factory=dict)
     defaults: Sequence[str] = ()
     step_weights: "WeightsByTime | None" = None
 
     def __post_init__(self) -> None:
-        if self.curve and not self.solver.proves:
-            raise ConfigError(f"the curve needs the solver certified, not {self.solver.name}")
+        for asked, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
+            if asked and not self.solver.proves:
+                raise ConfigError(f"{what} the solver certified, not {self.solver.name}")
 
 
 def chosen_parameters(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import StepPatch
 
     from tgospa_eval.plots.lanes import plot_lanes
-    from tgospa_eval.plots.overtime import plot_costs, plot_cumulative
+    from tgospa_eval.plots.overtime import plot_costs, plot_cumulative, plot_windows
     from tgospa_eval.plots.plane import plot_plane
     from tgospa_eval.plots.worst import plot_worst
 
@@ -31,6 +31,7 @@ __all__ = [
     "plot_cumulative",
     "plot_lanes",
     "plot_plane",
+    "plot_windows",
     "plot_worst",
 ]
 
@@ -54,6 +55,7 @@ _HOMES = {
     "plot_cumulative": "overtime",
     "plot_lanes": "lanes",
     "plot_plane": "plane",
+    "plot_windows": "overtime",
     "plot_worst": "worst",
 }
 

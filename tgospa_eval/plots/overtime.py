@@ -1,10 +1,13 @@
-"""Pictures over time: the stacked cost of each step, and the normalised cumulative cost."""
+"""Pictures over time: stacked cost of each step, normalised cumulative cost, sliding windows."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import counted
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import figure, stairs
 from tgospa_eval.plots.clock import Clock
 from tgospa_eval.plots.style import FILLS, LINES, Style, legend, literal, power, styled, titled
@@ -95,23 +98,71 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     return made
 
 
+def plot_windows(
+    result: Summary, *, style: str = "screen", components: Sequence[str] | None = None
+) -> "Figure":
+    """Sliding windows: at the middle of each the root of its mean cost, as `Result.windows` has it.
+
+    Parameters, errors and return value are those of `plot_costs`; the total is always drawn.
+
+    Raises
+    ------
+    ConfigError
+        Windows were not asked for.
+    """
+    if result.slid is None:
+        raise ConfigError("there are no windows: evaluate with window=, the steps of each")
+    with styled(style) as made:
+        return draw_windows(view(result), made, parts_of(components))
+
+
 def draw_cumulative(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_cumulative` of a view."""
+    lines = _Lines(at=seen.at, values=seen.data["curve"], axis="per step, so far")
+    return _draw_lines(seen, style, parts, lines, "Normalised cumulative cost")
+
+
+def draw_windows(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
+    """`plot_windows` of a view."""
+    found = seen.data["windows"]
+    ends = (seen.at[np.asarray(found[name], int)] for name in ("first", "last"))
+    lines = _Lines(
+        at=sum(ends, np.zeros(len(found["first"]))) / 2,
+        values=found["lines"],
+        axis="per step of the window",
+    )
+    title = f"Windows of {counted(found['size'], 'step')}, each at its middle"
+    return _draw_lines(seen, style, parts, lines, title)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Lines:
+    """Values of the parts and the total at times, and what the axis is called."""
+
+    at: Floats
+    values: dict[str, list[float]]
+    axis: str
+
+
+def _draw_lines(
+    seen: View, style: Style, parts: Sequence[str], lines: _Lines, title: str
+) -> "Figure":
+    """A line for each part and for the total."""
     made, ((axis,),) = figure(style.width, style.low)
     names = [*parts, "total"]
-    dot = {"marker": "o", "markersize": 4} if seen.steps == 1 else {}  # one point is no line
+    dot = {"marker": "o", "markersize": 4} if len(lines.at) == 1 else {}  # one point is no line
     width = axis.spines["left"].get_linewidth() * 1.3  # of the style
     handles = []
     for name in names:
         looks = {**LINES[name], **dot, "zorder": 2 + (name != "total") / 10, "clip_on": False}
         looks |= {"linewidth": width * (1.6 if name == "total" else 1), "label": name}
-        handles += axis.plot(seen.at, seen.data["curve"][name], **looks)
-    top = max((max(seen.data["curve"][name], default=0.0) for name in names), default=0.0)
+        handles += axis.plot(lines.at, lines.values[name], **looks)
+    top = max((max(lines.values[name], default=0.0) for name in names), default=0.0)
     axis.set_ylim(0, top * 1.05 or 1.0)
     time_axis(axis, seen, style)
     unit = f" ({literal(seen.data['unit'])})" if seen.data["unit"] else ""
-    axis.set_ylabel(f"per step, so far{unit}", parse_math=False)
-    titled(axis, style, "Normalised cumulative cost", seen.about)
+    axis.set_ylabel(f"{lines.axis}{unit}", parse_math=False)
+    titled(axis, style, title, seen.about)
     legend(made, handles, names, 5)
     return made
 

@@ -79,13 +79,13 @@ def result_pictures(
 ) -> dict[str, bytes]:
     """Files by name: costs, lanes, plane, cumulative and worst, each in all formats.
 
-    `notify` takes the name of each before it is drawn, and the share that is done; `drawn` is the
-    `document` of the result, where it is known.
+    And windows, where they were asked for. `notify` takes the name of each before it is drawn, and
+    the share that is done; `drawn` is the `document` of the result, where it is known.
     """
     if not wanted.formats:
         return {}
     from tgospa_eval.plots.lanes import draw_lanes
-    from tgospa_eval.plots.overtime import draw_costs, draw_cumulative
+    from tgospa_eval.plots.overtime import draw_costs, draw_cumulative, draw_windows
     from tgospa_eval.plots.plane import draw_plane
     from tgospa_eval.plots.worst import draw_worst
 
@@ -99,6 +99,8 @@ def result_pictures(
             "cumulative": lambda: draw_cumulative(seen, style, parts),
             "worst": lambda: draw_worst(seen, style, parts),
         }
+        if result.slid is not None:
+            draw["windows"] = lambda: draw_windows(seen, style, parts)
         for name, make in draw.items():  # one after the other: a figure holds memory
             made = None
             for kind in wanted.formats:

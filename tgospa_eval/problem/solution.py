@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.solver_status import Status
-from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States
 
 
@@ -142,16 +142,16 @@ class Breakdown:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
-    """Costs of the steps up to each of the T steps, in units of c^p.
+class Brackets:
+    """Costs of N stretches of steps, each by itself, in units of c^p.
 
     Parameters
     ----------
-    lower, upper : (T,) float arrays
+    lower, upper : (N,) float arrays
         Proven bounds.
-    parts : (4, T) float array
+    parts : (4, N) float array
         Localisation, missed, false and switch cost of the assignment that `upper` is the cost of.
-    rounding : (T,) float array
+    rounding : (N,) float array
         As of `Bounds`.
     """
 
@@ -161,7 +161,29 @@ class Curve:
     rounding: Floats
 
     def met(self, gap: float) -> NDArray[np.bool_]:
-        """As of `Bounds`, (T,)."""
+        """As of `Bounds`, (N,)."""
         narrow = self.upper - self.lower <= gap * self.upper
         met: NDArray[np.bool_] = narrow | (self.upper <= self.rounding)
         return met
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve(Brackets):
+    """Costs of the steps up to each of the T steps."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Windows(Brackets):
+    """Costs of sliding windows.
+
+    Parameters
+    ----------
+    first, last : (N,) int arrays
+        The first and the last step of each, of the T steps.
+    every : int
+        Steps from one to the next; the last may be nearer to the one before.
+    """
+
+    first: Ints
+    last: Ints
+    every: int

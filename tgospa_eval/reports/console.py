@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.common.words import sizes_in_words
+from tgospa_eval.common.words import counted, sizes_in_words
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS, Time
@@ -42,6 +44,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "worst": worst,
         "switches": _switches,
         "curve": _curve,
+        "windows": _windows,
         "others": _others,
         "footer": _footer,
     }
@@ -176,6 +179,51 @@ def _curve(result: Summary) -> Iterator[str]:
     yield first_line
     for time, line in zip(times, lines, strict=True):
         yield from (line,) if first <= most else (f"  {time}", line)
+
+
+def _windows(result: Summary) -> Iterator[str]:
+    """How many windows there are, and the worst of them."""
+    table, slid = result.windows_table(), result.slid
+    if slid is None or not table["t_first"]:
+        return
+    met, size = slid.met(result.gap), len(table["t_first"])
+    known = "all proven exact" if met.all() else f"{np.count_nonzero(~met)} of them upper bounds"
+    if size == 1:
+        known = "proven exact" if met.all() else "an upper bound"
+    every = f", one every {counted(slid.every, 'step')}" if size > 1 else ""
+    length = counted(int(slid.last[0] - slid.first[0]) + 1, "step")
+    value = np.array(table["tgospa"])
+    middle = f"median {number(float(np.median(value)), 5)}, " if size > SHOWN else ""
+    title = f"TGOSPA of {counted(size, 'window')} of {length}{every}: {middle}{known}"
+    note = "; they do not add up; the worst of which no two overlap:" if size > 1 else ""
+    yield from wrap(f"{title}{note}", " " * 10)
+    worst = _apart(slid, np.argsort(-value, kind="stable"))
+    ends = [[visible(str(table[name][k])) for k in worst] for name in ("t_first", "t_last")]
+    apart = max(len(text) for texts in ends for text in texts) > 8  # in lines of their own
+    rows: list[Row] = [
+        (
+            *(("", "") if apart else (first, last)),
+            ("" if met[k] else "<= ") + number(value[k], 5),
+            *(number(table[name][k], 5) for name in PARTS),
+        )
+        for k, first, last in zip(worst, *ends, strict=True)
+    ]
+    head, widths = ("from t", "to t", "TGOSPA", *PARTS), (11, 9, 12, 13, 11, 11, 11)
+    first_line, *lines = text_lines(Table(head=head, rows=rows, align="r" * 7, widths=widths))
+    yield first_line
+    for first, last, line in zip(*ends, lines, strict=True):
+        yield from (f"  {first} to {last}", line) if apart else (line,)
+
+
+def _apart(slid: Windows, order: Ints) -> list[int]:
+    """The first of some windows of which no two share a step."""
+    kept: list[int] = []
+    for k in order.tolist():
+        if all(slid.last[k] < slid.first[j] or slid.first[k] > slid.last[j] for j in kept):
+            kept.append(k)
+        if len(kept) == SHOWN:
+            break
+    return kept
 
 
 def _others(result: Summary) -> Iterator[str]:

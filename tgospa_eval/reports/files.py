@@ -92,6 +92,8 @@ def result_texts(
     }
     if result.traced is not None:
         texts["curve.csv"] = csv_text(result.curve_table())
+    if result.slid is not None:
+        texts["windows.csv"] = csv_text(result.windows_table())
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
     if importlib.util.find_spec("jinja2") is None:

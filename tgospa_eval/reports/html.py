@@ -58,6 +58,7 @@ def page(
             value=result.quantity(result.tgospa),
             bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
             traced=result.traced is not None,
+            worst_window=_worst_window(result),
             meaning=meaning(result),
             parts=_parts(result),
             total=number(result.total),
@@ -135,6 +136,11 @@ def _parts(result: Summary) -> list[dict[str, str]]:
         means, spread = map(result.share, result.split)
         rows[0]["split"] = f"means {means}, spread {spread}"
     return rows
+
+
+def _worst_window(result: Summary) -> str:
+    found = result.windows_table().get("normalised")
+    return result.quantity(max(found)) if found else ""
 
 
 def _classes(result: Summary) -> list[list[str]]:

@@ -5,13 +5,14 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 """
 
 from dataclasses import replace
-from typing import TypeAlias, TypedDict
+from typing import NotRequired, TypeAlias, TypedDict
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
 from tgospa_eval.reports.moments import WHOLE, TimeAxis, moments
@@ -64,6 +65,16 @@ class Side:
     shared: int
 
 
+class WindowsData(TypedDict):
+    """Sliding windows: numbers of first and last steps, values, and roots of costs per step."""
+
+    size: int
+    first: list[int]
+    last: list[int]
+    tgospa: list[float]
+    lines: dict[str, list[float]]
+
+
 class PageData(TypedDict):
     """What the page and the pictures draw, but for the arrays."""
 
@@ -72,6 +83,7 @@ class PageData(TypedDict):
     costs: dict[str, list[float]]
     counts: dict[str, list[float]]
     curve: dict[str, list[float]]
+    windows: NotRequired[WindowsData]
     tracks: dict[str, Columns]
     switches: Columns
     columns: list[str]
@@ -131,7 +143,7 @@ def document(result: Summary) -> Drawn:
     per_step = result.per_step_table()
     # As they were read; what is beyond the whole numbers of a browser is a text to it.
     times = [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in per_step["t"]]
-    return {
+    data: PageData = {
         "times": times,
         "axis": moments(times),
         "costs": {name: _rounded(per_step[name]) for name in PARTS},
@@ -158,7 +170,10 @@ def document(result: Summary) -> Drawn:
         "shared": sides["truth"].shared,
         "rows": {name: [len(kept[name]), len(side.track)] for name, side in sides.items()},
         "arrays": [(name, len(array)) for name, array in arrays.items()],
-    }, arrays
+    }
+    if result.slid is not None:
+        data["windows"] = _windows(result, result.slid)
+    return data, arrays
 
 
 def curves(result: Summary) -> dict[str, list[float]]:
@@ -179,6 +194,24 @@ def curves(result: Summary) -> dict[str, list[float]]:
     return {
         name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
         for name, cost in parts.items()
+    }
+
+
+def _windows(result: Summary, slid: Windows) -> WindowsData:
+    """Of each window (cost / n) ^ (1/p) of each part, n its steps at which something exists."""
+    table = result.windows_table()
+    each = np.maximum(np.array(table["steps"]), 1)
+    costs = dict(zip(PARTS, slid.parts, strict=True)) | {"total": slid.parts.sum(axis=0)}
+    parameters = result.proof.parameters
+    return {
+        "size": int((slid.last - slid.first).max(initial=0)) + 1,
+        "first": slid.first.tolist(),
+        "last": slid.last.tolist(),
+        "tgospa": _rounded(table["tgospa"]),
+        "lines": {
+            name: _rounded((parameters.cutoff * (cost / each) ** (1 / parameters.order)).tolist())
+            for name, cost in costs.items()
+        },
     }
 
 

@@ -42,6 +42,8 @@ def report(result: Summary, encoding: str) -> str:
         "scale": map(Text, named["scale"]),
         "worst": map(Text, named["worst"]),
         "switches": map(Text, named["switches"]),
+        "curve": map(Text, named["curve"]),
+        "windows": map(Text, named["windows"]),
         "others": map(Text, named["others"]),
         "footer": _dim(named["footer"]),
     }

@@ -2,14 +2,14 @@
 
 import hashlib
 import math
-from dataclasses import fields
-from typing import cast
+from dataclasses import fields, replace
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.problem.solution import Bounds, Breakdown, Curve
+from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
 from tgospa_eval.results.records import (
     PARTS,
     Columns,
@@ -22,6 +22,8 @@ from tgospa_eval.results.records import (
 )
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
+
+B = TypeVar("B", bound=Brackets)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -137,7 +139,8 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
                 total=math.fsum(split.total for split in splits),
             ),
         ),
-        traced=_sum_of_curves([part.traced for part in parts]),
+        traced=_sum_of_brackets([part.traced for part in parts]),
+        slid=_sum_of_brackets([part.slid for part in parts]),
         labels=Labels(
             times=first.labels.times,
             truths=[name for part in parts for name in part.labels.truths],
@@ -162,18 +165,19 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
     )
 
 
-def _sum_of_curves(curves: list[Curve | None]) -> Curve | None:
-    asked = [curve for curve in curves if curve is not None]
+def _sum_of_brackets(found: list[B | None]) -> B | None:
+    """Of all classes, on the same stretches of steps."""
+    asked = [part for part in found if part is not None]
     if not asked:
         return None
     sums = {
-        field.name: np.sum([getattr(curve, field.name) for curve in asked], axis=0)
-        for field in fields(Curve)
+        field.name: np.sum([getattr(part, field.name) for part in asked], axis=0)
+        for field in fields(Brackets)
     }
     rounding = (len(asked) + 1) * 2.0**-53
     sums["lower"] *= 1 - rounding
     sums["upper"] *= 1 + rounding
-    return Curve(**sums)
+    return replace(asked[0], **sums)
 
 
 def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:

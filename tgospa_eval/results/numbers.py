@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.problem.problem import Floats
-from tgospa_eval.problem.solution import Curve
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
 from tgospa_eval.results.records import (
     PARTS,
@@ -57,6 +57,8 @@ class Numbers(ABC):
         distance has such parts.
     traced : Curve, optional
         Costs of the steps up to each step, if they were asked for.
+    slid : Windows, optional
+        Costs of sliding windows, if they were asked for.
     warnings : tuple of Notice
         What looks wrong, with `code`, `text` and `remedy`.
     files : dict
@@ -78,6 +80,7 @@ class Numbers(ABC):
     version: str
     split: tuple[float, float] | None = None
     traced: Curve | None = None
+    slid: Windows | None = None
     warnings: tuple[Notice, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
     with_: OtherMetrics = field(default_factory=dict)
@@ -143,10 +146,11 @@ class Numbers(ABC):
 
     @property
     def finished(self) -> bool:
-        """Whether what was asked for is reached, at each step of the curve as well."""
+        """Whether what was asked for is reached, at each step of the curve and window as well."""
         if self.solver["name"] != "certified":
             return bool(self.solver["finished"])
-        return self.certified and (self.traced is None or bool(self.traced.met(self.gap).all()))
+        asked = (part for part in (self.traced, self.slid) if part is not None)
+        return self.certified and all(bool(part.met(self.gap).all()) for part in asked)
 
     @property
     def localisation(self) -> float:
@@ -225,21 +229,51 @@ class Numbers(ABC):
         At each step the metric of the `steps` up to it at which something exists, with its bounds,
         (cost / steps) ** (1 / order), and the parts of the cost divided by the steps.
         """
-        traced, p = self.traced, self.proof.parameters.order
+        traced = self.traced
         if traced is None:
             return {}
         steps = np.cumsum(self.occupied)
         each = np.maximum(steps, 1)
         table: Columns = {"t": list(self.labels.times), "steps": steps.tolist()}
-        for name, cost, sign in (
-            ("tgospa", traced.parts.sum(axis=0), 0),
-            ("lower_bound", traced.lower, -1),
-            ("upper_bound", traced.upper, 1),
-        ):
-            value = self.proof.parameters.cutoff * (cost / each) ** (1 / p)
-            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
+        table |= self._rooted(traced, each)
         for name, cost in zip(PARTS, traced.parts, strict=True):
             table[name] = (self.scale * cost / each).tolist()
+        return table
+
+    def windows_table(self) -> Columns:
+        """The sliding windows: no columns if they were not asked for.
+
+        Of each window the metric by itself with its bounds and the parts of its cost, and
+        ``normalised``, (cost / steps) ** (1 / order), over its `steps` at which something exists.
+        """
+        slid = self.slid
+        if slid is None:
+            return {}
+        times = self.labels.times
+        so_far = np.append(0, np.cumsum(self.occupied))
+        steps = so_far[slid.last + 1] - so_far[slid.first]
+        table: Columns = {
+            "t_first": [times[k] for k in slid.first.tolist()],
+            "t_last": [times[k] for k in slid.last.tolist()],
+            "steps": steps.tolist(),
+        }
+        table |= self._rooted(slid, np.ones(len(steps)))
+        table["normalised"] = self._rooted(slid, np.maximum(steps, 1))["tgospa"]
+        for name, cost in zip(PARTS, slid.parts, strict=True):
+            table[name] = (self.scale * cost).tolist()
+        return table
+
+    def _rooted(self, found: Brackets, each: Floats | Ints) -> Columns:
+        """The metric of costs that are divided by `each`, and its bounds."""
+        power = 1 / self.proof.parameters.order
+        table: Columns = {}
+        for name, cost, sign in (
+            ("tgospa", found.parts.sum(axis=0), 0),
+            ("lower_bound", found.lower, -1),
+            ("upper_bound", found.upper, 1),
+        ):
+            value = self.proof.parameters.cutoff * (cost / each) ** power
+            table[name] = (value * (1 + sign * (2 * POWER + self._root_error(cost)))).tolist()
         return table
 
     @property

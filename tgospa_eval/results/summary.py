@@ -36,9 +36,11 @@ PUBLIC = (
     *(*LOGGED, *SPLIT_PARTS, "within_rounding"),
     *("metric", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
-    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve", "with_"),
+    *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
+    *("windows", "with_"),
     *("metrics", "gradient", "to_dict", "to_json", "to_html", "save", "explain"),
-    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_worst"),
+    *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
+    "plot_worst",
 )
 """What ``dir`` lists: the names of the JSON, the tables, and what can be made of them."""
 
@@ -60,6 +62,8 @@ class Summary(Numbers, ABC):
         """The JSON document as plain Python values."""
         parts = {name: getattr(self, name) for name in SPLIT_PARTS}
         curve = {} if self.traced is None else {"curve": records(self.curve_table())}
+        if self.slid is not None:
+            curve["windows"] = records(self.windows_table())
         return {
             **({} if self.split is None else parts),
             **curve,
@@ -179,6 +183,11 @@ class Summary(Numbers, ABC):
         return _frame(self.curve_table())
 
     @cached_property
+    def windows(self) -> "pd.DataFrame":
+        """`windows_table` as a DataFrame."""
+        return _frame(self.windows_table())
+
+    @cached_property
     def switches(self) -> "pd.DataFrame":
         """`switches_table` as a DataFrame."""
         return _frame(self.switches_table())
@@ -219,6 +228,12 @@ class Summary(Numbers, ABC):
     ) -> "Figure":
         """Trajectories in two of the state columns: `tgospa_eval.plots.plot_plane`."""
         return self._plot("plot_plane", columns=columns, style=style)
+
+    def plot_windows(
+        self, *, style: str = "screen", components: Sequence[str] | None = None
+    ) -> "Figure":
+        """Sliding windows, if they were asked for: `tgospa_eval.plots.plot_windows`."""
+        return self._plot("plot_windows", style=style, components=components)
 
     def plot_worst(
         self, *, style: str = "screen", components: Sequence[str] | None = None

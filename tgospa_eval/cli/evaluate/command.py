@@ -52,6 +52,20 @@ class Files(Verb):
             "Evaluate the steps up to each step as well: the normalised metric over time.",
             section="Output",
         ),
+        Option(
+            "--window W",
+            "Evaluate each window of W steps by itself as well: where in a long recording a "
+            "tracker fails. Windows begin at the first step and every S steps after it.",
+            section="Output",
+            type=int,
+        ),
+        Option(
+            "--every S",
+            "Steps from one window to the next, at most W.",
+            section="Output",
+            type=int,
+            show_default="half of W",
+        ),
     ],
 )
 @click.argument("truth", type=PATH)

@@ -28,8 +28,12 @@ def probed_folder(
         It cannot, or something is wrong with what is to go into it.
     """
     wanted = wanted_pictures(output)
+    windows = options.window is not None
     also = () if wanted is None else wanted.names
+    if wanted is not None and windows:
+        also += tuple(f"windows.{kind}" for kind in wanted.formats)
     also += ("curve.csv",) if options.curve else ()
+    also += ("windows.csv",) if windows else ()
     also += ("per_class.csv",) if options.by else ()
     also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
     probe_folder(folder, RESULT, force=output.force, also=also)

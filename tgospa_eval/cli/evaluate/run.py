@@ -85,20 +85,30 @@ def evaluate_files(
     if output.verbose:
         for text in _progress(result, stopwatch):
             output_line(text)
-    if result.certified and not result.finished:
-        missed = np.count_nonzero(~result.traced.met(result.gap)) if result.traced else 0
-        where = f"{counted(int(missed), 'step')} of the curve"
-        output_line(f"accuracy not reached at {where}, asked was {result.gap:g}")
-    elif not result.finished:
-        asked = f", asked was {result.gap:g}" if settings.solver.proves else ""
-        narrowest = ""
-        if result.gap < NARROWEST:
-            narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
-        output_line(
-            f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
-            f"{result.relative_gap:.2g}{asked}{narrowest}"
-        )
+    if not result.finished:
+        for text in _not_reached(result, settings):
+            output_line(text)
     return result, result.finished
+
+
+def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
+    """Where the accuracy that was asked for is not reached."""
+    if result.certified:
+        asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
+        for found, what, of in asked:
+            missed = 0 if found is None else int(np.count_nonzero(~found.met(result.gap)))
+            if missed:
+                where = f"{counted(missed, what)}{of}"
+                yield f"accuracy not reached at {where}, asked was {result.gap:g}"
+        return
+    asked_gap = f", asked was {result.gap:g}" if settings.solver.proves else ""
+    narrowest = ""
+    if result.gap < NARROWEST:
+        narrowest = f": bounds are rounded outward, ask for no less than {NARROWEST:g}"
+    yield (
+        f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
+        f"{result.relative_gap:.2g}{asked_gap}{narrowest}"
+    )
 
 
 def read_sides(

@@ -179,8 +179,9 @@ def _check(name: str, options: EvaluationOptions, output: OutputOptions, typed: 
     odd = [option for option in OF_PICTURES if option in typed and option != "pictures"]
     if odd:
         raise ConfigError(f"--{odd[0]} is not for the picture of --sweep: leave one of them out")
-    if options.curve:
-        raise ConfigError("--sweep and --curve: leave one of them out")
+    for given, name in ((options.curve, "curve"), (options.window, "window")):
+        if given:
+            raise ConfigError(f"--sweep and --{name}: leave one of them out")
     if options.by:
         if "by" in typed:
             raise ConfigError(

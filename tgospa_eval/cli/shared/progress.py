@@ -26,6 +26,7 @@ STAGES = {
     "certify": "proving",
     "report": "reporting",
     "curve": "solving the steps up to each",
+    "windows": "solving windows",
     "other_metrics": "other metrics",
 }
 SILENT = 2.0

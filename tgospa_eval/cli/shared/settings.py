@@ -13,6 +13,7 @@ from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
+from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
@@ -47,6 +48,8 @@ class Settings:
         Record of settings.
     curve : bool
         Whether the steps up to each step are asked for as well.
+    sliding : Sliding, optional
+        Which sliding windows are asked for as well.
     with_ : tuple of str
         Other metrics beside it.
     preprocess : str, optional
@@ -65,6 +68,7 @@ class Settings:
     defaults: tuple[str, ...]
     solver: Solver
     curve: bool
+    sliding: Sliding | None
     with_: tuple[str, ...]
     preprocess: str | None
     step_weights: WeightsByTime | None = None
@@ -191,6 +195,7 @@ class Settings:
             time_matching=self.time_matching,
             unit=self.unit,
             curve=self.curve,
+            sliding=self.sliding,
             with_=self.with_,
             recorded=self.recorded,
             defaults=self.defaults,
@@ -274,6 +279,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         unit=options.unit,
         solver=_solver(options),
         curve=options.curve,
+        sliding=Sliding.asked(options.window, options.every),
         preprocess=options.preprocess,
         with_=() if options.with_ is None else chosen_metrics(options.with_),
         step_weights=_step_weights(options),

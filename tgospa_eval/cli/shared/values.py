@@ -6,6 +6,9 @@ from typing import Self
 
 from tgospa_eval.common.frozen import dataclass
 
+NOT_OF_THE_NUMBER = ("jobs", "max_input", "curve", "window", "every", "with_", "sides")
+"""Options of an evaluation that do not change its number."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Values:
@@ -59,6 +62,8 @@ class EvaluationOptions(Values):
     time_limit: float | None = None
     jobs: int | None = None
     curve: bool = False
+    window: int | None = None
+    every: int | None = None
     with_: str | None = None
     fix_cov: bool = False
     missing_cov: str = "error"
@@ -83,7 +88,7 @@ class EvaluationOptions(Values):
         return {
             field.name: getattr(self, field.name)
             for field in fields(self)
-            if field.name not in ("jobs", "max_input", "curve", "with_", "sides")
+            if field.name not in NOT_OF_THE_NUMBER
             if getattr(self, field.name) != field.default
         }
 

@@ -46,34 +46,65 @@ const costs = {
   },
 };
 
+// A line for each part and for the total: values at moments, of which those of [low, high] are in the range.
+function drawLines(canvas, { at, values, low, high, title }) {
+  alignWithLanes(canvas);
+  const [context, width, height] = prepare(canvas, 180), top = 8, bottom = height - FOOT;
+  let most = 0;
+  for (let k = low; k <= high; k++) most = Math.max(most, values.total[k]);
+  most = most * 1.05 || 1;
+  valueAxis(context, width, top, bottom, most);
+  const dashes = { missed: [7, 3], false: [2, 3], switch: [10, 3, 2, 3] };
+  for (const name of low <= high ? [...PARTS, "total"] : []) {
+    context.strokeStyle = name === "total" ? colour("ink") : colour(name);
+    context.lineWidth = name === "total" ? 2.4 : name === "switch" ? 1.2 : 1.7;
+    context.setLineDash(dashes[name] || []);
+    context.beginPath();
+    const stride = Math.max(1, Math.floor((high - low + 1) / width));
+    const point = (k) => [across(at(k), width), bottom - values[name][k] / most * (bottom - top)];
+    for (let k = low; k < high; k += stride) context.lineTo(...point(k));
+    context.lineTo(...point(high));
+    if (low === high) context.arc(...point(high), 3, 0, 7); // one point is no line
+    context.stroke();
+  }
+  context.setLineDash([]);
+  context.fillStyle = colour("line");
+  context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
+  timeAxis(context, width, bottom);
+  upright(context, `${title}${doc.unit && ` (${doc.unit})`}`, top, bottom);
+  chosenStep(context, width, top, bottom);
+}
+
 const curve = {
   canvas: document.getElementById("curve"),
   draw() {
-    alignWithLanes(this.canvas);
-    const [context, width, height] = prepare(this.canvas, 180), top = 8, bottom = height - FOOT;
-    let high = 0;
-    for (let k = state.from; k <= state.to; k++) high = Math.max(high, doc.curve.total[k]);
-    high = high * 1.05 || 1;
-    valueAxis(context, width, top, bottom, high);
-    const dashes = { missed: [7, 3], false: [2, 3], switch: [10, 3, 2, 3] };
-    for (const name of [...PARTS, "total"]) {
-      context.strokeStyle = name === "total" ? colour("ink") : colour(name);
-      context.lineWidth = name === "total" ? 2.4 : name === "switch" ? 1.2 : 1.7;
-      context.setLineDash(dashes[name] || []);
-      context.beginPath();
-      const stride = Math.max(1, Math.floor(span() / width));
-      const point = (k) => [across(moments[k], width), bottom - doc.curve[name][k] / high * (bottom - top)];
-      for (let k = state.from; k < state.to; k += stride) context.lineTo(...point(k));
-      context.lineTo(...point(state.to));
-      if (span() === 1) context.arc(...point(state.to), 3, 0, 7); // one point is no line
-      context.stroke();
+    drawLines(this.canvas, { at: (k) => moments[k], values: doc.curve, low: state.from, high: state.to, title: "per step, so far" });
+  },
+};
+
+const windows = doc.windows && {
+  canvas: document.getElementById("windows"),
+  middle: (k) => (moments[doc.windows.first[k]] + moments[doc.windows.last[k]]) / 2,
+  // Windows whose middle is in the range.
+  shown() {
+    const count = doc.windows.first.length;
+    let low = 0, high = count - 1;
+    while (low < count && this.middle(low) < begins[state.from]) low++;
+    while (high >= low && this.middle(high) > ends[state.to]) high--;
+    return [low, high];
+  },
+  nearest(x) {
+    const [low, high] = this.shown(), width = this.canvas.clientWidth;
+    let found = null, least = Infinity;
+    for (let k = low; k <= high; k++) {
+      const far = Math.abs(across(this.middle(k), width) - x);
+      if (far < least) [found, least] = [k, far];
     }
-    context.setLineDash([]);
-    context.fillStyle = colour("line");
-    context.fillRect(LEFT, bottom, width - LEFT - RIGHT, 1);
-    timeAxis(context, width, bottom);
-    upright(context, `per step, so far${doc.unit && ` (${doc.unit})`}`, top, bottom);
-    chosenStep(context, width, top, bottom);
+    return found;
+  },
+  draw() {
+    const [low, high] = this.shown();
+    drawLines(this.canvas, { at: (k) => this.middle(k), values: doc.windows.lines, low, high, title: "per step of it" });
   },
 };
 
@@ -91,6 +122,16 @@ timePointer(curve.canvas, (event) => {
   const step = stepAt(event.offsetX, curve.canvas.clientWidth);
   return `steps up to ${time(step)}: ${withUnit(doc.curve.total[step])} per step\n${PARTS.map((name) => `${name} ${number(doc.curve[name][step])}`).join(", ")}`;
 }, (_, step) => choose({ step }));
+if (windows) {
+  timePointer(windows.canvas, (event) => {
+    const k = windows.nearest(event.offsetX), { first, last, tgospa, lines } = doc.windows;
+    if (k === null) return "";
+    return `${time(first[k])} to ${time(last[k])}: TGOSPA ${withUnit(tgospa[k])}, ${withUnit(lines.total[k])} per step\n${PARTS.map((name) => `${name} ${number(lines[name][k])}`).join(", ")}`;
+  }, (event) => {
+    const k = windows.nearest(event.offsetX);
+    if (k !== null) setRange(doc.windows.first[k], doc.windows.last[k]);
+  });
+}
 
 costs.canvas.addEventListener("keydown", (event) => {
   if (taken(event)) return;

@@ -120,7 +120,7 @@ async function begin() {
   for (const name of ["truth", "estimate"]) sides[name] = makeSide(name, arrays);
   lanes.arrange();
   plane.arrange();
-  views.push(lanes, costs, plane, curve);
+  views.push(lanes, costs, plane, curve, ...(windows ? [windows] : []));
   readAddress();
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);

@@ -1,0 +1,270 @@
+"""Sliding windows: each is the metric of its steps alone."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from answer import Answer
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from strategies import ORDERS, SWITCH, pairs_of_sets, scene
+
+from tgospa_eval import Certified, Exact, evaluate
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.ending_bounds import Alone
+from tgospa_eval.plots import plot_windows
+from tgospa_eval.problem.sliding import Sliding
+
+Invoke = Callable[..., Answer]
+Write = Callable[[str, str], str]
+PARTS = ["localisation", "missed", "false", "switch"]
+
+
+def spans(steps: int, window: int, every: int) -> list[tuple[int, int]]:
+    """First step of each window, and the one after its last."""
+    size = min(window, steps)
+    first = list(range(0, steps - size + 1, every))
+    if first[-1] + size < steps:
+        first.append(steps - size)
+    return [(k, k + size) for k in first]
+
+
+def same_as_separate(
+    truth: np.ndarray, estimate: np.ndarray, window: int, every: int, **others: Any
+) -> None:
+    """Against evaluations of the steps of each window, which are cut out here."""
+    order, weights = others["order"], others.get("step_weights")
+    whole = evaluate(truth, estimate, **others, window=window, every=every)
+    table, expected = whole.windows, spans(len(truth), window, every)
+    assert table["t_first"].tolist() == [low for low, _ in expected]
+    assert table["t_last"].tolist() == [high - 1 for _, high in expected]
+    for k, (low, high) in enumerate(expected):
+        own = slice(low, high)
+        if weights is not None:
+            others["step_weights"] = weights[own]
+        alone = evaluate(truth[own], estimate[own], **others)
+        found = table.iloc[k]
+        cost = found["tgospa"] ** order
+        assert cost == pytest.approx(alone.total, rel=2e-9, abs=1e-12)
+        assert found["lower_bound"] <= found["tgospa"] <= found["upper_bound"]
+        assert found["lower_bound"] <= alone.upper_bound
+        assert alone.lower_bound <= found["upper_bound"]
+        assert found[PARTS].sum() == pytest.approx(cost, rel=1e-12, abs=1e-12)
+        assert found["normalised"] == pytest.approx(alone.normalised["tgospa"], rel=2e-9, abs=1e-9)
+        assert found["steps"] == sum(
+            bool(np.isfinite(truth[step]).any() or np.isfinite(estimate[step]).any())
+            for step in range(low, high)
+        )
+    assert whole.finished
+
+
+@given(
+    pairs_of_sets(most=4, most_steps=9),
+    ORDERS,
+    SWITCH,
+    st.sampled_from([0.5, 0.5, 0.3]),
+    st.integers(1, 10),
+    st.data(),
+)
+@settings(max_examples=20)
+def test_windows_are_separate_evaluations(
+    sides: tuple[np.ndarray, np.ndarray],
+    order: float,
+    switch: float,
+    rho: float,
+    window: int,
+    data: st.DataObject,
+) -> None:
+    every = data.draw(st.integers(1, window))
+    others: dict[str, Any] = {"cutoff": 1.5, "order": order, "switch_penalty": switch, "rho": rho}
+    if data.draw(st.booleans()):
+        seed = data.draw(st.integers(0, 99))
+        others["step_weights"] = np.random.default_rng(seed).choice([0.5, 1.0, 3.0], len(sides[0]))
+    same_as_separate(*sides, window, every, **others)
+
+
+@pytest.mark.parametrize("side", [12.0, 60.0])
+def test_windows_of_crowds_are_separate_evaluations(side: float) -> None:
+    sides = scene(5, 8, 9, 30, side=side)
+    same_as_separate(*sides, 9, 4, cutoff=5.0, order=2, switch_penalty=2.0)
+
+
+def test_by_hand() -> None:
+    # p = 1, c = 4, gamma = 6: to change the track at step 2 costs 6, the whole does so. In windows
+    # of one step nothing changes; of two, with 1 step on either side, missed and false cost 4.
+    truth = np.zeros((4, 1, 1))
+    estimate = np.full((4, 2, 1), np.nan)
+    estimate[:2, 0, 0] = estimate[2:, 1, 0] = 0.0
+    given = {"cutoff": 4, "order": 1, "switch_penalty": 6}
+    assert evaluate(truth, estimate, **given, window=4).windows["tgospa"].tolist() == [6]
+    two = evaluate(truth, estimate, **given, window=2, every=1).windows
+    assert two["tgospa"].tolist() == [0, 4, 0]
+    assert two["normalised"].tolist() == [0, 2, 0]
+    assert two["missed"].tolist() == two["false"].tolist() == [0, 2, 0]
+    assert evaluate(truth, estimate, **given, window=1).windows["tgospa"].tolist() == [0] * 4
+
+
+def test_the_last_window_ends_with_the_last_step() -> None:
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(9)] == [[0, 3, 5], [3, 6, 8]]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(10)] == [[0, 3, 6], [3, 6, 9]]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(2)] == [[0], [1]]
+    assert [part.tolist() for part in Sliding(size=4, every=3).spans(0)] == [[], []]
+    assert Sliding.asked(5, None) == Sliding(size=5, every=2)
+    assert Sliding.asked(1, None) == Sliding(size=1, every=1)
+    assert Sliding.asked(None, None) is None
+
+
+@pytest.mark.parametrize(
+    ("window", "every", "message"),
+    [
+        (0, None, "window is 0: must be a whole number of steps, 1 or more"),
+        (2.5, None, "window is 2.5: must be a whole number"),
+        (True, None, "window is True"),
+        (3, 0, "every is 0: must be a whole number"),
+        (3, 4, "every is 4: must be at most the 3 steps of a window"),
+        (None, 4, "every is given without window"),
+    ],
+)
+def test_wrong_windows_are_refused(window: Any, every: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        evaluate(np.zeros((2, 1, 1)), np.zeros((2, 1, 1)), window=window, every=every)
+
+
+def test_few_stretches_are_solved_and_each_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    # 3 of 4 pairs live within a window or two; the last pair changes its track in the middle.
+    truth, estimate = np.full((2, 60, 4, 1), np.nan)
+    for pair, (low, high) in enumerate(((0, 5), (20, 25), (40, 45), (0, 60))):
+        truth[low:high, pair] = estimate[low:high, pair] = 100.0 * pair
+    estimate[30:, 3] = np.nan
+    estimate = np.concatenate((estimate, np.full((60, 1, 1), np.nan)), axis=1)
+    estimate[30:, 4] = 300.0
+    asked: list[int] = []
+    made, solve = Alone.__init__, Alone.solve
+
+    def counted(self: Alone, *given: Any) -> None:
+        asked.append(len(given[2]))
+        made(self, *given)
+
+    monkeypatch.setattr(Alone, "__init__", counted)
+    solved: list[int] = []
+    monkeypatch.setattr(
+        Alone, "solve", lambda self, *given: (solved.append(len(given)), solve(self, *given))[1]
+    )
+    options = {"cutoff": 4.0, "order": 1, "switch_penalty": 6.0}
+    result = evaluate(truth, estimate, **options, window=10, every=10)
+    assert result.finished
+    assert asked == [6]  # of the last pair alone
+    assert not solved  # no window has a change of its track inside
+    result = evaluate(truth, estimate, **options, window=10, every=1)
+    # Each stretch of the last pair, and what 51 windows have of the three others, but the whole.
+    assert result.finished
+    assert asked[1:] == [51 + 4 + 8 + 8]
+    assert result.windows["tgospa"].max() == 6.0
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=8)
+def test_a_time_limit_leaves_proven_brackets(seed: int) -> None:
+    truth, estimate = scene(seed, 6, 7, 20, side=8.0)
+    solver = Certified(time_limit=1e-9)
+    few = evaluate(truth, estimate, 5.0, 2, 2.0, solver=solver, window=6).windows
+    exact = evaluate(truth, estimate, 5.0, 2, 2.0, window=6).windows
+    assert (few["lower_bound"] <= exact["tgospa"] * (1 + 1e-9)).all()
+    assert (few["tgospa"] >= exact["tgospa"] * (1 - 1e-9)).all()
+
+
+def test_only_the_certified_solver_has_windows(invoke: Invoke, quickstart: tuple[str, str]) -> None:
+    with pytest.raises(ConfigError, match="windows need the solver certified, not exact"):
+        evaluate(np.zeros((1, 1, 1)), np.zeros((1, 1, 1)), solver=Exact(), window=1)
+    for options, message in (
+        (("--window", "5", "--solver", "sinkhorn"), "windows need the solver certified"),
+        (("--window", "5", "--sweep", "cutoff=1,2"), "--sweep and --window: leave one"),
+        (("--every", "5"), "every is given without window"),
+    ):
+        answer = invoke(*quickstart, *options)
+        assert (answer.status, answer.out) == (2, "")
+        assert message in answer.err
+
+
+def test_table_json_files_and_pictures(
+    invoke: Invoke, quickstart: tuple[str, str], tmp_path: Path
+) -> None:
+    options = *quickstart, "-c", "10", "-g", "5", "--window", "12", "--every", "4", "-q"
+    out = tmp_path / "out"
+    answer = invoke(*options, "-o", str(out))
+    assert answer.status == 0
+    assert all(len(line) <= 80 for line in answer.out.splitlines())
+    assert "TGOSPA of 12 windows of 12 steps, one every 4 steps" in answer.out
+    document = json.loads(invoke(*options, "--format", "json").out)
+    assert [row["t_first"] for row in document["windows"]][:3] == [3, 7, 11]
+    with (out / "windows.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["tgospa"]) for row in rows] == [w["tgospa"] for w in document["windows"]]
+    assert list(rows[0])[:3] == ["t_first", "t_last", "steps"]
+    assert '<canvas id="windows"' in (out / "report.html").read_text(encoding="utf-8")
+    # What another run left there is taken away, and what is not of a run is not written over.
+    assert invoke(*quickstart, "-q", "-o", str(out)).status == 0
+    assert not list(out.glob("windows*"))
+    assert '<canvas id="windows"' not in (out / "report.html").read_text(encoding="utf-8")
+    for name in ("windows.csv", "windows.svg"):
+        (out / name).write_text("mine")
+        answer = invoke(*options, "-o", str(out), "--pictures", "svg")
+        assert answer.status == 2
+        assert f"{name} in it was not written by a run before" in answer.err
+        assert (out / name).read_text() == "mine"
+        (out / name).unlink()
+    assert "windows" not in json.loads(invoke(*quickstart, "-q", "--format", "json").out)
+
+
+def test_what_is_not_exact_is_told_as_a_bound(
+    invoke: Invoke, write: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sides = scene(2, 6, 7, 20, side=8.0)
+    names = ("t.csv", "e.csv")
+    files = [
+        write(
+            name,
+            "id,t,x,y\n"
+            + "".join(
+                f"{i},{k},{x:.3f},{y:.3f}\n"
+                for k, row in enumerate(side)
+                for i, (x, y) in enumerate(row)
+                if np.isfinite(x)
+            ),
+        )
+        for name, side in zip(names, sides, strict=True)
+    ]
+    monkeypatch.setattr(Alone, "solve", lambda self, *_: self.held())
+    answer = invoke(*files, "-c", "5", "-g", "2", "--window", "6")
+    assert answer.status == 4
+    assert "4 of them upper bounds" in " ".join(answer.out.split())
+    assert " <= " in answer.out
+    assert "accuracy not reached at 4 windows, asked was 1e-09" in answer.err
+
+
+def test_windows_of_classes_add_up(invoke: Invoke, write: Write) -> None:
+    truth = write("t.csv", "id,t,x,class\n1,0,0,a\n1,1,0,a\n2,0,5,b\n2,2,5,b\n")
+    estimate = write("e.csv", "id,t,x,class\n1,0,1,a\n1,1,0,a\n2,0,5,b\n2,1,5,b\n")
+    options = "-c", "4", "-g", "2", "-p", "1", "--by", "class", "--window", "2", "--every", "1"
+    document = json.loads(invoke(truth, estimate, *options, "-q", "--format", "json").out)
+    # t = 0: 1; t = 1: a false b; t = 2: a missed b, halves of c
+    assert [row["tgospa"] for row in document["windows"]] == [3, 4]
+
+
+@pytest.mark.parametrize(("m", "n"), [(0, 0), (2, 0), (0, 2)])
+def test_empty_sides(m: int, n: int) -> None:
+    sides = np.zeros((3, m, 2)), np.zeros((3, n, 2))
+    same_as_separate(*sides, 2, 1, cutoff=2.0, order=2, switch_penalty=1.0)
+
+
+def test_the_picture_needs_windows() -> None:
+    result = evaluate(np.zeros((4, 1, 2)), np.full((4, 1, 2), 3.0), cutoff=5.0, window=2)
+    (axis,) = result.plot_windows(components=["switch"]).axes
+    assert [line.get_xdata().tolist() for line in axis.lines] == [[0.5, 1.5, 2.5]] * 2
+    assert axis.lines[1].get_ydata() == pytest.approx([18**0.5] * 3, abs=1e-5)
+    with pytest.raises(ConfigError, match="there are no windows"):
+        plot_windows(evaluate(np.zeros((3, 1, 2)), np.zeros((3, 1, 2))))
