@@ -78,6 +78,7 @@ RENAMED = {
     "estimate-class": "classes",
     "truth-format": "format",
     "estimate-format": "format",
+    "slice": "slices",
     "with": "with_",
 }
 """Arguments that are not called as their options."""

@@ -1,6 +1,5 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
-import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,12 +18,13 @@ from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
+from tgospa_eval.evaluation.rounding import rounded_coordinates, within_rounding
 from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.sliding import Sliding
-from tgospa_eval.problem.solution import Bounds, Solution
+from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.records import FileInfo, MetricSums, OtherMetrics, SolverRecord, Timings
@@ -33,16 +33,11 @@ from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
 
 if TYPE_CHECKING:
+    from tgospa_eval.evaluation.slicing import SliceBy
     from tgospa_eval.solvers.certified import Certified
 
 BLOCK = 1 << 16
 """Pairs whose distances are taken apart at a time."""
-
-LARGE = 1e7
-"""Coordinates below this have nine decimals of which all are kept."""
-
-ROUNDED_DIGIT = 2e-10
-"""Relative error of a total from the rounding of decimals that is worth a warning."""
 
 GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
@@ -67,6 +62,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     with_: str | Sequence[str] = (),
     rho: float = 0.5,
     step_weights: "StepWeightsLike | None" = None,
+    slices: str | Sequence[str] = (),
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
@@ -116,6 +112,10 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         weight; a table with the columns ``t, weight`` and perhaps ``switch_weight``; an array
         (T,), one for each step; or a CSV file. Costs of a step are multiplied by its weight,
         switches into it by its switch weight, which is the same by default.
+    slices : str or sequence of str
+        Attributes to split costs and counts by, for `Result.slices`: a column of either side, or
+        ``range``, ``speed``, ``size``, ``density``, ``age``, ``region``, with edges:
+        ``"visibility=0:0.5:1"``.
 
     Returns
     -------
@@ -136,8 +136,18 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     """
     stopwatch = Stopwatch()
     base = as_distance(distance)
+    asked: tuple[SliceBy, ...] = ()
+    columns: tuple[str, ...] = ()
+    if slices:
+        from tgospa_eval.evaluation.slicing import (
+            columns_asked,
+            parse_slices,
+        )  # here: as curve
+
+        asked = parse_slices(slices)
+        columns = columns_asked(asked)
     with stopwatch.span("read"):
-        sides = as_sides(truth, estimate, base)
+        sides = as_sides(truth, estimate, base, columns)
     parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
     request = EvaluationRequest(
         parameters=parameters,
@@ -149,6 +159,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         sliding=Sliding.asked(window, every),
         with_=chosen_metrics(with_),
         defaults=defaults,
+        slices=asked,
         step_weights=as_step_weights(step_weights),
     )
     fitted = fit(*sides, request)
@@ -208,10 +219,21 @@ def evaluate_fitted(
         effort = Effort(jobs=request.solver.jobs, stopwatch=stopwatch)
         found = other_metrics(prepared, request.with_, effort)
         others, sums = joined([found]), found.sums()
+    cut = None
+    if request.slices:
+        from tgospa_eval.evaluation.slices import split  # here: as the curve
+
+        with stopwatch.span("slices"):
+            cut = split.cut(sides, request.slices, request.parameters.cutoff)
     result = solve(
         prepared, request.solver, stopwatch, curve=request.curve, sliding=request.sliding
     )
-    return replace(result, with_=others, sums=sums, source=Source(sides=sides, request=request))
+    result = replace(result, with_=others, sums=sums, source=Source(sides=sides, request=request))
+    if cut is None:
+        return result
+    with stopwatch.span("slices"):
+        sliced = cut.of(result)
+    return replace(result, sliced=sliced, timings=_nested(stopwatch))
 
 
 def solve(
@@ -280,49 +302,7 @@ def prove(
         input=prepared.input,
         version=__version__,
         scene=prepared.scene,
-        warnings=(*_within_rounding(bounds, gap), *_rounded_coordinates(prepared, proof)),
-    )
-
-
-def _within_rounding(bounds: Bounds, gap: float) -> tuple[Notice, ...]:
-    if not bounds.within_rounding(gap):
-        return ()
-    return (
-        Notice(
-            code="within-rounding",
-            text="the value is within the rounding of the distances: only its bounds are known",
-            remedy="coordinates with a nearby origin keep more digits",
-        ),
-    )
-
-
-def _rounded_coordinates(prepared: Prepared, proof: Proof) -> tuple[Notice, ...]:
-    """Whether decimals of large coordinates are so rounded that ten digits of the total are not.
-
-    Let u be the distance of neighbouring doubles; a decimal is off by u / sqrt(12), a difference by
-    sqrt(2) times that, and the cost d^p of an assigned pair by p d^(p - 1) times that. These are
-    independent, so their squares add up.
-    """
-    largest = max(np.abs(side.state).max(initial=0.0) for side in prepared.sides)
-    scene = prepared.scene
-    if largest < LARGE or all((side % 1 == 0).all() for side in (scene.truth, scene.estimate)):
-        return ()
-    states, cutoff, order = proof.states, proof.parameters.cutoff, proof.parameters.order
-    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
-    slope = order * states.problem.cost[states.entry[used]] ** (1 - 1 / order)
-    spacing = float(np.spacing(largest))
-    error = float(np.linalg.norm(slope)) * spacing / math.sqrt(6) / cutoff
-    total = proof.breakdown.total
-    if not ROUNDED_DIGIT * total < error < total:  # where all is rounding, the bounds say so
-        return ()
-    return (
-        Notice(
-            code="rounded-coordinates",
-            text=f"coordinates up to {largest:.3g} are {spacing:.2g} apart as floating-point "
-            f"numbers: digit {math.ceil(-math.log10(error / total))} of the "
-            "total may come from their rounding",
-            remedy="coordinates with a nearby origin keep more digits",
-        ),
+        warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),
     )
 
 

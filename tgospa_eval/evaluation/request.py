@@ -16,6 +16,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 
 if TYPE_CHECKING:
+    from tgospa_eval.evaluation.slicing import SliceBy
     from tgospa_eval.tracks.step_weights import WeightsByTime
 
 OF_TRACKEVAL = ("hota", "clear", "identity")
@@ -49,6 +50,8 @@ class EvaluationRequest:
         Further options that change the number, as the result records them in ``parameters``.
     defaults : sequence of str
         Which of cutoff and switch_penalty nobody chose.
+    slices : sequence of SliceBy
+        Attributes by which costs are split.
     step_weights : WeightsByTime, optional
         What each step counts; all the same by default.
 
@@ -68,6 +71,7 @@ class EvaluationRequest:
     with_: Sequence[str] = ()
     recorded: Mapping[str, object] = field(default_factory=dict)
     defaults: Sequence[str] = ()
+    slices: "Sequence[SliceBy]" = ()
     step_weights: "WeightsByTime | None" = None
 
     def __post_init__(self) -> None:

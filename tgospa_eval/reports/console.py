@@ -10,6 +10,7 @@ from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.slices import about_slices, slices_lines
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS, Time
 from tgospa_eval.results.summary import Summary
@@ -46,6 +47,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "curve": _curve,
         "windows": _windows,
         "others": _others,
+        "slices": _slices,
         "footer": _footer,
     }
     return {name: list(map(visible, make(result))) for name, make in makers.items()}
@@ -233,6 +235,14 @@ def _others(result: Summary) -> Iterator[str]:
     rows = [(*row, f"  {beside}") for *row, beside in found.rows]
     yield from map(clip, text_lines(replace(found, rows=rows)))
     yield from wrap("".join(f"  {text}" for text in similarity(result.with_)), "  ")
+
+
+def _slices(result: Summary) -> Iterator[str]:
+    for slicing in result.sliced:
+        yield from slices_lines(slicing)
+        yield ""
+    for text in about_slices(result.sliced, certified=result.certified):
+        yield from wrap(f"  {text}", "  ")
 
 
 def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:

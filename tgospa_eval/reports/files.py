@@ -13,6 +13,7 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.reports.manifest import unique
 from tgospa_eval.results.records import Columns
+from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
@@ -94,6 +95,8 @@ def result_texts(
         texts["curve.csv"] = csv_text(result.curve_table())
     if result.slid is not None:
         texts["windows.csv"] = csv_text(result.windows_table())
+    if result.sliced:
+        texts["slices.csv"] = csv_text(slices_columns(result.sliced))
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
     if importlib.util.find_spec("jinja2") is None:

@@ -19,6 +19,7 @@ from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.console import meaning, part_rows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import Drawn, document
+from tgospa_eval.reports.slices import about_slices, slices_of_page
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import as_unicode
@@ -66,6 +67,8 @@ def page(
             classes=_classes(result),
             others=other_table(result.with_).rows,
             similarity=list(similarity(result.with_)),
+            slices=list(map(slices_of_page, result.sliced)),
+            about_slices=list(about_slices(result.sliced, certified=result.certified)),
             seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
             parameters=_flat(result.parameters),
             inputs={name: _flat(about) for name, about in result.input.items()},

@@ -6,6 +6,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import headline
 from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.slices import about_slices, slices_table
 from tgospa_eval.reports.tables import Row, Table, latex_lines, markdown_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
@@ -27,7 +28,13 @@ def _table(result: Summary) -> Table:
 
 
 def _others(result: Summary) -> list[Table]:
-    return [other_table(result.with_)] if result.with_ else []
+    others = [other_table(result.with_)] if result.with_ else []
+    return [*others, *map(slices_table, result.sliced)]
+
+
+def _notes(result: Summary) -> list[str]:
+    slices = about_slices(result.sliced, certified=result.certified)
+    return [*similarity(result.with_), *slices]
 
 
 def _title(result: Summary) -> tuple[str, str]:
@@ -40,13 +47,13 @@ def markdown(result: Summary) -> str:
     title, parameters = _title(result)
     warnings = [f"> {escape.markdown(str(notice))}" for notice in result.warnings]
     tables = ["\n".join(markdown_lines(table)) for table in (_table(result), *_others(result))]
-    words = [*map(escape.markdown, similarity(result.with_)), *warnings]
+    words = [*map(escape.markdown, _notes(result)), *warnings]
     return "\n\n".join([f"**{escape.markdown(title)}** {parameters}", *tables, *words]) + "\n"
 
 
 def latex(result: Summary) -> str:
     """A booktabs table with a comment that says how the number was proven."""
-    notes = (*map(str, result.warnings), *similarity(result.with_))
+    notes = (*map(str, result.warnings), *_notes(result))
     words = map(escape.latex_comment, [" ".join(_title(result)), *notes])
     table, head = _table(result), ("cost", None, "share (%)", "count")
     last, rows = len(table.rows), [*table.rows, ("TGOSPA", number(result.tgospa))]

@@ -21,6 +21,7 @@ from tgospa_eval.results.records import (
     Timings,
 )
 from tgospa_eval.results.result import Result
+from tgospa_eval.results.slices import Slicing, added_up
 from tgospa_eval.results.summary import Summary
 
 B = TypeVar("B", bound=Brackets)
@@ -57,6 +58,11 @@ class ByClass(Summary):
         """States of the truth and of the estimate."""
         truths, estimates = zip(*(part.objects for part in self.results.values()), strict=True)
         return sum(truths), sum(estimates)
+
+    def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
+        if not by:
+            return self.sliced
+        return tuple(added_up([part.slices(*by) for part in self.results.values()]))
 
     def assignments_table(self) -> Columns:
         """Assigned pairs, class by class."""
@@ -161,6 +167,7 @@ def add_up(results: dict[str, Result], files: tuple[FileInfo, FileInfo], read: f
         },
         version=first.version,
         split=_sum_of_splits([part.split for part in parts]),
+        sliced=tuple(added_up([part.sliced for part in parts])),
         warnings=tuple(dict.fromkeys(notice for part in parts for notice in part.warnings)),
     )
 

@@ -26,6 +26,7 @@ from tgospa_eval.results.records import (
     SolverRecord,
     Timings,
 )
+from tgospa_eval.results.slices import Slicing
 
 T = TypeVar("T")
 
@@ -65,6 +66,8 @@ class Numbers(ABC):
         Paths of truth and estimate as they were given; None of what was no file.
     with_ : dict
         Other metrics, those that were asked for: numbers by metric and name.
+    sliced : tuple of Slicing
+        Costs and counts split by attributes, those that were asked for.
     sums : dict
         Of these what those of several recordings are joined from, by metric and name with a dot
         between; lists over the thresholds of HOTA.
@@ -84,6 +87,7 @@ class Numbers(ABC):
     warnings: tuple[Notice, ...] = ()
     files: dict[str, str | None] = field(default_factory=lambda: {"truth": None, "estimate": None})
     with_: OtherMetrics = field(default_factory=dict)
+    sliced: tuple[Slicing, ...] = ()
     sums: MetricSums = field(default_factory=dict)
 
     @cached_property

@@ -130,6 +130,7 @@ class Timings(TypedDict):
     report: float
     total: float
     curve: NotRequired[float]
+    slices: NotRequired[float]
     other_metrics: NotRequired[float]
     nanoseconds_per_state: NotRequired[float]
 

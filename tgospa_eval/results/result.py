@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
 from tgospa_eval.results.records import Columns, Costs, Labels
+from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
@@ -190,6 +192,14 @@ class Result(Summary):
             No derivative is known of the base distance.
         """
         found: Gradient = import_module("tgospa_eval.evaluation.gradient").gradient(self)
+        return found
+
+    def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
+        if not by:
+            return self.sliced
+        with spoken_in_python(reads=False):
+            split = import_module("tgospa_eval.evaluation.slices.split")
+            found: tuple[Slicing, ...] = split.slices_of(self, by)
         return found
 
     def assignments_table(self) -> Columns:

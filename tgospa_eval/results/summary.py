@@ -4,7 +4,7 @@ What draws and writes is imported when it is asked for.
 """
 
 import math
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from importlib import import_module
@@ -16,6 +16,7 @@ from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.numbers import Numbers
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
+from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
     import os
@@ -37,7 +38,7 @@ PUBLIC = (
     *("metric", "counts", "normalised", "parameters", "sizes", "worst", "solver"),
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
-    *("windows", "with_"),
+    *("windows", "with_", "slices"),
     *("metrics", "gradient", "to_dict", "to_json", "to_html", "save", "explain"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
     "plot_worst",
@@ -68,6 +69,7 @@ class Summary(Numbers, ABC):
             **({} if self.split is None else parts),
             **curve,
             **({"with": self.with_} if self.with_ else {}),
+            **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
             "schema": RESULT_SCHEMA,
             "metric": self.metric,
             "tgospa": self.tgospa,
@@ -117,6 +119,33 @@ class Summary(Numbers, ABC):
             for group, found in groups.items()
             for name, value in found.items()
         }
+
+    @abstractmethod
+    def slices(self, *by: str) -> tuple[Slicing, ...]:
+        """Costs and counts split by attributes of truth and estimate at each step.
+
+        Localisation errors and misses go by the truth's attribute at the step, false targets by
+        the estimate's own, switches by the truth's at the later of the two steps. Slices add up to
+        the whole. Where several assignments are best, another may be split otherwise:
+        `Slicing.unique` says whether that is ruled out.
+
+        Parameters
+        ----------
+        *by : str
+            As of ``--slice``: ``"range=0:50:100"``, ``"class"``, ``"visibility=weight"``,
+            ``"class * speed=0:5:20"``. Without any, those that ``evaluate(..., slices=)`` was asked
+            for. Columns of files must have been asked for there.
+
+        Returns
+        -------
+        tuple of Slicing
+            One for each, with `Slicing.frame`.
+
+        Raises
+        ------
+        ConfigError
+            There is no such attribute, or its values do not fit what is asked for.
+        """
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""

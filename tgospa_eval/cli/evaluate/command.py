@@ -5,7 +5,7 @@ from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb, words
 from tgospa_eval.cli.shared.option import PATH, Option
-from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, WITH
+from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, SLICE, WITH
 from tgospa_eval.errors import ExitStatus
 
 MANY = 8
@@ -34,6 +34,7 @@ class Files(Verb):
         *EVALUATION,
         *OUTPUT,
         WITH,
+        SLICE,
         Option(
             "--sweep NAME=VALUES",
             "Evaluate for each value of c, p, gamma or rho: c=2,5,10; or gamma=1:20:12 for 12 "
@@ -87,6 +88,7 @@ def command(
       tgospa-eval truth.csv estimate.csv --columns id=track,t=time_s,x=px,y=py
       tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
       tgospa-eval gt.txt results.txt --distance iou --with hota,clear,identity
+      tgospa-eval truth.csv estimate.csv --slice range=0:50:100 --slice class
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
@@ -104,6 +106,8 @@ def command(
         )
     if "proof" in typed and chosen.step_weights is not None:
         raise click.UsageError("--proof has no place for --step-weights: leave one of them out")
+    if chosen.slices and sweep:
+        raise click.UsageError("--slice is for one evaluation, not for --sweep")
     if chosen.with_ is not None and (sweep or chosen.by):
         raise click.UsageError(
             "--with is for one evaluation, not for --sweep"

@@ -231,6 +231,16 @@ WITH = Option(
     section="Output",
 )
 
+SLICE = Option(
+    "--slice NAME[=EDGES]",
+    "Split costs by an attribute of truth and estimate at each step: a column (class, "
+    "visibility=0:0.5:1), range=0:50:100, range@X,Y, speed, size, density, age, "
+    "region=x=-50:50; visibility=weight for shares; two crossed with *. Repeatable.",
+    name="slices",
+    section="Output",
+    multiple=True,
+)
+
 CONFIG_FILE = Option(
     "--config FILE",
     "Read settings from a TOML file; the keys are the names of these options.",

@@ -1,6 +1,7 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
@@ -20,6 +21,9 @@ from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.step_weights import WeightsByTime
+
+if TYPE_CHECKING:
+    from tgospa_eval.evaluation.slicing import SliceBy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +58,8 @@ class Settings:
         Other metrics beside it.
     preprocess : str, optional
         Rules of a benchmark by which rows are left out.
+    slices : tuple of SliceBy
+        Attributes by which costs are split.
     step_weights : WeightsByTime, optional
         What each step counts.
     """
@@ -71,6 +77,7 @@ class Settings:
     sliding: Sliding | None
     with_: tuple[str, ...]
     preprocess: str | None
+    slices: "tuple[SliceBy, ...]" = ()
     step_weights: WeightsByTime | None = None
 
     @property
@@ -199,6 +206,7 @@ class Settings:
             with_=self.with_,
             recorded=self.recorded,
             defaults=self.defaults,
+            slices=self.slices,
             step_weights=self.step_weights,
         )
 
@@ -242,6 +250,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
     if output.config and not output.quiet:
         print_notice(f"settings from {output.config}")
     measure = DistanceOptions(options)
+    slices, columns = _slices(options)
     reading = ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
@@ -255,6 +264,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         missing_covariance=options.missing_cov,
         clouds="cloud" in measure.named.kinds,
         fault=measure.fault,
+        attributes=columns,
         max_input=options.max_input,
     )
     parameters, defaults = chosen_parameters(
@@ -282,8 +292,19 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         sliding=Sliding.asked(options.window, options.every),
         preprocess=options.preprocess,
         with_=() if options.with_ is None else chosen_metrics(options.with_),
+        slices=slices,
         step_weights=_step_weights(options),
     )
+
+
+def _slices(options: EvaluationOptions) -> "tuple[tuple[SliceBy, ...], tuple[str, ...]]":
+    """What costs are split by, and the columns that this may need."""
+    if not options.slices:
+        return (), ()
+    from tgospa_eval.evaluation.slicing import columns_asked, parse_slices  # here: as weights
+
+    slices = parse_slices(options.slices, summed=options.summed or options.by is not None)
+    return slices, columns_asked(slices)
 
 
 def _step_weights(options: EvaluationOptions) -> WeightsByTime | None:

@@ -6,7 +6,9 @@ from typing import Self
 
 from tgospa_eval.common.frozen import dataclass
 
-NOT_OF_THE_NUMBER = ("jobs", "max_input", "curve", "window", "every", "with_", "sides")
+NOT_OF_THE_NUMBER = (
+    *("jobs", "max_input", "curve", "window", "every", "with_", "slices", "summed", "sides"),
+)
 """Options of an evaluation that do not change its number."""
 
 
@@ -26,7 +28,8 @@ class EvaluationOptions(Values):
     """Of everything that reads files and measures distances; None where nothing was given.
 
     The parameters are those of `cli.shared.options`. `pairwise` lets a distance take the
-    covariances of each pair; `sides` are the two files as options name them.
+    covariances of each pair; `sides` are the two files as options name them; `summed` says that
+    slices are added to those of other evaluations.
     """
 
     cutoff: float | None = None
@@ -65,6 +68,8 @@ class EvaluationOptions(Values):
     window: int | None = None
     every: int | None = None
     with_: str | None = None
+    slices: tuple[str, ...] = ()
+    summed: bool = False
     fix_cov: bool = False
     missing_cov: str = "error"
     mixed: str = "error"

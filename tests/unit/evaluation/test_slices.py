@@ -1,0 +1,296 @@
+"""Slices: they add up, to what an independent count of the written files gives."""
+
+import csv
+import math
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from answer import Answer
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tgospa_eval import ConfigError, Trajectories, evaluate
+from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.result import Result
+from tgospa_eval.results.slices import Slicing, added
+
+PARTS = ("localisation", "missed", "false", "switch")
+ASKED = (
+    *("number", "number=-1:0:0.5", "number=:0:", "number=0.25", "share=weight", "share=0:0.5:1"),
+    *("text", "text=b:a:9:10", "whole=1:2", "one", "none=weight", "id", "t=1:3", "x", "x=0:2"),
+    *("range=0:2:4", "range@1=1", "speed", "speed=0:1", "age", "density", "region=x=1:3"),
+    *("text * share=weight", "share=weight * age=1", "none * one=weight", "range=1:2 * text"),
+)
+
+
+def described(rng: np.random.Generator, states: np.ndarray, role: str) -> Trajectories:
+    """Tracks with attributes of every kind, some missing."""
+    side = Trajectories.from_array(states)
+    rows = len(side.step)
+    holes = rng.random((3, rows)) < 0.2
+    attributes = {
+        "number": np.where(holes[0], np.nan, rng.normal(size=rows)),
+        "share": np.where(holes[1], np.nan, rng.random(rows)),
+        "text": np.where(holes[2], "", rng.choice(["a", "b", "10", "9"], rows)).astype(object),
+        "whole": rng.integers(0, 4, rows).astype(float),
+    }
+    only = {"one": np.round(rng.random(rows))} if role == "truth" else {"none": rng.random(rows)}
+    return Trajectories(**{**vars(side), "attributes": {**attributes, **only}})
+
+
+def check_sums(result: Result | ByClass, slicings: tuple[Slicing, ...]) -> None:
+    truth, estimates = result.objects
+    wanted = {
+        **{part: getattr(result, part) for part in PARTS},
+        **{f"{part}_count": count for part, count in result.counts.items()},
+        "truth_steps": truth,
+        "estimate_steps": estimates,
+        "total": result.total,
+    }
+    for slicing in slicings:
+        assert len({one.name for one in slicing.slices}) == len(slicing.slices)
+        for name, whole in wanted.items():
+            found = math.fsum(getattr(one, name) for one in slicing.slices)
+            assert abs(found - whole) <= 1e-12 * whole, (slicing.by, name)
+        assert abs(slicing.total - result.total) <= 1e-12 * result.total
+
+
+@settings(max_examples=12)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shape=st.tuples(st.integers(1, 6), st.integers(0, 5), st.integers(0, 5)),
+    grid=st.booleans(),
+    family=st.sampled_from([{}, {"rho": 0.3}, {"step_weights": True}, {"order": 1}]),
+)
+def test_slices_add_up(
+    seed: int, shape: tuple[int, int, int], grid: bool, family: dict[str, object]
+) -> None:
+    rng = np.random.default_rng(seed)
+    steps, *counts = shape
+    sides = []
+    for role, count in zip(("truth", "estimate"), counts, strict=True):
+        states = rng.uniform(0, 4, (steps, count, 1))
+        if grid:
+            states = np.round(states)
+        states[rng.random((steps, count)) < 0.3] = np.nan
+        sides.append(described(rng, states, role))
+    if "step_weights" in family:
+        family = {"step_weights": rng.random(steps) + 0.1}
+    result = evaluate(*sides, cutoff=1.5, switch_penalty=0.5, slices=ASKED, **family)
+    slicings = result.slices()
+    assert [slicing.by for slicing in slicings] == list(ASKED)
+    check_sums(result, slicings)
+    again = [Slicing.of(slicing.record()) for slicing in slicings]
+    assert [one.table() for one in again] == [one.table() for one in slicings]
+    twice = added([slicings[0], slicings[0]])
+    assert twice.total == pytest.approx(2 * result.total)
+    for one in slicings[4].slices:  # by weight
+        assert 0 <= one.truth_steps <= len(sides[0].step)
+
+
+def test_a_large_scene_adds_up() -> None:
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(0, 40, (300, 40, 2))
+    estimate = truth + rng.normal(0, 0.3, truth.shape)
+    estimate[rng.random((300, 40)) < 0.1] = np.nan
+    result = evaluate(truth, estimate, 2, 2, 0.7)
+    check_sums(result, result.slices("x=0:20:40", "range * density=1", "speed", "age=0:10:300"))
+
+
+# --- against files -----------------------------------------------------------------------------
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def recount(folder: Path, slice_of: Callable[[dict[str, str]], str]) -> dict[str, dict[str, float]]:
+    """Costs of the slices from assignments.csv, switches.csv and the two files alone."""
+    truth = {(row["t"], row["id"]): slice_of(row) for row in rows_of(folder / "truth.csv")}
+    estimate = {(row["t"], row["id"]): slice_of(row) for row in rows_of(folder / "estimate.csv")}
+    found: dict[str, dict[str, float]] = defaultdict(lambda: dict.fromkeys(PARTS, 0.0))
+    left = dict.fromkeys(truth, 1.0), dict.fromkeys(estimate, 1.0)
+    for row in rows_of(folder / "out" / "assignments.csv"):
+        pair, weight = (row["t"], row["truth"]), float(row["weight"])
+        found[truth[pair]]["localisation"] += float(row["cost"])
+        left[0][pair] -= weight
+        left[1][row["t"], row["estimate"]] -= weight
+    for part, places, rest in zip(("missed", "false"), (truth, estimate), left, strict=True):
+        for key, share in rest.items():
+            found[places[key]][part] += 50.0 * share
+    for row in rows_of(folder / "out" / "switches.csv"):
+        own = sorted((int(t), key) for t, name in truth if (key := name) == row["truth"])
+        later = [t for t, _ in own if t >= int(row["t"])]
+        at = str(later[0] if later else own[-1][0])
+        found[truth[at, row["truth"]]]["switch"] += float(row["cost"])
+    return found
+
+
+def kinds(row: dict[str, str]) -> str:
+    return row["kind"] or "(missing)"
+
+
+def far(row: dict[str, str]) -> str:
+    distance = math.hypot(float(row["x"]) - 100, float(row["y"]) - 100)
+    return "below 60" if distance < 60 else "60 and more"
+
+
+@pytest.mark.parametrize(
+    ("asked", "slice_of"),
+    [
+        ("kind", kinds),
+        ("range@100,100=60", far),
+        ("kind * range@100,100=60", lambda row: f"{kinds(row)} * {far(row)}"),
+    ],
+)
+def test_as_recounted_from_files(
+    asked: str,
+    slice_of: Callable[[dict[str, str]], str],
+    invoke: Callable[..., Answer],
+    quickstart: tuple[str, str],
+    tmp_path: Path,
+) -> None:
+    rng = np.random.default_rng(1)
+    for name, path in zip(("truth.csv", "estimate.csv"), quickstart, strict=True):
+        frame = pd.read_csv(path, dtype=str)
+        frame["kind"] = rng.choice(["car", "van", ""], len(frame))
+        frame.to_csv(tmp_path / name, index=False)
+    files = [str(tmp_path / name) for name in ("truth.csv", "estimate.csv")]
+    answer = invoke(
+        *(*files, "-c", "10", "-g", "5", "--slice", asked, "-o", str(tmp_path / "out")),
+        *("--pictures", "none"),
+    )
+    assert answer.status == 0
+    wanted = recount(tmp_path, slice_of)
+    written = {row["slice"]: row for row in rows_of(tmp_path / "out" / "slices.csv")}
+    assert {row["by"] for row in written.values()} == {asked}
+    assert set(wanted) <= set(written)
+    for name, row in written.items():
+        for part in PARTS:
+            assert float(row[part]) == pytest.approx(wanted[name][part], abs=1e-9), (name, part)
+
+
+# --- what attributes are -----------------------------------------------------------------------
+
+
+def table(text: str) -> pd.DataFrame:
+    return pd.read_csv(pd.io.common.StringIO(text))
+
+
+TRUTH = "id,t,x,y,lane\na,0,0,0,L\na,1,3,4,L\na,3,3,4,\nb,1,3,5,R\n"
+ESTIMATE = "id,t,x,y\nc,0,0,1\nc,1,3,4\nd,1,30,40\nd,2,30,40\n"
+
+
+def cells(asked: str, **more: object) -> dict[str, tuple[float, ...]]:
+    """Truth and estimate states of each slice, and its total, of a scene worked out by hand."""
+    given_ = {"cutoff": 2, "order": 1, "switch_penalty": 1, "slices": asked, **more}
+    slicing = evaluate(table(TRUTH), table(ESTIMATE), **given_).slices()[0]
+    return {one.name: (one.truth_steps, one.estimate_steps, one.total) for one in slicing.slices}
+
+
+@pytest.mark.parametrize(
+    ("asked", "wanted"),
+    [
+        # c follows a at t = 0 and 1 (costs 1, 0); a is missed at 3, b at 1, d is false twice.
+        ("lane", {"L": (2, 0, 1), "R": (1, 0, 1), "(missing)": (1, 0, 1), "(none)": (0, 4, 2)}),
+        ("lane=R", {"R": (1, 0, 1), "(others)": (2, 0, 1), "(missing)": (1, 0, 1),
+                    "(none)": (0, 4, 2)}),
+        ("range=0:5:50", {"0 to 5": (1, 1, 1), "5 to 50": (3, 2, 2), "above 50": (0, 0, 0)}),
+        ("range@3,4=:5:", {"below 5": (3, 2, 2), "5 and more": (1, 2, 3)}),
+        ("range@3=1", {"below 1": (3, 1, 2), "1 and more": (1, 3, 3)}),
+        ("age", {"0": (2, 2, 3), "1": (1, 2, 1), "3": (1, 0, 1)}),
+        ("speed=0:1:5", {"0 to 1": (1, 2, 3), "1 to 5": (2, 2, 1), "(missing)": (1, 0, 1)}),
+        ("density", {"0": (2, 4, 4), "1": (2, 0, 1)}),
+        ("region=x=0:3,y=4:", {"inside": (3, 1, 2), "outside": (1, 3, 3)}),
+        ("t=1:3", {"below 1": (1, 1, 1), "1 to 3": (3, 3, 4)}),
+        ("id", {"a": (3, 0, 2), "b": (1, 0, 1), "c": (0, 2, 0), "d": (0, 2, 2)}),
+    ],
+)  # fmt: skip
+def test_slices_by_hand(asked: str, wanted: dict[str, tuple[float, ...]]) -> None:
+    found = cells(asked)
+    found = {name: row for name, row in found.items() if any(row) or name in wanted}
+    if "above 50" in wanted:  # beyond the edges nothing is shown where nothing is
+        assert "below 0" not in found
+        wanted = {name: row for name, row in wanted.items() if any(row)} | {"5 to 50": (3, 3, 4)}
+    assert found == {name: pytest.approx(row) for name, row in wanted.items()}
+
+
+def test_columns_go_before_what_follows_from_states() -> None:
+    truth = table(TRUTH).assign(speed=[0, 1, 1, 1])
+    found = evaluate(truth, table(ESTIMATE), 2, 1, 1, slices="speed").slices()[0]
+    assert {one.name: one.truth_steps for one in found.slices} == {"0": 1, "1": 3, "(none)": 0}
+
+
+def test_other_states() -> None:
+    boxes = "id,t,left,top,width,height\na,0,0,0,2,3\na,1,1,0,2,4\n"
+    result = evaluate(table(boxes), table(boxes), distance="iou", slices=["size", "x", "speed"])
+    sizes, places, speeds = ([one.name for one in found.slices] for found in result.slices())
+    assert (sizes, places, speeds) == (["6", "8"], ["1", "2"], ["1.118033988749895"])
+    moving = "id,t,x,y,vx,vy\na,0,0,0,3,4\n"
+    frame = table(moving)
+    side = Trajectories.from_array(
+        frame[["x", "y", "vx", "vy"]].to_numpy()[None], ("x", "y", "vx", "vy")
+    )
+    assert [one.name for one in evaluate(side, side, slices="speed").slices()[0].slices] == ["5"]
+    ships = "id,t,lat,lon\na,2020-01-01T00:00:00,0,0\na,2020-01-01T00:00:10,0,1\n"
+    result = evaluate(table(ships), table(ships), 1e5, distance="haversine",
+                      slices=["speed=11119:11120", "range@0,0=0:1:200000"])  # fmt: skip
+    assert [one.truth_steps for one in result.slices()[0].slices] == [2]
+    assert [one.truth_steps for one in result.slices()[1].slices] == [1, 1]
+    columns = table(TRUTH).assign(width=2, length=[1, 1, 2, 2])
+    found = evaluate(columns, columns, 2, slices="size").slices()[0]
+    assert [one.name for one in found.slices] == ["2", "4"]
+
+
+def test_ties_are_said() -> None:
+    truth = table("id,t,x\na,0,0\nb,0,1\n")
+    estimate = table("id,t,x\nc,0,0.5\n")
+    tied = evaluate(truth, estimate, 2, 1, 1, slices="id").slices()[0]
+    assert not tied.unique
+    alone = evaluate(truth.iloc[:1], estimate, 2, 1, 1).slices("id")[0]
+    assert alone.unique == bool(kernels)  # without them nothing is shown
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("lame", r'slices "lame": neither side has such a column \(found: id, lane, t, x, y\)'),
+        ("", "must be NAME, NAME=EDGES"),
+        ("lane=", "must be NAME, NAME=EDGES"),
+        ("x=1:0", "edges must increase"),
+        ("x=0::1", "edges are finite numbers"),
+        ("x=:", "names no edge"),
+        ("x=inf", "edges are finite numbers"),
+        ("lane=L::R", "a value is blank or given twice"),
+        ("lane=L:L", "a value is blank or given twice"),
+        ("lane=Q", "there is none of these, but L, R"),
+        ("lane=0:1", r"has texts \(L, R\), for which there is no edges; by value: slices lane"),
+        ("lane=weight", r"has texts \(L, R\), for which there is no weight"),
+        ("x=weight", "x of the truth is 3; a weight must be from 0 to 1"),
+        ("size", "neither side has boxes, nor columns width and height"),
+        ("range@a=0:1", "the point behind @ must be numbers"),
+        ("range@0,0,0=0:1", "the point has 3 numbers, positions have 2"),
+        ("region", "must name ranges of columns"),
+        ("region=lane=0:1", 'column "lane" has texts'),
+        ("region=q=0:1", 'slices "q": neither side has such a column'),
+        ("x=0:1 * y=0:1 * t", "at most two attributes can be crossed"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(asked: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        evaluate(table(TRUTH), table(ESTIMATE), 2, 1, 1, slices=[asked])
+
+
+def test_refused_later() -> None:
+    with pytest.raises(ConfigError, match="given twice"):
+        evaluate(table(TRUTH), table(ESTIMATE), slices=["x", "x"])
+    result = evaluate(table(TRUTH), table(ESTIMATE), 2, 1, 1)
+    with pytest.raises(ConfigError, match="neither side has such a column"):
+        result.slices("lane")
+    assert result.slices() == ()

@@ -1,0 +1,1 @@
+"""An evaluation split by attributes: what is asked for, values, bins, sums."""

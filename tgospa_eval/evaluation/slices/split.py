@@ -1,0 +1,179 @@
+"""Costs and counts of the reported assignment, each in one slice or shared between slices.
+
+A cost belongs to a row: localisation and misses to that of the truth at the step, a false target to
+its own, a switch to the row of its truth at the step that it is booked at. Each share of a row
+adds to one slice, by sums in pairs: slices add up to the total but for a few roundings.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.gradient import is_unique
+from tgospa_eval.evaluation.prepare import Fitted, Source
+from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
+from tgospa_eval.evaluation.slices.values import Described
+from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
+from tgospa_eval.problem.problem import Floats, Ints, Objects, sum_by
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, changes
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.result import Result
+from tgospa_eval.results.slices import Slice, Slicing
+from tgospa_eval.text import quoted
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RowCosts:
+    """What each row of truth and estimate costs, in units of c^p, and how often.
+
+    Parameters
+    ----------
+    truth : dict of str to (R_truth,) array
+        Localisation, misses and switches, with numbers.
+    estimate : dict of str to (R_estimate,) array
+        False targets, with numbers.
+    """
+
+    truth: dict[str, Floats]
+    estimate: dict[str, Floats]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cut:
+    """Where the costs of two sides will go, known before anything is solved.
+
+    Parameters
+    ----------
+    members : dict of str to Members
+        By what was asked for.
+    """
+
+    members: dict[str, Members]
+
+    def of(self, result: Result) -> tuple[Slicing, ...]:
+        """The costs of a result of these two sides."""
+        costs = row_costs(result.proof.states, result.proof.weights)
+        unique = is_unique(result)
+        return tuple(
+            Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
+            for by, found in self.members.items()
+        )
+
+
+def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> Cut:
+    """What each row of two sides belongs to, for each of what is asked for.
+
+    Raises
+    ------
+    ConfigError
+        There is no such attribute, or its values do not fit.
+    """
+    sides = fitted.alignment.truth, fitted.alignment.estimate
+    described = Described(sides=sides, distance=fitted.distance, cutoff=cutoff)
+    return Cut(members={by.text: _members(by, described) for by in asked})
+
+
+def slices_of(result: Result, texts: Sequence[str]) -> tuple[Slicing, ...]:
+    """A result split by what texts ask for.
+
+    Raises
+    ------
+    ConfigError
+        As of `cut`, or the result was not made by `evaluate`.
+    """
+    source = result.source
+    if not isinstance(source, Source):
+        raise ConfigError("this result was not made by evaluate: evaluate again")
+    found = cut(source.sides, parse_slices(texts), result.proof.parameters.cutoff)
+    return found.of(result)
+
+
+def _members(by: SliceBy, described: Described) -> Members:
+    truth, estimate = described.sides
+    rows = len(truth.step), len(estimate.step)
+    found = [
+        members(attribute, described.values(attribute), rows, summed=by.summed)
+        for attribute in by.attributes
+    ]
+    whole = found[0] if len(found) == 1 else found[0].crossed(found[1])
+    if len(whole.names) > MOST_CROSSINGS:
+        raise ConfigError(f"--slice {quoted(by.text)}: would make {len(whole.names):,} slices")
+    return whole
+
+
+def row_costs(states: States, weights: Ints) -> RowCosts:
+    """The cost of an assignment, row by row."""
+    problem = states.problem
+    truths, estimates = problem.sides
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    entry, weight = states.entry[used], weights[used]
+
+    def unassigned(side: Objects) -> Floats:
+        """Shares that nothing is assigned to; sums of integers below 2^53, which are exact."""
+        free = ONE - np.bincount(side.row[entry], weight, minlength=len(side.step))
+        return free / ONE
+
+    paid = weight / ONE * problem.cost[entry]
+    missed, false = unassigned(truths), unassigned(estimates)
+    moved, amount = changes(states, weights)
+    pair = np.searchsorted(states.pair_first, moved, side="right") - 1
+    step = states.begin[moved]
+    row = _row_at(truths, states.pair_truth[pair], step)
+    size = len(truths.step)
+    price = problem.switch_price_at[step] * amount
+    return RowCosts(
+        truth={
+            "localisation": sum_by(truths.row[entry], paid, size),
+            "missed": missed * truths.price,
+            "missed_count": missed,
+            "switch": sum_by(row, price, size),
+            "switch_count": 0.5 * sum_by(row, amount, size),
+        },
+        estimate={"false": false * estimates.price, "false_count": false},
+    )
+
+
+def _row_at(truths: Objects, track: Ints, step: Ints) -> Ints:
+    """The row of a truth at a step; where it does not exist then its next one, or its last."""
+    order = np.argsort(truths.track, kind="stable")
+    steps = int(truths.step.max(initial=0)) + 2
+    key = truths.track[order].astype(np.int64) * steps + truths.step[order]
+    place = np.searchsorted(key, track.astype(np.int64) * steps + np.minimum(step, steps - 1))
+    last = np.searchsorted(key, (track.astype(np.int64) + 1) * steps) - 1
+    found: Ints = order[np.minimum(place, last)]
+    return found
+
+
+def _slices(costs: RowCosts, whole: Members, scale: float) -> list[Slice]:
+    """The sums of all slices that have rows, or are shown without."""
+    size = len(whole.names)
+    sums: dict[str, Floats] = {}
+    for role, values in (("truth", costs.truth), ("estimate", costs.estimate)):
+        rows = len(next(iter(values.values())))
+        columns = {**values, f"{role}_steps": np.ones(rows)}
+        for part in whole.shares:
+            place = getattr(part, role)
+            share = getattr(part, f"{role}_share")
+            order = np.argsort(place.astype(np.min_scalar_type(size)), kind="stable")
+            first = np.searchsorted(place[order], np.arange(size + 1))
+            for name, value in columns.items():
+                ordered = value[order] if share is None else (value * share)[order]
+                found = _sum_of_parts(ordered, first)
+                sums[name] = sums[name] + found if name in sums else found
+    for name in PARTS:
+        sums[name] = sums[name] * scale
+    there = whole.kept | (sums["truth_steps"] > 0) | (sums["estimate_steps"] > 0)
+    return [
+        Slice(name=whole.names[k], **{name: float(value[k]) for name, value in sums.items()})
+        for k in np.flatnonzero(there).tolist()
+    ]
+
+
+def _sum_of_parts(value: Floats, first: Ints) -> Floats:
+    """Sums of contiguous parts, each in pairs: a sum of n terms is off by log2 n roundings."""
+    bounds = first.tolist()
+    return np.array([value[low:high].sum() for low, high in pairwise(bounds)], np.float64)

@@ -1,0 +1,175 @@
+"""What an evaluation is to be split by: ``NAME[=EDGES]``, two of them with ``*`` between."""
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.fields import floats, is_number
+from tgospa_eval.formats.filters import parse_region
+from tgospa_eval.results.slices import CROSSED
+from tgospa_eval.text import quoted
+
+AS_WEIGHT = "weight"
+"""In place of edges: the attribute is a share."""
+
+OF_REGION = "region"
+
+DERIVED = ("range", "speed", "size", "density", "age", OF_REGION)
+"""Attributes that follow from states, and from boxes beside them."""
+
+OF_BOXES = ("left", "top", "width", "height", "right", "bottom", "length")
+"""Columns that the size follows from, where the states have none."""
+
+MOST_CROSSED = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attribute:
+    """One attribute and how its values make slices.
+
+    Parameters
+    ----------
+    name : str
+        Of a column, or of `DERIVED`.
+    origin : tuple of float
+        Of ``range``: the point from which it is measured.
+    edges : tuple of float
+        Increasing: ends of ranges; infinite where nothing is outside.
+    values : tuple of str
+        Texts that have a slice each.
+    weight : bool
+        Values are shares from 0 to 1.
+    ranges : mapping of str to pair of float
+        Of ``region``: inside these ranges of columns, or outside.
+    """
+
+    name: str
+    origin: tuple[float, ...] = ()
+    edges: tuple[float, ...] = ()
+    values: tuple[str, ...] = ()
+    weight: bool = False
+    ranges: tuple[tuple[str, float, float], ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns that its values may come from."""
+        if self.ranges:
+            return tuple(name for name, _, _ in self.ranges)
+        if self.name == "size":
+            return (self.name, *OF_BOXES)
+        return () if self.origin else (self.name,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SliceBy:
+    """One attribute, or two that are crossed.
+
+    Parameters
+    ----------
+    text : str
+        As it was asked for.
+    attributes : tuple of Attribute
+        One or two.
+    summed : bool
+        Whether slices are added to those of other evaluations: then ranges must be given.
+    """
+
+    text: str
+    attributes: tuple[Attribute, ...]
+    summed: bool = False
+
+
+def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[SliceBy, ...]:
+    """What each of the texts asks for; `summed` as of `SliceBy`.
+
+    Raises
+    ------
+    ConfigError
+        One cannot be understood, or is given twice.
+    """
+    found: dict[str, SliceBy] = {}
+    for text in [texts] if isinstance(texts, str) else texts:
+        parts = [part.strip() for part in text.split(CROSSED.strip())]
+        if len(parts) > MOST_CROSSED:
+            raise ConfigError(f"--slice {quoted(text)}: at most two attributes can be crossed")
+        attributes = tuple(_attribute(part, text) for part in parts)
+        by = CROSSED.join(parts)
+        if by in found:
+            raise ConfigError(f"--slice {quoted(text)}: given twice")
+        found[by] = SliceBy(text=by, attributes=attributes, summed=summed)
+    return tuple(found.values())
+
+
+def columns_asked(slices: Iterable[SliceBy]) -> tuple[str, ...]:
+    """Columns that readers should look for."""
+    names = (name for by in slices for part in by.attributes for name in part.columns)
+    return tuple(dict.fromkeys(names))
+
+
+def _attribute(part: str, text: str) -> Attribute:
+    """One attribute; `text` is the whole that was given, for messages."""
+    name, equals, rest = (piece.strip() for piece in part.partition("="))
+    if not name or (equals and not rest):
+        raise ConfigError(
+            f"--slice {quoted(text)}: must be NAME, NAME=EDGES or NAME=weight, as "
+            "range=0:50:100; two of them with * between"
+        )
+    if name == OF_REGION:
+        return _region(rest, text)
+    base, at, point = name.partition("@")
+    origin: tuple[float, ...] = ()
+    if at and base == "range":
+        origin = _origin(point, text)
+    if not equals:
+        return Attribute(name=name, origin=origin)
+    if rest == AS_WEIGHT:
+        return Attribute(name=name, origin=origin, weight=True)
+    ends = [end.strip() for end in rest.split(":")]
+    if all(not end or is_number(end) for end in ends):
+        return Attribute(name=name, origin=origin, edges=_edges(ends, text))
+    if not all(ends) or len(set(ends)) < len(ends):
+        raise ConfigError(f"--slice {quoted(text)}: a value is blank or given twice")
+    return Attribute(name=name, origin=origin, values=tuple(ends))
+
+
+def _edges(ends: list[str], text: str) -> tuple[float, ...]:
+    given = [end for end in ends if end]
+    values = floats(given).tolist()
+    if any(not end for end in ends[1:-1]) or not all(map(math.isfinite, values)):
+        raise ConfigError(
+            f"--slice {quoted(text)}: edges are finite numbers; the first and the last may be blank"
+        )
+    if any(low >= high for low, high in pairwise(values)):
+        raise ConfigError(f"--slice {quoted(text)}: edges must increase")
+    if len(ends) == 1:  # below it, and from it on
+        return -math.inf, *values, math.inf
+    low = () if ends[0] else (-math.inf,)
+    high = () if ends[-1] else (math.inf,)
+    if not values:
+        raise ConfigError(f"--slice {quoted(text)}: names no edge")
+    return (*low, *values, *high)
+
+
+def _origin(point: str, text: str) -> tuple[float, ...]:
+    parts = [part.strip() for part in point.split(",")]
+    if not all(map(is_number, parts)):
+        raise ConfigError(
+            f"--slice {quoted(text)}: the point behind @ must be numbers, as range@0,0=0:50:100"
+        )
+    return tuple(floats(parts).tolist())
+
+
+def _region(rest: str, text: str) -> Attribute:
+    try:
+        ranges = parse_region(rest or None)
+    except ConfigError:
+        ranges = {}
+    if not ranges:
+        raise ConfigError(
+            f"--slice {quoted(text)}: must name ranges of columns, region=x=-50:50,y=0:100"
+        )
+    return Attribute(
+        name=OF_REGION, ranges=tuple((name, low, high) for name, (low, high) in ranges.items())
+    )

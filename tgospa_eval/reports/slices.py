@@ -1,0 +1,105 @@
+"""Costs split by attributes as tables: what every report shows of slices."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import zip_longest
+
+from tgospa_eval.common.figures import number
+from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines
+from tgospa_eval.results.records import PARTS
+from tgospa_eval.results.slices import Slice, Slicing
+
+MOST_LISTED = 20
+"""Slices of a table; of more the costliest are shown."""
+
+LEAST_NAME = 12
+"""Columns of a terminal for the name of a slice, at least."""
+
+SLICE_HEAD = ("states", "total", "share", "local.", "missed", "false", "switch")
+
+
+def shown_slices(slicing: Slicing) -> list[Slice]:
+    """The costliest slices, in their order."""
+    costliest = sorted(slicing.slices, key=lambda one: -one.total)[:MOST_LISTED]
+    kept = {id(one) for one in costliest}
+    return [one for one in slicing.slices if id(one) in kept]
+
+
+def slices_table(slicing: Slicing) -> Table:
+    """A row for each slice: states of the truth in it, costs, the share of the whole."""
+    total = slicing.total
+    shown = shown_slices(slicing)
+    rows: list[Row] = [
+        (
+            one.name,
+            number(one.truth_steps),
+            number(one.total, 5),
+            share(one.total, total),
+            *(number(getattr(one, part), 4) for part in PARTS),
+        )
+        for one in shown
+    ]
+    left = len(slicing.slices) - len(shown)
+    if left:
+        rows.append((f"and {left} more",))
+    return Table(head=(f"by {slicing.by}", *SLICE_HEAD), rows=rows)
+
+
+def slices_lines(slicing: Slicing) -> Iterator[str]:
+    """The same for a terminal: names have what the numbers leave."""
+    table = slices_table(slicing)
+    by, *head = table.head
+    columns = zip_longest(head, *(row[1:] for row in table.rows), fillvalue="")
+    widths = [2 + max(len(cell or "") for cell in column) for column in columns]
+    room = max(LEAST_NAME, WIDTH - len(INDENT) - sum(widths))
+    rows = [(clip(str(name), room), *cells) for name, *cells in table.rows]
+    name = min(room, max(len("slice"), *(len(row[0] or "") for row in rows)))
+    yield clip(f"{INDENT}{by}")
+    yield from text_lines(replace(table, head=("slice", *head), rows=rows, widths=(name, *widths)))
+
+
+def slices_of_page(slicing: Slicing) -> dict[str, object]:
+    """The same for a page, with the parts as widths of bars in percent of the longest."""
+    shown = shown_slices(slicing)
+    longest = max((one.total for one in shown), default=0.0) or 1.0
+    return {
+        "by": slicing.by,
+        "left": len(slicing.slices) - len(shown),
+        "rows": [
+            {
+                "name": one.name,
+                "share": share(one.total, slicing.total),
+                "widths": {part: 100 * getattr(one, part) / longest for part in PARTS},
+                "cells": [
+                    number(value)
+                    for value in (
+                        one.total,
+                        *(getattr(one, part) for part in PARTS),
+                        one.truth_steps,
+                    )
+                ],
+            }
+            for one in shown
+        ],
+    }
+
+
+def share(cost: float, total: float) -> str:
+    """Of the total, in percent."""
+    return f"{100 * cost / total:.1f} %" if total > 0 else "-"
+
+
+def about_slices(slicings: Sequence[Slicing], *, certified: bool = True) -> Iterator[str]:
+    """By whose attribute a cost is in a slice, and whether that is the only split."""
+    if not slicings:
+        return
+    yield (
+        "slices: states are those of the truth; localisation, misses and switches go by the truth "
+        "at the step, of a switch at the later one, false targets by their own attribute"
+    )
+    if all(slicing.unique for slicing in slicings):
+        yield "this split is the only one: no other assignment is as good"
+    elif certified:
+        yield "parts may tie: another best assignment may split the same total otherwise"
+    else:
+        yield "the split is that of the assignment that was found"

@@ -1,0 +1,172 @@
+"""Costs and counts of an evaluation split by attributes of truth and estimate: records, sums."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
+from tgospa_eval.results.records import PARTS, Columns, Json
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CROSSED = " * "
+"""Between the names of a slice by two attributes, and between the two on the command line."""
+
+NO_VALUE, NO_ATTRIBUTE, UNNAMED = "(missing)", "(none)", "(others)"
+"""Slices of rows without a value, of a side without the attribute, and of texts not named."""
+
+UNDER, BEYOND_LAST, AND_MORE = "below ", "above ", " and more"
+"""Parts of the names of slices outside of the edges that are given."""
+
+BETWEEN_EDGES = " to "
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slice:
+    """What is in one slice; fields of all slices add up to those of the evaluation.
+
+    Parameters
+    ----------
+    name : str
+        Range or value of the attribute.
+    localisation, missed, false, switch : float
+        Costs, in state units to the power p.
+    missed_count, false_count, switch_count : float
+        Numbers of missed and false object-steps, and of switches.
+    truth_steps, estimate_steps : float
+        States of truth and estimate in the slice, as shares where attributes are weights.
+    """
+
+    name: str
+    localisation: float
+    missed: float
+    false: float
+    switch: float
+    missed_count: float
+    false_count: float
+    switch_count: float
+    truth_steps: float
+    estimate_steps: float
+
+    @property
+    def total(self) -> float:
+        """Sum of the costs."""
+        return math.fsum(getattr(self, part) for part in PARTS)
+
+
+SLICE_NUMBERS = tuple(field.name for field in fields(Slice))[1:]
+"""What every slice has one number of, but for the total."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Slicing:
+    """An evaluation split by one attribute, or by two.
+
+    Parameters
+    ----------
+    by : str
+        As it was asked for.
+    slices : tuple of Slice
+        In the order of their ranges or values.
+    unique : bool
+        Whether the best assignment, and with it the split, is proven to be the only one.
+    """
+
+    by: str
+    slices: tuple[Slice, ...]
+    unique: bool
+
+    @property
+    def total(self) -> float:
+        """Sum of the costs of all slices: that of the evaluation."""
+        return math.fsum(getattr(part, name) for part in self.slices for name in PARTS)
+
+    def table(self) -> Columns:
+        """A row for each slice."""
+        names = ("total", *SLICE_NUMBERS)
+        return {"slice": [part.name for part in self.slices]} | {
+            name: [getattr(part, name) for part in self.slices] for name in names
+        }
+
+    @property
+    def frame(self) -> "pd.DataFrame":
+        """The same as a DataFrame."""
+        import pandas as pd  # here: importing it takes longer than most evaluations
+
+        return pd.DataFrame(self.table())
+
+    def record(self) -> Json:
+        """The same as it stands in the document of a result."""
+        table = self.table()
+        rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
+        return {"by": self.by, "unique": self.unique, "slices": rows}
+
+    @classmethod
+    def of(cls, record: Json) -> "Slicing":
+        """From such a record."""
+        slices = [
+            Slice(name=row["slice"], **{name: row[name] for name in SLICE_NUMBERS})
+            for row in record["slices"]
+        ]
+        return cls(by=record["by"], slices=tuple(slices), unique=record["unique"])
+
+
+def added(parts: Sequence[Slicing]) -> Slicing:
+    """The sum of several evaluations that are split by the same: slices of one name are added."""
+    found: dict[str, list[Slice]] = {}
+    for part in parts:
+        for one in part.slices:
+            found.setdefault(one.name, []).append(one)
+    slices = [
+        Slice(
+            name=name,
+            **{
+                field: math.fsum(getattr(one, field) for one in found[name])
+                for field in SLICE_NUMBERS
+            },
+        )
+        for name in sorted(found, key=_place)
+    ]
+    return Slicing(by=parts[0].by, slices=tuple(slices), unique=all(part.unique for part in parts))
+
+
+def added_up(groups: Iterable[Sequence[Slicing]]) -> Iterator[Slicing]:
+    """Such a sum for each attribute of several evaluations; those of some may be missing."""
+    found: dict[str, list[Slicing]] = {}
+    for group in groups:
+        for part in group:
+            found.setdefault(part.by, []).append(part)
+    yield from map(added, found.values())
+
+
+def slices_columns(slicings: Sequence[Slicing]) -> Columns:
+    """All slices in one table, with what they are by in front."""
+    tables: list[tuple[str, Mapping[str, Sequence[object]]]] = [
+        (one.by, one.table()) for one in slicings
+    ]
+    columns: Columns = {"by": [by for by, table in tables for _ in table["slice"]]}
+    for name in ("slice", "total", *SLICE_NUMBERS):
+        columns[name] = [value for _, table in tables for value in table[name]]
+    return columns
+
+
+def _place(name: str) -> list[tuple[int, float, tuple[list[tuple[int, int, str]], str]]]:
+    """Sort key of the name of a slice: numbers by their values, what has none at the end."""
+    return [_place_of_one(part) for part in name.split(CROSSED)]
+
+
+def _place_of_one(name: str) -> tuple[int, float, tuple[list[tuple[int, int, str]], str]]:
+    for last, special in enumerate((UNNAMED, NO_VALUE, NO_ATTRIBUTE), start=4):
+        if name == special:
+            return last, 0.0, natural("")
+    if name.startswith(UNDER):
+        return 0, 0.0, natural("")
+    if name.startswith(BEYOND_LAST):
+        return 3, 0.0, natural("")
+    try:
+        return 1, float(name.partition(BETWEEN_EDGES)[0].removesuffix(AND_MORE)), natural("")
+    except ValueError:
+        return 2, 0.0, natural(name)
