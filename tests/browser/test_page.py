@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,34 @@ def test_a_row_of_a_table_selects_and_sorting_works(shown: Callable, sample: Res
     tab.click(box["x"] + 5, box["y"] + 5)
     assert address(tab) == "#truth=2"
     assert tab.run("document.querySelector('#truth-table tr.chosen th').innerText") == "2"
+
+
+def test_a_row_of_a_repair_selects_the_lanes_that_it_is_about(
+    shown: Callable, sample: Result
+) -> None:
+    found = sample.explain(8)
+    rank = [repair.kind for repair in found.repairs].index("exchange") + 1
+    tab = shown(replace(sample, explained=found))
+    drawn = "document.getElementById('lanes-canvas').toDataURL()"
+    frame = "new Promise((done) => requestAnimationFrame(() => done(true)))"
+    before = tab.run(drawn)
+    box = tab.box(f"#repairs tbody tr:nth-child({rank}) td:nth-child(2)")
+    tab.click(box["x"] + 5, box["y"] + 5)
+    assert address(tab) == f"#repair={rank}&step=37"
+    assert "estimate: 101, 103\ntruth: 1, 3\n" in detail(tab)
+    chosen = "[...document.querySelectorAll('#truth-table tr.chosen th')].map((e) => e.innerText)"
+    assert sorted(tab.run(chosen)) == ["1", "3"]
+    tab.wait(frame)
+    both = tab.run(drawn)
+    assert both != before
+    tab.run("location.hash = '#step=37&truth=1'")  # one of the two lanes
+    tab.wait("!document.querySelector('#repairs tr.chosen')")
+    tab.wait(frame)
+    assert tab.run(drawn) not in (before, both)
+    tab.run(f"location.hash = '#repair={rank}'")
+    tab.wait("document.querySelector('#repairs tr.chosen') !== null")
+    assert "exchange estimates 101 and 103 from t = 37 on" in detail(tab)
+    assert "savings do not add up" in tab.run("document.body.innerText.toLowerCase()")
 
 
 def test_a_point_in_the_plane_selects(shown: Callable) -> None:

@@ -192,3 +192,54 @@ def test_a_side_without_objects(invoke: Run, write: Write) -> None:
         answer = invoke("explain", other, empty, *options)
         assert answer.status == 0
         assert json.loads(answer.out)["repairs"] == []
+
+
+def test_evaluate_shows_the_same_repairs_beside(invoke: Run, tmp_path: Path) -> None:
+    """In the table, in the JSON, as files, and on the page; what it took counts as time."""
+    alone = json.loads(invoke("explain", *QUICKSTART, *METRIC, "--format", "json").out)
+    done = invoke(*QUICKSTART, *METRIC, "--explain", "-o", "out")
+    assert done.status == 0
+    assert max(map(len, done.out.splitlines())) <= 80
+    assert "  1   drop estimate 107, t = 14 to 21                 400  22.1 %" in done.out
+    assert "savings do not add up" in done.out
+    folder = tmp_path / "out"
+    saved, result = (
+        json.loads((folder / name).read_text()) for name in ("explanation.json", "result.json")
+    )
+    assert saved["schema"] == "tgospa-eval/explanation/1"
+    for document in (saved, result["explanation"]):
+        assert [r["text"] for r in document["repairs"]] == [r["text"] for r in alone["repairs"]]
+        assert [r["total"] for r in document["repairs"]] == [r["total"] for r in alone["repairs"]]
+        assert document["additive"] is False
+    assert result["timings"]["total"] > result["timings"]["explain"] > 0
+    rows = list(csv.DictReader((folder / "explanation.csv").read_text().splitlines()))
+    assert [row["repair"] for row in rows] == [r["text"] for r in alone["repairs"]]
+    page = (folder / "report.html").read_text()
+    assert '<a href="#repair=1">1. <bdi>drop estimate 107, t = 14 to 21</bdi></a>' in page
+    assert "Savings do not add up" in page
+    assert invoke(*QUICKSTART, *METRIC, "-o", "out").status == 0
+    assert not (folder / "explanation.json").exists()  # of the run before
+    assert "Repairs worth most" not in (folder / "report.html").read_text()
+    for form, row in (
+        ("markdown", "| 1 | drop estimate 107, t = 14 to 21 | 400 | 22.1 % | 37.5398 |"),
+        ("latex", r"1 & drop estimate 107, t = 14 to 21 & 400 & 22.1 \% & 37.5398"),
+    ):
+        assert row in invoke(*QUICKSTART, *METRIC, "--explain", "--format", form).out
+    right = invoke(QUICKSTART[0], QUICKSTART[0], *METRIC, "--explain")
+    assert "no repair is known to save anything (0 repairs tried)" in right.out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--sweep", "c=1,2"), "--explain is for one evaluation, not for --sweep"),
+        (("--by", "class"), "choose one class by --class NAME"),
+        (("--distance", "iou", "--preprocess", "motchallenge"), "depends on the repair"),
+    ],
+)
+def test_evaluate_explains_what_the_verb_does(
+    invoke: Run, options: tuple[str, ...], said: str
+) -> None:
+    done = invoke(*QUICKSTART, "--explain", *options)
+    assert (done.status, done.out) == (2, "")
+    assert said in done.err

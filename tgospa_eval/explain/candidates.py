@@ -26,7 +26,7 @@ class Candidate:
     Parameters
     ----------
     kind : str
-        One of `explain.records.KINDS`.
+        One of `results.repairs.KINDS`.
     saving : float
         What it would save at the assignment at hand, in units of c^p.
     edit : Edit

@@ -15,10 +15,14 @@ from tgospa_eval.explain.candidates import Candidate
 from tgospa_eval.explain.direct import Trial
 from tgospa_eval.explain.motion import Places
 from tgospa_eval.explain.trials import Trials
-from tgospa_eval.results.explanation import Explanation, Repair
+from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import Columns
+from tgospa_eval.results.repairs import Repair
 from tgospa_eval.results.result import Result
+
+TOP = 10
+"""Repairs that are listed, where nobody says how many."""
 
 TRIED = 2
 """Repairs that are tried for each that is listed at most."""
@@ -29,7 +33,7 @@ TURN = 360.0
 
 def explain(
     result: Result,
-    top: int = 10,
+    top: int = TOP,
     *,
     stopwatch: Stopwatch | None = None,
     without: Sequence[str] = (),
@@ -80,6 +84,7 @@ def explain(
         candidates=len(able),
         tried=len(trials),
         seconds=stopwatch.elapsed() - begin,
+        before=result.total,
         estimate=sides.alignment.estimate,
     )
 
@@ -139,6 +144,7 @@ def _repair(result: Result, source: Source, candidate: Candidate, trial: Trial) 
         kind=candidate.kind,
         text=in_words(candidate, result, offset),
         estimates=tuple(labels.estimates[track] for track in candidate.tracks),
+        tracks=candidate.tracks,
         begin=begin,
         end=end,
         shift=edit.shift,

@@ -10,6 +10,7 @@ from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.repairs import repair_notes, repair_table
 from tgospa_eval.reports.slices import about_slices, slices_lines
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS, Time
@@ -48,6 +49,7 @@ def blocks(result: Summary) -> dict[str, list[str]]:
         "windows": _windows,
         "others": _others,
         "slices": _slices,
+        "repairs": _repairs,
         "footer": _footer,
     }
     return {name: list(map(visible, make(result))) for name, make in makers.items()}
@@ -243,6 +245,16 @@ def _slices(result: Summary) -> Iterator[str]:
         yield ""
     for text in about_slices(result.sliced, certified=result.certified):
         yield from wrap(f"  {text}", "  ")
+
+
+def _repairs(result: Summary) -> Iterator[str]:
+    """Which single repairs of the estimate would save most, if that was asked for."""
+    found = result.explained
+    if found is None:
+        return
+    if found.repairs:
+        yield from text_lines(repair_table(result, found, folded=True))
+    yield from (line for note in repair_notes(found) for line in wrap(f"  {note}", "  "))
 
 
 def fitting(texts: Iterable[Time], width: int, every: Callable[[], Sequence[Time]]) -> list[str]:

@@ -12,6 +12,7 @@ from tgospa_eval.common.files import named, patience
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.reports.manifest import unique
+from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
@@ -99,6 +100,9 @@ def result_texts(
         texts["slices.csv"] = csv_text(slices_columns(result.sliced))
     if result.per_class_table():
         texts["per_class.csv"] = csv_text(result.per_class_table())
+    if isinstance(result.explained, Explanation):
+        texts["explanation.json"] = result.explained.to_json()
+        texts["explanation.csv"] = csv_text(result.explained.columns())
     if importlib.util.find_spec("jinja2") is None:
         return texts, ("report",)
     from tgospa_eval.reports.html import page

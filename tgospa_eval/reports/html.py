@@ -19,12 +19,24 @@ from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.console import meaning, part_rows
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import Drawn, document
+from tgospa_eval.reports.repairs import repair_notes, repair_rows
 from tgospa_eval.reports.slices import about_slices, slices_of_page
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import as_unicode
 
-SCRIPTS = ("data", "canvas", "costs", "lanes", "shapes", "plane", "gestures", "tables", "page")
+SCRIPTS = (
+    "data",
+    "canvas",
+    "costs",
+    "lanes",
+    "shapes",
+    "plane",
+    "gestures",
+    "tables",
+    "repairs",
+    "page",
+)
 """Files of the script, in order; they share one scope."""
 
 PLAIN = 300_000
@@ -69,6 +81,7 @@ def page(
             similarity=list(similarity(result.with_)),
             slices=list(map(slices_of_page, result.sliced)),
             about_slices=list(about_slices(result.sliced, certified=result.certified)),
+            **_explained(result),
             seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
             parameters=_flat(result.parameters),
             inputs={name: _flat(about) for name, about in result.input.items()},
@@ -150,6 +163,16 @@ def _classes(result: Summary) -> list[list[str]]:
     table: Columns = result.per_class_table()
     rows = zip(*table.values(), strict=True)
     return [[str(name), *map(number, values)] for name, *values in rows]
+
+
+def _explained(result: Summary) -> dict[str, object]:
+    """Repairs as rows of cells, and what is said of them; none where they were not asked for."""
+    found = result.explained
+    return {
+        "explained": found,
+        "repairs": [] if found is None else repair_rows(result, found),
+        "repair_notes": [] if found is None else list(repair_notes(found)),
+    }
 
 
 def _flat(record: Mapping[str, object], before: str = "") -> dict[str, str]:

@@ -6,6 +6,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.console import headline
 from tgospa_eval.reports.other_metrics import other_table, similarity
+from tgospa_eval.reports.repairs import repair_notes, repair_table
 from tgospa_eval.reports.slices import about_slices, slices_table
 from tgospa_eval.reports.tables import Row, Table, latex_lines, markdown_lines
 from tgospa_eval.results.records import PARTS
@@ -29,12 +30,16 @@ def _table(result: Summary) -> Table:
 
 def _others(result: Summary) -> list[Table]:
     others = [other_table(result.with_)] if result.with_ else []
-    return [*others, *map(slices_table, result.sliced)]
+    found = result.explained
+    repairs = [repair_table(result, found)] if found is not None and found.repairs else []
+    return [*others, *map(slices_table, result.sliced), *repairs]
 
 
 def _notes(result: Summary) -> list[str]:
     slices = about_slices(result.sliced, certified=result.certified)
-    return [*similarity(result.with_), *slices]
+    found = result.explained
+    repairs = () if found is None else repair_notes(found)
+    return [*similarity(result.with_), *slices, *repairs]
 
 
 def _title(result: Summary) -> tuple[str, str]:

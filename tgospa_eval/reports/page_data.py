@@ -86,6 +86,7 @@ class PageData(TypedDict):
     windows: NotRequired[WindowsData]
     tracks: dict[str, Columns]
     switches: Columns
+    repairs: Columns
     columns: list[str]
     boxes: bool
     low: list[float]
@@ -157,6 +158,7 @@ def document(result: Summary) -> Drawn:
             "estimate": _tracks(result.per_estimate_table(), "false"),
         },
         "switches": _switches(parts),
+        "repairs": _repairs(result),
         "columns": list(columns),
         "boxes": columns[:4] == BOX,
         "low": low,
@@ -357,6 +359,18 @@ def _switches(parts: list[Result]) -> Columns:
         found["cost"] += _rounded(table["cost"])
         truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
     return found
+
+
+def _repairs(result: Summary) -> Columns:
+    """Of each repair the numbers of its tracks, its steps, and itself in words."""
+    repairs = () if result.explained is None else result.explained.repairs
+    step: dict[Time | None, int] = {t: k for k, t in enumerate(result.labels.times)}
+    return {
+        "tracks": [list(repair.tracks) for repair in repairs],
+        "from": [step.get(repair.begin, NONE) for repair in repairs],
+        "to": [step.get(repair.end, NONE) for repair in repairs],
+        "text": [repair.text for repair in repairs],
+    }
 
 
 def _rounded(values: list[float]) -> list[float]:

@@ -177,8 +177,10 @@ def _fitted(table: Table) -> list[str]:
     """Columns as wide as they need.
 
     The first gives way if a line is too long, as far as its texts remain different; what has no
-    place even then goes on below, with the first column again.
+    place even then goes on below, with the first column again. A table with widths has its own.
     """
+    if table.widths:
+        return text_lines(table)
     rows = [[visible(cell or "") for cell in row] for row in (table.head, *table.rows)]
     widths = _widths(rows)
     first = _first_width([row[0] for row in rows], sum(widths[1:]) + 2 * (len(widths) - 1))

@@ -45,6 +45,7 @@ def report(result: Summary, encoding: str) -> str:
         "curve": map(Text, named["curve"]),
         "windows": map(Text, named["windows"]),
         "others": map(Text, named["others"]),
+        "repairs": map(Text, named["repairs"]),
         "footer": _dim(named["footer"]),
     }
     with console.capture() as captured:

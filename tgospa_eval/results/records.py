@@ -131,6 +131,7 @@ class Timings(TypedDict):
     total: float
     curve: NotRequired[float]
     slices: NotRequired[float]
+    explain: NotRequired[float]
     other_metrics: NotRequired[float]
     nanoseconds_per_state: NotRequired[float]
 

@@ -16,6 +16,7 @@ from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.numbers import Numbers
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
+from tgospa_eval.results.repairs import Repairs
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
@@ -48,7 +49,15 @@ PUBLIC = (
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Summary(Numbers, ABC):
-    """The numbers with all that can be made of them; attributes bear the names of the JSON."""
+    """The numbers with all that can be made of them; attributes bear the names of the JSON.
+
+    Parameters
+    ----------
+    explained : Repairs, optional
+        Single repairs that would save most, if they were asked for.
+    """
+
+    explained: Repairs | None = None
 
     def __repr__(self) -> str:
         return (
@@ -70,6 +79,7 @@ class Summary(Numbers, ABC):
             **curve,
             **({"with": self.with_} if self.with_ else {}),
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
+            **({} if self.explained is None else {"explanation": self.explained.record()}),
             "schema": RESULT_SCHEMA,
             "metric": self.metric,
             "tgospa": self.tgospa,

@@ -67,6 +67,12 @@ class Files(Verb):
             type=int,
             show_default="half of W",
         ),
+        Option(
+            "--explain",
+            "Show the ten repairs of the estimate that are proven to save most, as the verb "
+            "explain does; with -o also as files, and in report.html.",
+            section="Output",
+        ),
     ],
 )
 @click.argument("truth", type=PATH)
@@ -84,7 +90,7 @@ def command(
     \b
     Examples:
       tgospa-eval truth.csv estimate.csv -c 10 -g 5 --unit m
-      tgospa-eval truth.csv estimate.csv -o results
+      tgospa-eval truth.csv estimate.csv -o results --explain
       tgospa-eval truth.csv estimate.csv --columns id=track,t=time_s,x=px,y=py
       tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
       tgospa-eval gt.txt results.txt --distance iou --with hota,clear,identity
@@ -114,6 +120,8 @@ def command(
             if sweep
             else "--with takes all rows together, not --by class; choose one class by --class NAME"
         )
+    if chosen.explain and (sweep or chosen.by or chosen.preprocess):
+        raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=bool(sweep)))
     from tgospa_eval.cli.evaluate.output import show
     from tgospa_eval.cli.evaluate.run import evaluate_files
 
@@ -123,5 +131,17 @@ def command(
         finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
         ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
     result, finished = evaluate_files(truth, estimate, chosen, output)
+    if chosen.explain:
+        from tgospa_eval.cli.evaluate.explained import with_repairs
+
+        result = with_repairs(result, chosen, output)
     show(result, chosen, output, (truth, estimate))
     ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+
+
+def _not_explained(*, by_class: bool, sweep: bool) -> str:
+    if sweep:
+        return "--explain is for one evaluation, not for --sweep"
+    if by_class:
+        return "--explain takes all rows together, not --by class; choose one class by --class NAME"
+    return "--explain: what --preprocess leaves out depends on the repair; leave one of them out"

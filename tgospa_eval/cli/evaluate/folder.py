@@ -35,6 +35,7 @@ def probed_folder(
     also += ("curve.csv",) if options.curve else ()
     also += ("windows.csv",) if windows else ()
     also += ("per_class.csv",) if options.by else ()
+    also += ("explanation.json", "explanation.csv") if options.explain else ()
     also += tuple(f"{PROOF_FOLDER}/{name}" for name in PROOF_FILES) if output.proof else ()
     probe_folder(folder, RESULT, force=output.force, also=also)
     return wanted

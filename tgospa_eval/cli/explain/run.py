@@ -2,20 +2,17 @@
 
 from pathlib import Path
 
+from tgospa_eval.cli.evaluate.explained import explained
 from tgospa_eval.cli.evaluate.run import evaluate_files
-from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.cli.shared.writing import check_apart
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.explain.explain import explain
 from tgospa_eval.formats.write import TABLES
 from tgospa_eval.reports.explanation import render
 from tgospa_eval.reports.files import check_file, write_file
 from tgospa_eval.results.explanation import Explanation
-from tgospa_eval.results.result import Result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,30 +41,11 @@ def explain_files(
     if wanted.output is not None:
         _check(wanted.output, paths, force=wanted.force)
     result, finished = evaluate_files(*paths, options, output)
-    assert isinstance(result, Result)  # --by class is refused
-    stopwatch = Stopwatch()
-    explanation = run(
-        lambda: explain(
-            result,
-            max(wanted.top, wanted.apply),
-            stopwatch=stopwatch,
-            without=_left_out(options),
-        ),
-        stopwatch,
-        show=not output.quiet,
-    )
-    if output.verbose:
-        print_notice(f"{'explain':<20} {explanation.seconds:9.3f} s")
+    explanation = explained(result, options, output, max(wanted.top, wanted.apply))
     if wanted.output is not None:
         _write(explanation, wanted, output)
     emit(render(explanation, output.format_), output.format_)
     return finished
-
-
-def _left_out(options: EvaluationOptions) -> tuple[str, ...]:
-    """Kinds of repairs after which a filter might leave out other rows."""
-    moving = ("shift",) if options.time else ()
-    return (*moving, "offset", "extend") if options.region else moving
 
 
 def _check(path: str, paths: tuple[str, str], *, force: bool) -> None:

@@ -7,7 +7,8 @@ from typing import Self
 from tgospa_eval.common.frozen import dataclass
 
 NOT_OF_THE_NUMBER = (
-    *("jobs", "max_input", "curve", "window", "every", "with_", "slices", "summed", "sides"),
+    *("jobs", "max_input", "sides"),
+    *("curve", "explain", "window", "every", "with_", "slices", "summed"),
 )
 """Options of an evaluation that do not change its number."""
 
@@ -67,6 +68,7 @@ class EvaluationOptions(Values):
     curve: bool = False
     window: int | None = None
     every: int | None = None
+    explain: bool = False
     with_: str | None = None
     slices: tuple[str, ...] = ()
     summed: bool = False

@@ -1,5 +1,5 @@
 // What the pictures share: the selection, the range of steps, colours, canvases.
-const state = { step: null, side: null, track: null, from: 0, to: Math.max(steps - 1, 0) };
+const state = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
 const LEFT = 74, RIGHT = 10, FOOT = 40;
 const PAPER = 690; // CSS pixels between the margins of a page
 let style = null;

@@ -24,7 +24,7 @@ const lanes = {
     return this.rows.findIndex((row) => row.track === track && row.side?.name === name);
   },
   reveal() {
-    const index = state.track === null ? -1 : this.indexOf(state.side, state.track);
+    const index = this.rows.findIndex((row) => !row.title && isChosen(row.side.name, row.track));
     if (index < 0) return;
     const y = index * this.tall, { scrollTop, clientHeight } = this.box;
     if (y < scrollTop) this.box.scrollTop = y - this.tall;
@@ -69,7 +69,7 @@ const lanes = {
 
   drawLane(context, { side, track }, y, width) {
     const { run } = side, truth = side.name === "truth", tall = this.tall, middle = y + tall / 2;
-    const chosen = state.side === side.name && state.track === track;
+    const chosen = isChosen(side.name, track);
     if (chosen) {
       context.fillStyle = colour("chosen");
       context.fillRect(0, y, width, tall);

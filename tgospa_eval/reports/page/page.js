@@ -1,8 +1,9 @@
 // What is selected, where it is kept (the address), and the buttons that change it.
-function address({ step = null, side = null, track = null, from = 0, to = steps - 1 }) {
+function address({ step = null, side = null, track = null, repair = null, from = 0, to = steps - 1 }) {
   const parts = [];
+  if (repair !== null) parts.push(`repair=${repair + 1}`);
   if (step !== null) parts.push(`step=${encodeURIComponent(time(step))}`);
-  if (track !== null) parts.push(`${side}=${encodeURIComponent(sides[side].label[track])}`);
+  if (track !== null && repair === null) parts.push(`${side}=${encodeURIComponent(sides[side].label[track])}`);
   if (from > 0 || to < steps - 1) parts.push(`range=${encodeURIComponent(time(from))}..${encodeURIComponent(time(to))}`);
   return parts.join("&");
 }
@@ -10,13 +11,14 @@ function decoded(text) {
   try { return decodeURIComponent(text); } catch { return text; }
 }
 function readAddress() {
-  const found = { step: null, side: null, track: null, from: 0, to: Math.max(steps - 1, 0) };
+  const found = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
   for (const part of location.hash.slice(1).split("&")) {
     const cut = part.indexOf("="), key = part.slice(0, cut), value = decoded(part.slice(cut + 1));
+    if (key === "repair" && repairs.text[value - 1] !== undefined) Object.assign(found, selectRepair(value - 1));
     if (key === "step" && stepOf.has(value)) found.step = stepOf.get(value);
     if (key === "truth" || key === "estimate") {
       const track = sides[key].label.indexOf(value);
-      if (track >= 0) Object.assign(found, { side: key, track });
+      if (track >= 0) Object.assign(found, { side: key, track, repair: null });
     }
     if (key === "range") {
       const [from, to] = part.slice(cut + 1).split("..").map((text) => stepOf.get(decoded(text)));
@@ -28,6 +30,7 @@ function readAddress() {
 
 function refresh() {
   const { step } = state;
+  about = state.repair === null ? null : concerned(state.repair);
   document.getElementById("step").value = step === null ? "" : time(step);
   const { canvas } = costs;
   canvas.setAttribute("aria-valuemin", 0);
@@ -48,7 +51,7 @@ function refresh() {
 
 // Change what is selected; what is not named stays.
 function choose(change) {
-  Object.assign(state, change);
+  Object.assign(state, "track" in change ? { repair: null } : {}, change);
   if (state.step !== null && (state.step < state.from || state.step > state.to)) {
     const size = span(), from = Math.min(Math.max(state.step - (size >> 1), 0), steps - size);
     Object.assign(state, { from, to: from + size - 1 });

@@ -37,6 +37,7 @@ const plane = {
   // All tracks of a side, or those that the selection is about.
   chosenTracks(name) {
     if (state.track === null) return null;
+    if (about) return about[name];
     const side = sides[state.side], { run } = side;
     if (state.side === name) return new Set([state.track]);
     const found = new Set();
@@ -94,7 +95,7 @@ const plane = {
   // What does not depend on the selected step is drawn once and kept, so that stepping is quick.
   still(context, width, height) {
     const ways = [this.axisX.value, this.axisY.value, this.downward.checked, shapes.control.checked, printing];
-    const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, this.canvas.width, ways]);
+    const drawn = JSON.stringify([this.view, state.from, state.to, state.side, state.track, state.repair, this.canvas.width, ways]);
     if (drawn !== this.drawn) {
       this.kept.width = this.canvas.width;
       this.kept.height = this.canvas.height;

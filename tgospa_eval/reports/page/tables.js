@@ -74,9 +74,10 @@ function trackTable(name) {
 }
 
 function markRows() {
-  for (const row of document.querySelectorAll("tr[data-track], tr[data-step]")) {
-    const chosen = row.dataset.step !== undefined ? +row.dataset.step === state.step
-      : row.dataset.side === state.side && +row.dataset.track === state.track;
+  for (const row of document.querySelectorAll("tr[data-track], tr[data-step], tr[data-repair]")) {
+    const { step, repair } = row.dataset;
+    const chosen = step !== undefined ? +step === state.step : repair !== undefined ? repair - 1 === state.repair
+      : isChosen(row.dataset.side, +row.dataset.track);
     row.classList.toggle("chosen", chosen);
     if (chosen) row.setAttribute("aria-current", "true"); else row.removeAttribute("aria-current");
   }
@@ -136,6 +137,11 @@ function joined(links) {
 
 function drawDetail() {
   const parts = [];
+  if (about) {
+    const items = ["estimate", "truth"].filter((name) => about[name].size)
+      .map((name) => [`${name}: `, ...joined([...about[name]].map((track) => trackLink(name, track)))]);
+    parts.push(make("h3", `Repair ${state.repair + 1}`), make("p", [make("bdi", repairs.text[state.repair]), "."]), list(items));
+  }
   if (state.step !== null) {
     parts.push(make("h3", `Step ${time(state.step)}`), make("p", `Cost ${number(total[state.step])}: ` +
       (PARTS.filter((name) => doc.costs[name][state.step] > 0).map((name) => `${name} ${number(doc.costs[name][state.step])}`).join(", ") || "nothing wrong") + "."));
@@ -147,7 +153,7 @@ function drawDetail() {
     items.push(...(switchesOf.step.get(state.step) || []).map((k) => ["switch ", ...switchItem(k)]));
     if (items.length) parts.push(list(items));
   }
-  if (state.track !== null) {
+  if (state.track !== null && !(about?.estimate.size > 1)) {
     const side = sides[state.side], { table, run } = side, k = state.track, truth = state.side === "truth", kind = truth ? "missed" : "false";
     parts.push(make("h3", [truth ? "Truth " : "Estimate ", make("bdi", side.label[k])]),
       make("p", `${plural(table.steps[k], "step")}, ${number(table.unassigned_count[k])} ${kind}, ${plural(table.switch_count[k], "switch", "switches")}; ` +

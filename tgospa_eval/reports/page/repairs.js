@@ -1,0 +1,35 @@
+// Repairs of the estimate: a row selects the lanes of the tracks that its repair is about.
+const { repairs } = doc;
+
+// The estimates that a repair changes, and the truths that they follow from just before it to just after.
+function concerned(k) {
+  const found = { truth: new Set(), estimate: new Set(repairs.tracks[k]) }, { run } = sides.estimate;
+  const from = repairs.from[k], to = repairs.to[k] === NONE ? from : repairs.to[k];
+  for (const track of repairs.tracks[k]) {
+    let before = NONE, after = NONE;
+    for (let r = run.first[track]; r < run.first[track + 1]; r++) {
+      if (run.other[r] === NONE) continue;
+      if (run.end[r] < from) before = run.other[r];
+      else if (run.begin[r] <= to) found.truth.add(run.other[r]);
+      else if (after === NONE) after = run.other[r];
+    }
+    for (const other of [before, after]) if (other !== NONE) found.truth.add(other);
+  }
+  found.truth = new Set([...found.truth].sort((a, b) => a - b));
+  return found;
+}
+let about = null;
+function selectRepair(k) {
+  const [track] = repairs.tracks[k], whole = track === undefined;
+  return { repair: k, side: whole ? null : "estimate", track: whole ? null : track, step: repairs.from[k] === NONE ? null : repairs.from[k] };
+}
+// Whether a lane belongs to what is selected.
+function isChosen(name, track) {
+  return about ? about[name].has(track) : state.side === name && state.track === track;
+}
+document.getElementById("repairs")?.addEventListener("click", (event) => {
+  const row = event.target.closest("tr[data-repair]");
+  if (!row || event.ctrlKey || event.metaKey || event.shiftKey) return;
+  event.preventDefault();
+  choose(selectRepair(row.dataset.repair - 1));
+});
