@@ -39,6 +39,26 @@ def test_prices_of_missed_and_false(invoke: Run, pair: list[str]) -> None:
     assert Path("out/sweep.png").exists()
 
 
+def test_a_score_beside_the_value(invoke: Run, pair: list[str]) -> None:
+    options = ("--similarity", "2")
+    found = json.loads(invoke(*pair, *options, "--format", "json").out)["similarity"]
+    assert (found["false_targets"], found["score_of_false_targets"]) == (2, 0.1)
+    assert found["lower_bound"] <= found["score"] <= found["upper_bound"]
+    words = f"{found['score']:.4f}, from 0 to 1; 2 false a step score 0.1"
+    for form in ("table", "markdown", "latex"):
+        assert words in invoke(*pair, *options, "--format", form).out
+    invoke(*pair, *options, "-o", "out")
+    assert f"<dt>similarity</dt><dd>{words}</dd>" in Path("out/report.html").read_text()
+    assert "similarity" not in invoke(*pair, "--format", "json").out
+    for more, said in (
+        (("--similarity", "0"), "--similarity: false targets is 0: must be > 0"),
+        ((*options, "--sweep", "c=1,2"), "not for --sweep"),
+        ((*options, "--step-weights", "w.csv"), "not for --step-weights"),
+    ):
+        answer = invoke(*pair, *more)
+        assert (answer.status, answer.out, said in answer.err) == (2, "", True)
+
+
 def test_proof_folders_know_the_prices(invoke: Run, pair: list[str]) -> None:
     assert invoke(*pair, "--rho", "0.3", "-o", "out", "--proof").status == 0
     answer = invoke("verify", "out")

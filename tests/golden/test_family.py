@@ -14,7 +14,7 @@ from oracles import tgospa_lp
 from proven import proving
 from strategies import ORDERS, SWITCH, pairs_of_sets
 
-from tgospa_eval import evaluate, sweep
+from tgospa_eval import ConfigError, evaluate, sweep
 
 X = tracks([0, 0, 0])
 RHO = st.sampled_from([0.001, 0.2, 0.3, 0.5, 0.7, 0.95])
@@ -48,6 +48,40 @@ def test_quasi_metric(
     assert result.certified
     assert result.metric == "quasi-tgospa"
     assert result.parameters["rho"] == rho
+
+
+@settings(max_examples=20)
+@given(sides=pairs_of_sets(), p=ORDERS, rho=RHO, false=st.sampled_from([0.5, 5, 50]))
+def test_similarity(
+    sides: tuple[np.ndarray, np.ndarray], p: float, rho: float, false: float
+) -> None:
+    """S = 2 / (1 + exp(d / beta)) of the value per step d, by a formula of its own."""
+    result = evaluate(*sides, 2.0, p, 1.0, rho=rho)
+    beta = 2.0 * (rho * false) ** (1 / p) / np.log((2 - 0.1) / 0.1)
+    found = result.similarity(false)
+    assert found.beta == pytest.approx(beta, rel=1e-12)
+    expected = 2 / (1 + np.exp(min(result.normalised["tgospa"] / beta, 700)))
+    assert found.score == pytest.approx(expected, rel=1e-9)
+    assert 0 <= found.lower_bound <= found.score <= found.upper_bound <= 1
+    assert found.upper_bound - found.lower_bound <= 1e-8
+    assert evaluate(sides[0], sides[0], 2.0, p, 1.0, rho=rho).similarity(false).score == 1
+
+
+def test_similarity_of_the_calibration() -> None:
+    """The authors' numbers: c = 10, p = 2, 50 false targets score 0.1."""
+    nothing, many = np.zeros((1, 0, 1)), np.arange(50.0).reshape(1, 50, 1)
+    found = evaluate(nothing, many, 10, 2, 1).similarity(50)
+    assert found.beta == pytest.approx(16.981164, abs=1e-6)
+    assert found.score == pytest.approx(0.1, abs=1e-12)
+    ten = evaluate(np.zeros((1, 1, 1)), np.full((1, 1, 1), 50.0), 10, 2, 1)  # d = 10
+    assert ten.similarity(50).score == pytest.approx(0.71378, abs=1e-5)
+    with pytest.raises(ConfigError, match="say how many false targets"):
+        ten.similarity()
+    with pytest.raises(ConfigError, match="the steps are weighted"):
+        evaluate(many, many, 10, 2, 1, step_weights=[1.0]).similarity(50)
+    for wrong in ((0,), (np.inf,), (5, 1.0)):
+        with pytest.raises(ConfigError, match="must be > 0"):
+            ten.similarity(*wrong)
 
 
 FORGETTING = (1 / 7, 2 / 7, 4 / 7)

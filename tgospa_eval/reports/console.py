@@ -149,13 +149,27 @@ def _classes(result: Summary) -> Iterator[str]:
 
 def _scale(result: Summary) -> Iterator[str]:
     objects = max(result.objects)
-    if not objects:
-        return
-    order = result.proof.parameters.order
-    typical = (result.total / objects) ** (1 / order)
-    per_step = result.quantity(result.normalised["tgospa"])
-    yield f"  per step             {per_step}  (total / steps)^(1/p)"
-    yield f"  per object and step  {result.quantity(typical)}  a typical error, misses included"
+    if objects:
+        order = result.proof.parameters.order
+        typical = (result.total / objects) ** (1 / order)
+        per_step = result.quantity(result.normalised["tgospa"])
+        yield f"  per step             {per_step}  (total / steps)^(1/p)"
+        yield (
+            f"  per object and step  {result.quantity(typical)}  a typical error, misses included"
+        )
+    if result.calibration is not None:
+        yield f"  similarity           {similarity_in_words(result)}"
+
+
+def similarity_in_words(result: Summary) -> str:
+    """The score of the value per step, and on what scale, where that was asked for."""
+    found = result.similarity()
+    asked = found.calibration
+    bracket = "" if result.certified else f" to {found.upper_bound:.4f}"
+    return (
+        f"{found.score:.4f}{bracket}, from 0 to 1; {asked.false_targets:g} false a step score "
+        f"{asked.score:g}"
+    )
 
 
 def _curve(result: Summary) -> Iterator[str]:

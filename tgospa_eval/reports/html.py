@@ -16,7 +16,7 @@ import numpy as np
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.reports.console import meaning, part_rows
+from tgospa_eval.reports.console import meaning, part_rows, similarity_in_words
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.reports.repairs import repair_notes, repair_rows
@@ -73,6 +73,7 @@ def page(
             traced=result.traced is not None,
             worst_window=_worst_window(result),
             meaning=meaning(result),
+            score="" if result.calibration is None else similarity_in_words(result),
             parts=_parts(result),
             total=number(result.total),
             per_step=result.quantity(result.normalised["tgospa"]),

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
-from tgospa_eval.reports.console import headline
+from tgospa_eval.reports.console import headline, similarity_in_words
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.repairs import repair_notes, repair_table
 from tgospa_eval.reports.slices import about_slices, slices_table
@@ -39,7 +39,8 @@ def _notes(result: Summary) -> list[str]:
     slices = about_slices(result.sliced, certified=result.certified)
     found = result.explained
     repairs = () if found is None else repair_notes(found)
-    return [*similarity(result.with_), *slices, *repairs]
+    scored = () if result.calibration is None else (f"similarity {similarity_in_words(result)}",)
+    return [*scored, *similarity(result.with_), *slices, *repairs]
 
 
 def _title(result: Summary) -> tuple[str, str]:

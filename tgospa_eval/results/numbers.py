@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
@@ -26,6 +27,7 @@ from tgospa_eval.results.records import (
     SolverRecord,
     Timings,
 )
+from tgospa_eval.results.similarity import USUAL_SCORE, Calibration, Similarity
 from tgospa_eval.results.slices import Slicing
 
 T = TypeVar("T")
@@ -71,6 +73,8 @@ class Numbers(ABC):
     sums : dict
         Of these what those of several recordings are joined from, by metric and name with a dot
         between; lists over the thresholds of HOTA.
+    calibration : Calibration, optional
+        Of `similarity`, if every output is to show it.
     """
 
     proof: Costs
@@ -89,6 +93,7 @@ class Numbers(ABC):
     with_: OtherMetrics = field(default_factory=dict)
     sliced: tuple[Slicing, ...] = ()
     sums: MetricSums = field(default_factory=dict)
+    calibration: Calibration | None = None
 
     @cached_property
     def scale(self) -> float:
@@ -201,6 +206,58 @@ class Numbers(ABC):
         """``(total / T) ** (1 / order)`` over the T steps at which something exists."""
         occupied = int(np.count_nonzero(self.occupied))
         return {"tgospa": self._root(self.proof.breakdown.total / occupied) if occupied else 0.0}
+
+    def similarity(
+        self, false_targets: float | None = None, score: float = USUAL_SCORE
+    ) -> Similarity:
+        """A score from 0 to 1 of the value per step: 1 is perfect.
+
+        Parameters
+        ----------
+        false_targets : float
+            How many false targets at each step, and nothing else, get `score`.
+        score : float
+            What they get.
+
+        Returns
+        -------
+        Similarity
+            The score with proven bounds.
+
+        Raises
+        ------
+        ConfigError
+            A number is out of its range, or the steps are weighted: a value per step has no
+            meaning then.
+        """
+        calibration = self.calibration
+        if false_targets is not None:
+            calibration = Calibration(false_targets=false_targets, score=score)
+        if calibration is None:
+            raise ConfigError("similarity: say how many false targets at each step score 0.1")
+        if "step_weights" in self.settings:
+            raise ConfigError(
+                "similarity: the steps are weighted, and the score is of the mean over steps that "
+                "all count the same; leave the weights out"
+            )
+        parameters, bounds = self.proof.parameters, self.proof.bounds
+        occupied = max(int(np.count_nonzero(self.occupied)), 1)
+        beta = calibration.beta(parameters)
+        ends = [
+            outward(
+                calibration.of(self.outward_root(cost / occupied, sign), parameters),
+                -sign,
+                POWER * (1 + self._root(cost / occupied) / beta),
+            )
+            for cost, sign in ((bounds.upper, 1), (bounds.lower, -1))
+        ]
+        return Similarity(
+            score=calibration.of(self.normalised["tgospa"], parameters),
+            lower_bound=ends[0],
+            upper_bound=min(ends[1], 1.0),
+            beta=beta,
+            calibration=calibration,
+        )
 
     @property
     def parameters(self) -> Mapping[str, object]:

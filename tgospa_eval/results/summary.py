@@ -40,7 +40,7 @@ PUBLIC = (
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices"),
-    *("metrics", "gradient", "to_dict", "to_json", "to_html", "save", "explain"),
+    *("metrics", "similarity", "gradient", "to_dict", "to_json", "to_html", "save", "explain"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
     "plot_worst",
 )
@@ -78,6 +78,7 @@ class Summary(Numbers, ABC):
             **({} if self.split is None else parts),
             **curve,
             **({"with": self.with_} if self.with_ else {}),
+            **({} if self.calibration is None else {"similarity": self.similarity().record()}),
             **({"slices": [one.record() for one in self.sliced]} if self.sliced else {}),
             **({} if self.explained is None else {"explanation": self.explained.record()}),
             "schema": RESULT_SCHEMA,
@@ -116,15 +117,16 @@ class Summary(Numbers, ABC):
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
         ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
         ``localisation_mean`` and ``localisation_spread``; other metrics that were asked for as
-        ``with.hota.HOTA``.
+        ``with.hota.HOTA``, and ``similarity``.
         """
+        scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *(() if self.split is None else SPLIT_PARTS)]
         groups: dict[str, Mapping[str, float]] = {
             "counts": self.counts,
             "normalised": self.normalised,
             **{f"with.{name}": numbers for name, numbers in self.with_.items()},
         }
-        return {name: float(getattr(self, name)) for name in names} | {
+        return {**{name: float(getattr(self, name)) for name in names}, **scored} | {
             f"{group}.{name}": float(value)
             for group, found in groups.items()
             for name, value in found.items()

@@ -68,6 +68,13 @@ class Files(Verb):
             show_default="half of W",
         ),
         Option(
+            "--similarity N",
+            "Show a score from 0 to 1 of the value per step as well: 1 is perfect, N false targets "
+            "at each step score 0.1.",
+            section="Output",
+            type=float,
+        ),
+        Option(
             "--explain",
             "Show the ten repairs of the estimate that are proven to save most, as the verb "
             "explain does; with -o also as files, and in report.html.",
@@ -120,6 +127,9 @@ def command(
             if sweep
             else "--with takes all rows together, not --by class; choose one class by --class NAME"
         )
+    if chosen.similarity is not None and (sweep or chosen.step_weights is not None):
+        other = "--sweep" if sweep else "--step-weights"
+        raise click.UsageError(f"--similarity is of the mean over steps, not for {other}")
     if chosen.explain and (sweep or chosen.by or chosen.preprocess):
         raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=bool(sweep)))
     from tgospa_eval.cli.evaluate.output import show

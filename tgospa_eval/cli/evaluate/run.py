@@ -13,10 +13,12 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import evaluate_fitted
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
+from tgospa_eval.results.similarity import Calibration
 from tgospa_eval.results.summary import Summary
 
 NARROWEST = 1e-12
@@ -49,6 +51,7 @@ def evaluate_files(
         Something is wrong with options or files.
     """
     settings = make_settings(options, output)
+    calibration = _calibration(options)
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.
@@ -79,6 +82,7 @@ def evaluate_files(
             result,
             warnings=(*warnings, *result.warnings),
             files={"truth": truth, "estimate": estimate},
+            calibration=calibration,
         )
 
     result = run(work, stopwatch, show=not output.quiet)
@@ -109,6 +113,16 @@ def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
         f"accuracy not reached: solver {result.solver['status']}, the relative gap is "
         f"{result.relative_gap:.2g}{asked_gap}{narrowest}"
     )
+
+
+def _calibration(options: EvaluationOptions) -> Calibration | None:
+    """Of the score of ``--similarity``, if it was asked for."""
+    if options.similarity is None:
+        return None
+    try:
+        return Calibration(false_targets=options.similarity)
+    except ConfigError as error:
+        raise ConfigError(f"--similarity: {error}") from None
 
 
 def read_sides(

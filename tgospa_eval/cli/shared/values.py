@@ -8,7 +8,7 @@ from tgospa_eval.common.frozen import dataclass
 
 NOT_OF_THE_NUMBER = (
     *("jobs", "max_input", "sides"),
-    *("curve", "explain", "window", "every", "with_", "slices", "summed"),
+    *("curve", "explain", "similarity", "window", "every", "with_", "slices", "summed"),
 )
 """Options of an evaluation that do not change its number."""
 
@@ -69,6 +69,7 @@ class EvaluationOptions(Values):
     window: int | None = None
     every: int | None = None
     explain: bool = False
+    similarity: float | None = None
     with_: str | None = None
     slices: tuple[str, ...] = ()
     summed: bool = False

@@ -1,0 +1,89 @@
+"""A score from 0 to 1 of how alike two sets of trajectories are: the metric, on another scale.
+
+    S(d) = 2 / (1 + exp(d / beta)),   beta = c (rho n)^(1/p) / log((2 - s) / s),
+
+so that n false targets and nothing else score s (Garcia-Fernandez et al., arXiv 2507.13706, and
+their `CalibrateBetaScore`). S is 1 where d is 0, falls with d, and is never 0.
+"""
+
+import math
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.problem.tgospa import Parameters
+
+USUAL_SCORE = 0.1
+"""What the false targets of the calibration score, as in the authors' scripts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What false targets alone score.
+
+    Parameters
+    ----------
+    false_targets : float
+        n > 0: how many at each step.
+    score : float
+        0 < s < 1: what that scores.
+
+    Raises
+    ------
+    ConfigError
+        A number is out of its range.
+    """
+
+    false_targets: float
+    score: float = USUAL_SCORE
+
+    def __post_init__(self) -> None:
+        for name, most in (("false_targets", math.inf), ("score", 1.0)):
+            value = real_number(name.replace("_", " "), getattr(self, name))
+            if not 0 < value < most:
+                limit = "finite" if math.isinf(most) else f"< {most:g}"
+                raise ConfigError(f"{name.replace('_', ' ')} is {value:g}: must be > 0 and {limit}")
+            object.__setattr__(self, name, value)
+
+    def beta(self, parameters: Parameters) -> float:
+        """The scale on which the metric counts, in its unit."""
+        false = parameters.root(parameters.rho * self.false_targets)
+        return false / math.log((2 - self.score) / self.score)
+
+    def of(self, value: float, parameters: Parameters) -> float:
+        """The score of a value per step."""
+        small = math.exp(-value / self.beta(parameters))
+        return 2 * small / (1 + small)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Similarity:
+    """The score of an evaluation.
+
+    Parameters
+    ----------
+    score : float
+        Of the value per step, from 0 to 1.
+    lower_bound, upper_bound : float
+        Proven bounds of it.
+    beta : float
+        Its scale, in the unit of the metric.
+    calibration : Calibration
+        What that comes from.
+    """
+
+    score: float
+    lower_bound: float
+    upper_bound: float
+    beta: float
+    calibration: Calibration
+
+    def record(self) -> dict[str, float]:
+        """Its part of the JSON document."""
+        return {
+            "score": self.score,
+            "lower_bound": self.lower_bound,
+            "upper_bound": self.upper_bound,
+            "beta": self.beta,
+            "false_targets": self.calibration.false_targets,
+            "score_of_false_targets": self.calibration.score,
+        }
