@@ -1,5 +1,6 @@
 """Fixtures: files, the command line as a process, the command line in this process."""
 
+import gc
 import importlib
 import os
 import pkgutil
@@ -24,6 +25,10 @@ import tgospa_eval
 for name in ("FORCE_COLOR", "NO_COLOR", "COLORTERM", "COLUMNS", "LINES"):
     os.environ.pop(name, None)
 os.environ["TERM"] = "xterm-256color"
+
+# Hundreds of processes begin with the package: to compile it anew takes most of their start.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # The same examples in every run, however busy the machine; new ones by `make fuzz`.
 settings.register_profile(
@@ -50,6 +55,17 @@ QUICKSTART = SAMPLES / "quickstart"
 
 NO_PICTURES = {"TGOSPA_EVAL_PICTURES": "none"}
 """They take longer than what most tests are about; tests/unit/plots draws them."""
+
+
+NEW_OBJECTS = 50_000
+"""New objects from which on cycles are looked for, as in the command: Python's 700 cost a sixth."""
+
+
+def pytest_collection_finish() -> None:
+    """Leave out what is there for good when cycles are looked for: a million objects of modules."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(NEW_OBJECTS)
 
 
 NEEDS = {"chromium": "browser", "environment": "process", "unmeasured": "process"}
