@@ -391,7 +391,8 @@ def test_interrupt_of_the_pictures(interrupted: Run, quickstart: Pair) -> None:
 def test_an_interrupted_gate_never_passes(
     interrupted: Run, crowd: Pair, tmp_path_factory: pytest.TempPathFactory, invoke: Run
 ) -> None:
-    given = ("gate", *crowd, *HARD, "--solver", "exact", "--baseline")
+    brief = (*HARD[:-1], "0:3")  # the baseline is solved to the end
+    given = ("gate", *crowd, *brief, "--solver", "exact", "--baseline")
     baseline = tmp_path_factory.mktemp("gate") / "baseline.json"
     assert invoke(*given, str(baseline), "--update-baseline").status == 0
     status, out, err = interrupted(CLARABEL, *given, str(baseline), "--junit", "junit.xml")

@@ -346,7 +346,7 @@ def test_the_folder(invoke: Invoke, quickstart: Pair, tmp_path: Path) -> None:
     assert "is not empty" in result.err
 
 
-@pytest.mark.parametrize(("formats", "files"), [("none", []), ("svg,pdf", ["pdf", "svg"])])
+@pytest.mark.parametrize(("formats", "files"), [("none", []), ("svg,png", ["png", "svg"])])
 def test_pictures_of_the_folder(
     invoke: Invoke, quickstart: Pair, tmp_path: Path, formats: str, files: list[str]
 ) -> None:

@@ -317,25 +317,28 @@ def test_worst() -> None:
 # --- in a notebook --------------------------------------------------------------------------------
 
 
-def test_a_result_shows_itself(tmp_path: Path) -> None:
+def test_a_result_shows_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import matplotlib as mpl
     from matplotlib.image import imread
 
     result = swap()
     for draw in ALL:
         made = getattr(result, draw.__name__)(style="paper")
-        data, size = made._repr_png_()
-        tall, wide, _ = imread(io.BytesIO(data)).shape
-        assert (wide, tall) == pytest.approx((2 * size["width"], 2 * size["height"]), abs=1)
+        assert labels(made) == labels(draw(result, style="paper"))
+    data, size = made._repr_png_()
+    tall, wide, _ = imread(io.BytesIO(data)).shape
+    assert (wide, tall) == pytest.approx((2 * size["width"], 2 * size["height"]), abs=1)
     with mpl.rc_context({"font.size": 30, "hatch.linewidth": 9}):
         assert made._repr_png_()[0] == data  # the settings of the user are not those of the picture
     assert labels(result.plot_costs(components=["missed"])) >= {"missed"}
     assert result.plot_plane(columns=("t", "y")).axes[0].get_xlabel() == "time"
     assert "<canvas" in result.to_html()
     result.save(tmp_path / "saved")
-    result.save(tmp_path / "saved")  # its own folder
     names = {path.name for path in (tmp_path / "saved").iterdir()}
     assert names >= {"result.json", "report.html", "lanes.png", "per_step.csv"}
+    monkeypatch.setattr("tgospa_eval.plots.result_pictures.available", lambda: False)
+    result.save(tmp_path / "saved")  # its own folder
+    assert (tmp_path / "saved" / "report.html").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").touch()
     with pytest.raises(ConfigError, match=r"^folder .*mine: is not empty; .* force=True"):
