@@ -54,6 +54,39 @@ def test_a_folder_of_runs(invoke: Invoke, runs: Path) -> None:
     assert report.out.startswith("8 jobs, 0 failed\n")
 
 
+def test_slices_are_added_up(invoke: Invoke, runs: Path) -> None:
+    asked = ("--slice", "t=0:2:9", "--slice", "id", "--by", "tracker")
+    answer = batch(invoke, *asked, "--format", "json")
+    document = json.loads(answer.out)
+    for group in document["groups"]:
+        for by in ("t=0:2:9", "id"):
+            own = [
+                row
+                for row in document["slices"]
+                if (row["by"], row["tracker"]) == (by, group["tracker"])
+            ]
+            for name in ("total", "localisation", "missed", "false", "switch"):
+                assert sum(row[name] for row in own) == pytest.approx(group[name], rel=1e-12)
+    # Of each run two of five steps are before t = 2, with an error of 1 or 2.
+    first = [row for row in document["slices"] if row["slice"] == "0 to 2"]
+    assert [row["total"] for row in first] == pytest.approx([2 * RUNS, 8 * RUNS])
+    assert document["jobs"][0]["slices"][0]["by"] == "t=0:2:9"
+    with open("r/slices.csv", encoding="utf-8", newline="") as file:
+        assert [row["slice"] for row in csv.DictReader(file)] == [
+            row["slice"] for row in document["slices"]
+        ]
+    page = Path("r/report.html").read_text(encoding="utf-8")
+    assert "Split by attributes" in page
+    shown = invoke("batch", "report", "r", "--by", "tracker").out
+    assert re.search(r"^  by t=0:2:9  tracker +total", shown, re.M)
+    assert "slices" not in invoke("batch", "report", "r", "--format", "csv").out.splitlines()[0]
+    other = batch(invoke, "--slice", "id")
+    assert other.status == 2
+    assert "slices was" in other.err
+    assert invoke("batch", *PATTERNS, "-o", "s", "--slice", "x=2:1").status == 2
+    assert not Path("s").exists()
+
+
 def test_a_changed_file_is_evaluated_again(invoke: Invoke, runs: Path) -> None:
     batch(invoke)
     path = Path("out/a/0.csv")

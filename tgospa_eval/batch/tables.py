@@ -19,6 +19,7 @@ from tgospa_eval.batch.pairing import (
     with_parameters,
 )
 from tgospa_eval.batch.resampling import BOOTSTRAP_SEED
+from tgospa_eval.batch.slices import sliced_groups
 from tgospa_eval.batch.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
@@ -92,6 +93,7 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
         seed=BOOTSTRAP_SEED,
+        slices=tuple(sliced_groups(having, groups.numbers)),
     )
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking
-from tgospa_eval.reports.curves import curves_json
-from tgospa_eval.reports.files import csv_text
+from tgospa_eval.reports.batch_files import batch_csv, batch_json
+from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking, value_in_words
+from tgospa_eval.reports.batch_slices import about_slices_of, slice_tables
 from tgospa_eval.reports.order import (
     MOST_NAMED,
     best_of,
@@ -20,7 +20,7 @@ from tgospa_eval.reports.order import (
 )
 from tgospa_eval.reports.other_metrics import direction, grouped_table, other_records
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
-from tgospa_eval.results.records import PARTS, json_text
+from tgospa_eval.results.records import PARTS
 from tgospa_eval.text import listed
 
 if TYPE_CHECKING:
@@ -35,9 +35,6 @@ INTERVAL = "95 % interval"
 LEAST_P = 1e-4
 """P values below are shown as such."""
 
-THRESHOLDS = ".at."
-"""In names of columns with a list in each row: a number for each threshold of HOTA."""
-
 
 def document(tables: BatchTables) -> Document:
     """The tables by groups and the rankings, with what they are."""
@@ -50,6 +47,7 @@ def document(tables: BatchTables) -> Document:
             *([_sums_table(tables), _parts_table(tables)] if len(groups) else []),
             *(table for ranking in tables.rankings for table in _ranking_tables(ranking)),
             *other_tables(tables),
+            *slice_tables(tables),
         ],
         notes=list(_notes(tables)),
     )
@@ -102,7 +100,7 @@ def _parts_table(tables: BatchTables) -> Table:
 def other_tables(tables: BatchTables) -> Iterator[Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
-    names = [tuple(value_in_words(row[name]) for name in heads) for row in rows]
+    names = [tables.named(row) for row in rows]
     yield from grouped_table(tuple(heads.values()), names, list(other_records(rows)))
 
 
@@ -251,6 +249,7 @@ def _notes(tables: BatchTables) -> Iterator[str]:
             yield f"{_where(ranking)}{names}: no job with a value, and no place"
     yield from _preprocessed(tables.rows)
     yield from about_others(tables)
+    yield from about_slices_of(tables)
 
 
 def _preprocessed(rows: "pd.DataFrame") -> Iterator[str]:
@@ -271,11 +270,6 @@ def about_others(tables: BatchTables) -> Iterator[str]:
 def parameters_in_words(parameters: Mapping[str, float | str]) -> str:
     """A set of parameters that differ in the batch, in a line."""
     return ", ".join(f"{name} {value_in_words(value)}" for name, value in parameters.items())
-
-
-def value_in_words(value: object) -> str:
-    """A label, or the value of a parameter."""
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _ends(row: Mapping[Hashable, float], name: str) -> Interval:
@@ -302,89 +296,6 @@ def _interval(bounds: Interval, sign: str = "") -> str:
     return f"{_value(bounds.lower, 4, sign)} to {_value(bounds.upper, 4, sign)}"
 
 
-def _csv(tables: BatchTables) -> str:
-    return csv_text(
-        {
-            str(name): [value if value == value else None for value in column.tolist()]
-            for name, column in tables.rows.items()
-            if THRESHOLDS not in str(name)
-        }
-    )
-
-
-def _json(tables: BatchTables) -> str:
-    return json_text(
-        {
-            "schema": "tgospa-eval/batch/1",
-            "by": list(tables.by),
-            "groups": _records(tables.groups),
-            "ranking": [row for ranking in tables.rankings for row in _ranked(ranking)],
-            "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
-            "notes": list(tables.notes),
-            "seed": tables.seed,
-            **({"curves": curves_json(tables.curves)} if tables.curves else {}),
-            "jobs": _records(tables.rows),
-        }
-    )
-
-
-def _ranked(ranking: Ranking) -> Iterator[dict[str, object]]:
-    """A row for each that is ranked."""
-    for item in ranking.entries:
-        yield {
-            "name": item.name,
-            "parameters": dict(ranking.parameters),
-            "jobs": ranking.jobs,
-            "of_jobs": ranking.all_jobs,
-            "place": list(item.place),
-            "combined": item.combined.upper,
-            "combined_lower": item.combined.lower,
-            "per_step": item.per_step.upper,
-            "per_step_lower": item.per_step.lower,
-            "confidence": _pair(item.confidence),
-            "statistical_place": item.statistical_place and list(item.statistical_place),
-        }
-
-
-def _compared(ranking: Ranking) -> Iterator[dict[str, object]]:
-    """A row for each pair of them; nothing is concluded where there are too few pairs of jobs."""
-    for pair in ranking.comparisons:
-        found = pair.inference
-        yield {
-            "first": pair.first,
-            "second": pair.second,
-            "parameters": dict(ranking.parameters),
-            "jobs": ranking.jobs,
-            "pairs": ranking.pairs,
-            "verdict": pair.verdict,
-            "difference": _pair(pair.difference),
-            "lower": found and found.confidence.lower,
-            "upper": found and found.confidence.upper,
-            "p_value": found and found.p_value,
-            "p_holm": found and found.p_holm,
-            "significant": found and found.significant,
-            "resamples": ranking.resamples,
-            "permutations": ranking.permutations,
-            "seed": ranking.seed,
-        }
-
-
-def _pair(bounds: Interval | None) -> list[float] | None:
-    return None if bounds is None else [bounds.lower, bounds.upper]
-
-
-def _records(frame: "pd.DataFrame") -> list[dict[str, object]]:
-    """The rows as plain values, None for what is not there."""
-    return [
-        {
-            str(name): list(value) if THRESHOLDS in str(name) else value
-            for name, value in row.items()
-            if THRESHOLDS in str(name) or value == value
-        }
-        for row in frame.to_dict("records")
-    ]
-
-
 def _as(write: Callable[[Document], str]) -> "Report":
     return lambda tables: write(document(tables))
 
@@ -393,8 +304,8 @@ Report = Callable[[BatchTables], str]
 
 BATCH_REPORTS: dict[str, Report] = {
     "table": _as(as_text),
-    "json": _json,
-    "csv": _csv,
+    "json": batch_json,
+    "csv": batch_csv,
     "markdown": _as(as_markdown),
     "latex": _as(as_latex),
 }

@@ -19,6 +19,7 @@ from tgospa_eval.reports.batch import (
     parameters_in_words,
 )
 from tgospa_eval.reports.batch_records import Comparison, Ranking
+from tgospa_eval.reports.batch_slices import about_slices_of, slice_tables
 from tgospa_eval.reports.batch_view import METRIC_COLUMNS, BatchView, GroupCosts
 from tgospa_eval.reports.charts import curve_chart
 from tgospa_eval.reports.curves import CURVE_KINDS
@@ -68,6 +69,8 @@ def batch_page(view: BatchView) -> str:
             common=any(found.jobs < found.all_jobs for found in view.tables.rankings),
             others=list(other_tables(view.tables)),
             about_others=list(about_others(view.tables)),
+            slices=list(slice_tables(view.tables)),
+            about_slices=list(about_slices_of(view.tables)),
             heat=view.heat,
             levels=HEAT_LEVELS,
             tracks=len(TRACK_COLOURS),

@@ -3,13 +3,14 @@
 Proven is what holds for these files; statistical is what they say of others like them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.reports.curves import RmsCurve
+from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -144,6 +145,22 @@ class Ranking:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class GroupSlices:
+    """Costs of a group of jobs split by attributes.
+
+    Parameters
+    ----------
+    group : int
+        Which row of the groups it is.
+    slicings : tuple of Slicing
+        Sums over its jobs, one for each attribute.
+    """
+
+    group: int
+    slicings: tuple[Slicing, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class BatchTables:
     """Everything that is tabulated of a batch.
 
@@ -163,6 +180,8 @@ class BatchTables:
         Why something is not ranked.
     seed : int
         Of the bootstrap intervals of the groups.
+    slices : tuple of GroupSlices
+        Of groups, where costs are split.
     curves : tuple of RmsCurve
         Over the steps of runs, where those are stored.
     """
@@ -174,6 +193,7 @@ class BatchTables:
     rankings: tuple[Ranking, ...] = ()
     notes: tuple[str, ...] = ()
     seed: int = 0
+    slices: tuple[GroupSlices, ...] = ()
     curves: tuple[RmsCurve, ...] = ()
 
     @property
@@ -183,3 +203,12 @@ class BatchTables:
             f"label.{name}" if f"label.{name}" in self.groups else name: name for name in self.by
         }
         return found | {name: name for name in self.parameters}
+
+    def named(self, row: "Mapping[Hashable, Any] | pd.Series[Any]") -> tuple[str, ...]:
+        """What tells a row of the groups from others, in words."""
+        return tuple(value_in_words(row[name]) for name in self.heads)
+
+
+def value_in_words(value: object) -> str:
+    """A label, or the value of a parameter."""
+    return f"{value:g}" if isinstance(value, float) else str(value)

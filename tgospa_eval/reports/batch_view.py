@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
-from tgospa_eval.reports.batch import NARROW, value_in_words
-from tgospa_eval.reports.batch_records import BatchTables
+from tgospa_eval.reports.batch import NARROW
+from tgospa_eval.reports.batch_records import BatchTables, value_in_words
 from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.reports.heat import Heat, heat_of
 from tgospa_eval.results.records import PARTS, Part

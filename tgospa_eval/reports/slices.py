@@ -7,7 +7,7 @@ from itertools import zip_longest
 from tgospa_eval.common.figures import number
 from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS
-from tgospa_eval.results.slices import Slice, Slicing
+from tgospa_eval.results.slices import Slice, Slicing, in_order
 
 MOST_LISTED = 20
 """Slices of a table; of more the costliest are shown."""
@@ -29,20 +29,46 @@ def slices_table(slicing: Slicing) -> Table:
     """A row for each slice: states of the truth in it, costs, the share of the whole."""
     total = slicing.total
     shown = shown_slices(slicing)
-    rows: list[Row] = [
-        (
-            one.name,
-            number(one.truth_steps),
-            number(one.total, 5),
-            share(one.total, total),
-            *(number(getattr(one, part), 4) for part in PARTS),
-        )
-        for one in shown
-    ]
+    rows: list[Row] = [(one.name, *_cells(one, total)) for one in shown]
     left = len(slicing.slices) - len(shown)
     if left:
         rows.append((f"and {left} more",))
     return Table(head=(f"by {slicing.by}", *SLICE_HEAD), rows=rows)
+
+
+def _cells(one: Slice, total: float) -> list[str]:
+    return [
+        number(one.truth_steps),
+        number(one.total, 5),
+        share(one.total, total),
+        *(number(getattr(one, part), 4) for part in PARTS),
+    ]
+
+
+def group_tables(
+    heads: Sequence[str], groups: Sequence[tuple[tuple[str, ...], Sequence[Slicing]]]
+) -> Iterator[Table]:
+    """A table for each attribute: of each slice one group below the other.
+
+    Parameters
+    ----------
+    heads : sequence of str
+        What tells groups apart.
+    groups : sequence of tuple of str and slicings
+        Of each what it is called, and its slices.
+    """
+    for by in dict.fromkeys(slicing.by for _, slicings in groups for slicing in slicings):
+        found: dict[str, list[Row]] = {}
+        for names, slicings in groups:
+            for slicing in slicings:
+                for one in shown_slices(slicing) if slicing.by == by else ():
+                    cells = _cells(one, slicing.total)[1:]
+                    found.setdefault(one.name, []).append((one.name, *names, *cells))
+        yield Table(
+            head=(f"by {by}", *heads, *SLICE_HEAD[1:]),
+            rows=[row for name in in_order(found) for row in found[name]],
+            align="l" * (1 + len(heads)) + "r" * len(SLICE_HEAD[1:]),
+        )
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:

@@ -3,12 +3,14 @@
 import hashlib
 import math
 from dataclasses import fields, replace
+from importlib import import_module
 from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.problem.solution import Bounds, Brackets, Breakdown
 from tgospa_eval.results.records import (
     PARTS,
@@ -62,7 +64,10 @@ class ByClass(Summary):
     def slices(self, *by: str) -> tuple[Slicing, ...]:  # noqa: D102  (as of Summary)
         if not by:
             return self.sliced
-        return tuple(added_up([part.slices(*by) for part in self.results.values()]))
+        with spoken_in_python(reads=False):
+            split = import_module("tgospa_eval.evaluation.slices.split")
+            parts = [split.slices_of(part, by, summed=True) for part in self.results.values()]
+        return tuple(added_up(parts))
 
     def assignments_table(self) -> Columns:
         """Assigned pairs, class by class."""

@@ -128,7 +128,7 @@ def added(parts: Sequence[Slicing]) -> Slicing:
                 for field in SLICE_NUMBERS
             },
         )
-        for name in sorted(found, key=_place)
+        for name in in_order(found)
     ]
     return Slicing(by=parts[0].by, slices=tuple(slices), unique=all(part.unique for part in parts))
 
@@ -153,8 +153,13 @@ def slices_columns(slicings: Sequence[Slicing]) -> Columns:
     return columns
 
 
+def in_order(names: Iterable[str]) -> list[str]:
+    """Names of slices: numbers by their values, what has none at the end."""
+    return sorted(names, key=_place)
+
+
 def _place(name: str) -> list[tuple[int, float, tuple[list[tuple[int, int, str]], str]]]:
-    """Sort key of the name of a slice: numbers by their values, what has none at the end."""
+    """Sort key of the name of a slice."""
     return [_place_of_one(part) for part in name.split(CROSSED)]
 
 

@@ -1,6 +1,7 @@
 """Slices: they add up, to what an independent count of the written files gives."""
 
 import csv
+import json
 import math
 from collections import defaultdict
 from collections.abc import Callable
@@ -15,7 +16,8 @@ from hypothesis import strategies as st
 
 from tgospa_eval import ConfigError, Trajectories, evaluate
 from tgospa_eval.problem.compiled import kernels
-from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.by_class import ByClass, add_up
+from tgospa_eval.results.records import FileInfo
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.slices import Slicing, added
 
@@ -174,6 +176,63 @@ def test_as_recounted_from_files(
     for name, row in written.items():
         for part in PARTS:
             assert float(row[part]) == pytest.approx(wanted[name][part], abs=1e-9), (name, part)
+
+
+def test_every_output_has_them(
+    invoke: Callable[..., Answer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("truth.csv").write_text("id,t,x,class,seen\na,0,0,car,0.2\na,1,0,car,1\nb,1,90,<van>,\n")
+    Path("estimate.csv").write_text("id,t,x,class\nc,0,1,car\nd,1,70,<van>\n")
+    call = ["truth.csv", "estimate.csv", "-c", "4", "-g", "1"]
+    asked = ["--slice", "seen=weight", "--slice", "class * t", "-q"]
+    shown = invoke(*call, *asked).out
+    assert "  by seen=weight\n  slice      states  total   share" in shown
+    assert "  seen          1.2    8.2  32.8 %" in shown
+    assert all(len(line) <= 80 for line in shown.splitlines())
+    assert (
+        r"| car \* 0 | 1 | 1 | 4.0 % | 1 | 0 | 0 | 0 |"
+        in invoke(*call, *asked, "--format", "markdown").out
+    )
+    assert r"by seen=weight & states & total" in invoke(*call, *asked, "--format", "latex").out
+    document = json.loads(invoke(*call, *asked, "--format", "json").out)
+    total = document["total"]
+    for slicing in document["slices"]:
+        assert math.fsum(row["total"] for row in slicing["slices"]) == pytest.approx(total)
+    assert "slices" not in json.loads(invoke(*call, "-q", "--format", "json").out)
+    assert invoke(*call, *asked, "-o", "out", "--pictures", "none").status == 0
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    assert "&lt;van&gt; * 1" in page
+    assert "Cost by <bdi>seen=weight</bdi>" in page
+    by_class = invoke(*call, *asked, "--by", "class", "--format", "json")
+    summed = json.loads(by_class.out)
+    assert summed["slices"][1]["slices"] == document["slices"][1]["slices"]
+    assert summed["total"] == total
+    assert [len(one["slices"]) for one in summed["by_class"]["car"]["slices"]] == [3, 2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--slice", "nothing"], '--slice "nothing": neither side has such a column (found: '),
+        (["--slice", "x=3:1"], "edges must increase"),
+        (["--slice", "x", "--sweep", "c=1,2"], "--slice is for one evaluation, not for --sweep"),
+    ],
+)
+def test_errors_of_the_command_line(
+    arguments: list[str], message: str, invoke: Callable[..., Answer], quickstart: tuple[str, str]
+) -> None:
+    answer = invoke(*quickstart, "-q", *arguments)
+    assert (answer.status, answer.out) == (2, "")
+    assert message in answer.err
+
+
+def test_sums_of_results_need_edges(quickstart: tuple[str, str]) -> None:
+    parts = {name: evaluate(*quickstart, 10, 2, 5) for name in ("near", "far")}
+    whole = add_up(parts, (FileInfo(rows=1), FileInfo(rows=1)), 0.0)
+    with pytest.raises(ConfigError, match=r"slices y: .* need edges: y=:\d+:\d+:\d+:$"):
+        whole.slices("y")
+    check_sums(whole, whole.slices("y=0:100:200", "age=5"))
 
 
 # --- what attributes are -----------------------------------------------------------------------

@@ -11,6 +11,7 @@ from tgospa_eval.cli.shared.options import (
     PICTURE_OPTIONS,
     QUIET,
     REPORT_FORMATS,
+    SLICE,
     WITH,
 )
 
@@ -98,6 +99,7 @@ def _batch(declaration: str, text: str, **settings: object) -> Option:
             type=click.Choice(REPORT_FORMATS),
             default="table",
         ),
+        SLICE,
         WITH,
         *(item for item in PICTURE_OPTIONS if item.key in ("pictures", "style")),
         CONFIG_FILE,
@@ -137,7 +139,7 @@ def command(ctx: click.Context, /, paths: tuple[str, ...], **options: object) ->
         return
     if output.output is None:
         raise click.UsageError("name the folder of the results with -o DIR")
-    chosen = EvaluationOptions.of({**options, "by": None})
+    chosen = EvaluationOptions.of({**options, "by": None, "summed": True})
     ctx.exit(run_batch(ctx, paths, batch, chosen, output))
 
 

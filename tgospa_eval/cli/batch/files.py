@@ -17,8 +17,10 @@ from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.batch_records import BatchTables
+from tgospa_eval.reports.batch_slices import slices_of_groups
 from tgospa_eval.reports.batch_view import BatchView
 from tgospa_eval.reports.curves import curves_csv
+from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import BATCH
 from tgospa_eval.reports.manifest import read_manifest, unchanged
 from tgospa_eval.reports.proofs import folder_name
@@ -77,6 +79,8 @@ def write_batch(store: Store, tables: BatchTables, output: OutputOptions, *, len
         files: dict[str, str | bytes] = {}
         if tables.curves:
             files["curve.csv"] = curves_csv(tables.curves)
+        if tables.slices:
+            files["slices.csv"] = csv_text(slices_of_groups(tables))
         if "report" not in absent:
             from tgospa_eval.reports.batch_page import batch_page  # here: the extra may be missing
 

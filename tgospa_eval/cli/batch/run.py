@@ -40,6 +40,7 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
+from tgospa_eval.evaluation.slicing import parse_slices
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.batch_records import BatchTables
 
@@ -71,6 +72,7 @@ def run_batch(
         raise ConfigError("--proof is for the folders of --reports")
     if options.curve and not (batch.per_step or batch.reports):
         raise ConfigError("--curve is for --per-step, or for the folders of --reports")
+    parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
     plan = planned(paths, batch)
@@ -83,6 +85,7 @@ def run_batch(
         "version": __version__,
         "options": {name: _plain(value) for name, value in options.given.items()},
         **({"with": list(chosen_metrics(options.with_))} if options.with_ else {}),
+        **({"slices": list(options.slices)} if options.slices else {}),
         "jobs": {"paths": list(paths), "truth": batch.truth, "estimate": batch.estimate,
                  "layout": batch.layout, "seqmap": batch.seqmap},
     }  # fmt: skip

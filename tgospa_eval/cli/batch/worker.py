@@ -14,6 +14,7 @@ from typing import Any
 from tgospa_eval._version import __version__
 from tgospa_eval.batch.jobs import Job
 from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
+from tgospa_eval.batch.slices import stored_slices
 from tgospa_eval.batch.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.files import reason
@@ -158,6 +159,7 @@ def evaluate_job(task: Task) -> Row:
         row = {
             **numbers(result),
             **_steps(result, per_step=task.per_step),
+            **stored_slices(result),
             "status": "done" if finished else "open",
             "message": "" if finished else str(result.solver["status"]),
             "warnings": json.dumps([notice.record() for notice in result.warnings]),

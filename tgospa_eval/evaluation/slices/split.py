@@ -77,8 +77,8 @@ def cut(fitted: Fitted, asked: Sequence[SliceBy], cutoff: float) -> Cut:
     return Cut(members={by.text: _members(by, described) for by in asked})
 
 
-def slices_of(result: Result, texts: Sequence[str]) -> tuple[Slicing, ...]:
-    """A result split by what texts ask for.
+def slices_of(result: Result, texts: Sequence[str], *, summed: bool = False) -> tuple[Slicing, ...]:
+    """A result split by what texts ask for; `summed`: to be added to those of others.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def slices_of(result: Result, texts: Sequence[str]) -> tuple[Slicing, ...]:
     source = result.source
     if not isinstance(source, Source):
         raise ConfigError("this result was not made by evaluate: evaluate again")
-    found = cut(source.sides, parse_slices(texts), result.proof.parameters.cutoff)
+    found = cut(source.sides, parse_slices(texts, summed=summed), result.proof.parameters.cutoff)
     return found.of(result)
 
 
