@@ -84,6 +84,79 @@ def test_weights_of_steps(invoke: Run, write: Write, pair: list[str]) -> None:
     assert not Path("out").exists()
 
 
+def test_probabilities_of_existence(invoke: Run, write: Write, pair: list[str]) -> None:
+    """Y at 0 for three steps with s = 0.5, 0.8, 1; and a state that does not exist."""
+    truth, *_ = pair
+    rows = "id,t,x,existence\nb,0,0,0.5\nb,1,0,0.8\nb,2,0,1\nc,1,70,0\n"
+    files, metric = (truth, write("likely.csv", rows)), ("-c", "4", "-p", "1", "-g", "1")
+    ignored = invoke(*files, *metric)
+    assert "TGOSPA = 2, exact" in ignored.out  # c is false
+    assert "existence; --existence use takes existence as probabilities" in ignored.err
+    use = (*files, *metric, "--existence", "use")
+    answer = invoke(*use)
+    assert (answer.status, answer.out.startswith("TGOSPA = 1.4, exact")) == (0, True)
+    assert "existence" not in answer.err
+    words = " ".join(answer.out.split())
+    assert "mismatch 1.4 100.0 %" in words
+    assert "Experimental: that switches cost the same" in words
+    assert max(map(len, answer.out.splitlines())) <= 80
+    document = json.loads(invoke(*use, "--format", "json").out)
+    assert document["metric"] == "probabilistic-tgospa"
+    assert (document["existence_mismatch"], document["expected_localisation"]) == (
+        pytest.approx(1.4),
+        0,
+    )
+    plain = json.loads(invoke(*files, *metric, "--format", "json").out)
+    assert "existence_mismatch" not in plain
+    assert plain["input"]["estimate"]["sha256"] != document["input"]["estimate"]["sha256"]
+    assert "of which mismatch" in invoke(*use, "--format", "markdown").out
+    assert "probabilities of existence (experimental)" in invoke(*use, "--format", "latex").out
+    assert invoke(*use, "-o", "out").status == 0
+    assert "mismatch 100.0 %" in Path("out/report.html").read_text()
+    swept = invoke(*use, "--sweep", "gamma=1,2").out
+    assert "probabilities of existence (experimental)" in swept
+    windowed = json.loads(invoke(*use, "--window", "2", "--every", "1", "--format", "json").out)
+    assert [each["tgospa"] for each in windowed["windows"]] == pytest.approx([1.0 + 0.4, 0.4])
+
+
+def test_verbs_that_know_probabilities(invoke: Run, write: Write, pair: list[str]) -> None:
+    truth, *_ = pair
+    half, sure = (
+        write(name, "id,t,x,existence\n" + "".join(f"b,{t},0,{s}\n" for t in range(3)))
+        for name, s in (("half.csv", 0.5), ("sure.csv", 1))
+    )
+    metric = ("-c", "4", "-p", "1", "-g", "1", "-q", "--existence", "use")
+    ranked = json.loads(invoke("compare", truth, half, sure, *metric, "--format", "json").out)
+    assert [round(each["tgospa"], 9) for each in ranked["estimates"]] == [0, 3]
+    assert ranked["parameters"]["existence"] == "use"
+    gate = ("gate", truth, half, "--baseline", "b.json")
+    assert invoke(*gate, *metric[:-2], "--update-baseline").status == 0
+    assert invoke(*gate, *metric).status == 2  # another metric
+    assert invoke(*gate, *metric, "--update-baseline").status == 0
+    assert invoke(*gate, "-q").status == 0
+    document = json.loads(invoke("explain", truth, half, *metric, "--format", "json").out)
+    assert document["total"] == 3
+    for folder, name in (("a", "half.csv"), ("b", "sure.csv")):
+        Path(folder).mkdir()
+        Path(folder, "e.csv").write_text(Path(name).read_text())
+    jobs = ("--truth", truth, "--estimate", "{tracker}/e.csv", "--by", "tracker", "--workers", "1")
+    made = invoke("batch", *jobs, *metric, "-o", "store", "--format", "json")
+    assert made.status == 0
+    assert sorted(group["total"] for group in json.loads(made.out)["groups"]) == [0, 3]
+    for options, said in (
+        (("--rho", "0.3"), "no proof is known that the result is a metric"),
+        (("-o", "out", "--proof"), "--proof has no place for --existence use"),
+    ):
+        answer = invoke(truth, half, *metric, *options)
+        assert (answer.status, answer.out, said in answer.err) == (2, "", True)
+    answer = invoke(truth, truth, *metric)
+    assert (answer.status, "has a column existence" in answer.err) == (2, True)
+    bad = write("bad.csv", "id,t,x,existence\nb,0,0,0.5\nb,1,0,\nb,2,0,2\n")
+    answer = invoke(truth, bad, *metric)
+    assert answer.status == 3
+    assert 'bad.csv, column "existence": id b at t = 1 is blank (and 1 more)' in answer.err
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -31,6 +31,7 @@ from tgospa_eval.results.records import FileInfo, MetricSums, OtherMetrics, Solv
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
 from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.slicing import SliceBy
@@ -62,6 +63,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     with_: str | Sequence[str] = (),
     rho: float = 0.5,
     step_weights: "StepWeightsLike | None" = None,
+    existence: str = "ignore",
     slices: str | Sequence[str] = (),
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
@@ -112,6 +114,10 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         weight; a table with the columns ``t, weight`` and perhaps ``switch_weight``; an array
         (T,), one for each step; or a CSV file. Costs of a step are multiplied by its weight,
         switches into it by its switch weight, which is the same by default.
+    existence : {"ignore", "use"}
+        Whether states exist with the probabilities of the column, or attribute, ``existence``: the
+        probabilistic metric of arXiv 2506.15148, experimental (docs/theory/family.md). A side
+        without it exists for certain.
     slices : str or sequence of str
         Attributes to split costs and counts by, for `Result.slices`: a column of either side, or
         ``range``, ``speed``, ``size``, ``density``, ``age``, ``region``, with edges:
@@ -147,6 +153,8 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         asked = parse_slices(slices)
         columns = columns_asked(asked)
     with stopwatch.span("read"):
+        if existence == "use":
+            columns = (*columns, EXISTENCE)
         sides = as_sides(truth, estimate, base, columns)
     parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
     request = EvaluationRequest(
@@ -161,6 +169,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         defaults=defaults,
         slices=asked,
         step_weights=as_step_weights(step_weights),
+        existence=existence,
     )
     fitted = fit(*sides, request)
     found = look(fitted, request)
@@ -287,7 +296,7 @@ def prove(
         with stopwatch.span("windows"):
             slid = slide(*whole, sliding, *known)
     with stopwatch.span("report"):
-        split = _split(prepared.sides, prepared.distance, proof)
+        split = _split(prepared, proof)
     gap = solver.gap if solver.proves else GAP
     return Result(
         proof=proof,
@@ -306,7 +315,23 @@ def prove(
     )
 
 
-def _split(sides: Sides, distance: Distance, proof: Proof) -> tuple[float, float] | None:
+def _split(prepared: Prepared, proof: Proof) -> dict[str, float] | None:
+    """Parts of the cost of localisation, which sum to it, if it has any."""
+    found = _split_of_distances(prepared.sides, prepared.distance, proof) or {}
+    if prepared.existence is None:
+        return found or None
+    states, problem = proof.states, proof.states.problem
+    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
+    entry, weight = states.entry[used], proof.weights[used] / ONE
+    scale = proof.parameters.cutoff**proof.parameters.order
+    if not found:
+        expected = weight * problem.share(entry) * problem.powers(entry)
+        found = {"expected_localisation": scale * float(expected.sum())}
+    mismatch = float(np.sum(weight * problem.mismatch(entry)))
+    return {**found, "existence_mismatch": scale * mismatch}
+
+
+def _split_of_distances(sides: Sides, distance: Distance, proof: Proof) -> dict[str, float] | None:
     """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
     if proof.parameters.order != 2:
         return None
@@ -316,18 +341,18 @@ def _split(sides: Sides, distance: Distance, proof: Proof) -> tuple[float, float
     for begin in range(0, len(used) or 1, BLOCK):
         state = used[begin : begin + BLOCK]
         entry = states.entry[state]
-        weight = problem.weight(entry)
+        share = problem.share(entry)
         pairs = Pairs(
             truth_row=problem.truth_row[entry],
             estimate_row=problem.estimate_row[entry],
-            distance=proof.parameters.cutoff * np.sqrt(problem.cost[entry] / weight),
+            distance=proof.parameters.cutoff * np.sqrt(problem.powers(entry)),
         )
         parts = distance.parts(pairs, sides)
         if parts is None:
             return None
         for k, part in enumerate(parts):
-            sums[k] += float((weight * proof.weights[state] / ONE) @ (part * part))
-    return sums[0], sums[1]
+            sums[k] += float((share * proof.weights[state] / ONE) @ (part * part))
+    return {"localisation_mean": sums[0], "localisation_spread": sums[1]}
 
 
 def _solver_record(

@@ -32,13 +32,14 @@ def gradient(result: Result) -> Gradient:
     cutoff, p, gamma = parameters.cutoff, parameters.order, parameters.switch_penalty
     used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
     entry = states.entry[used]
-    weight = problem.weight(entry)
+    share = problem.share(entry)
     pairs = Pairs(
         truth_row=problem.truth_row[entry],
         estimate_row=problem.estimate_row[entry],
-        distance=cutoff * (problem.cost[entry] / weight) ** (1 / p),
+        distance=cutoff * problem.powers(entry) ** (1 / p),
     )
-    change = weight * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
+    change = share * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
+    mismatch = result.scale * float(np.sum(problem.mismatch(entry) * (proof.weights[used] / ONE)))
     slopes = change * _slopes(source.sides, pairs)
     total = np.zeros((len(problem.estimate_step), len(slopes)))
     for k, slope in enumerate(slopes):
@@ -46,7 +47,7 @@ def gradient(result: Result) -> Gradient:
     at_zero = math.nan if p == 1 else 0.0  # where switches are free, any number of them is best
     return Gradient(
         total=total,
-        cutoff=p / cutoff * (result.missed + result.false),
+        cutoff=p / cutoff * (result.missed + result.false + mismatch),
         switch_penalty=p / gamma * result.switch if gamma > 0 else at_zero,
         root=result.tgospa / (p * result.total) if result.total > 0 else 0.0,
         unique=is_unique(result),

@@ -17,13 +17,14 @@ from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Problem
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters, tgospa_problem
+from tgospa_eval.problem.weighting import StepWeights, weight_existence, weight_steps
 from tgospa_eval.results.records import FileInfo, FileRecord, Labels
 from tgospa_eval.results.result import Compared, Scene, sizes_of
 from tgospa_eval.tracks.alignment import Alignment, Times, align
+from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
-    from tgospa_eval.problem.weighting import StepWeights
     from tgospa_eval.tracks.step_weights import WeightsByTime
 
 
@@ -84,6 +85,8 @@ class Measured:
         Where the objects were before the distance prepared them, for pictures.
     step_weights : StepWeights, optional
         What each step counts.
+    existence : pair of (R,) float arrays, optional
+        Probability of each row of either side.
     """
 
     sides: tuple[Trajectories, Trajectories]
@@ -93,7 +96,8 @@ class Measured:
     settings: Mapping[str, object]
     input: Mapping[str, FileRecord]
     scene: Scene
-    step_weights: "StepWeights | None" = None
+    step_weights: StepWeights | None = None
+    existence: tuple[Floats, Floats] | None = None
 
     def problem(self, pairs: Pairs, parameters: Parameters) -> Problem:
         """The problem of pairs that include all nearer than the cutoff."""
@@ -113,11 +117,11 @@ class Measured:
             distance_error=self.distance.error(truth.state.shape[1]),
             last_place=self.distance.last_place(self.sides),
         )
-        if self.step_weights is None:
-            return problem
-        from tgospa_eval.problem.weighting import weight_steps  # here: few want it
-
-        return weight_steps(problem, self.step_weights)
+        if self.existence is not None:
+            problem = weight_existence(problem, *self.existence)
+        if self.step_weights is not None:
+            problem = weight_steps(problem, self.step_weights)
+        return problem
 
     def prepared(self, states: States, parameters: Parameters) -> "Prepared":
         """With the reduced problem, ready for a solver."""
@@ -193,7 +197,10 @@ def measure(
     # What is digested is what counts.
     with stopwatch.span("report"):
         infos = files or [FileInfo(rows=len(side.step)) for side in sides.read]
-        digests = [digest(side.seen_as(distance.kinds)) for side in sides.read]
+        digests = [
+            digest(side.seen_as(distance.kinds), existence=request.probabilistic)
+            for side in sides.read
+        ]
     with stopwatch.span("distances"):
         truth, estimate = (
             side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate)
@@ -220,6 +227,7 @@ def measure(
             "time_tolerance": time_matching.tolerance,
             "unit": request.unit,
             **_recorded_weights(request.step_weights),
+            **({EXISTENCE: request.existence} if request.probabilistic else {}),
             **request.recorded,
         },
         input={
@@ -230,16 +238,19 @@ def measure(
         },
         scene=scene,
         step_weights=_weights_of_steps(request.step_weights, truth),
+        existence=(
+            (existence_of(aligned.truth), existence_of(aligned.estimate))
+            if request.probabilistic
+            else None
+        ),
     )
     return measured, pairs
 
 
-def _weights_of_steps(given: "WeightsByTime | None", side: Trajectories) -> "StepWeights | None":
+def _weights_of_steps(given: "WeightsByTime | None", side: Trajectories) -> StepWeights | None:
     """The weights that are asked for on the steps of an aligned side."""
     if given is None:
         return None
-    from tgospa_eval.problem.weighting import StepWeights  # here: as where they are used
-
     cost, switch = given.on(side)
     return StepWeights(cost=cost, switch=switch)
 
@@ -255,13 +266,16 @@ def fit(
     Raises
     ------
     ConfigError
-        The grid leaves no step.
+        The grid leaves no step, or probabilities of existence are asked for and not there.
     InputError
-        Columns, states or times do not fit each other or the distance; `names` are for messages.
+        Columns, states, times or probabilities do not fit each other or the distance; `names` are
+        for messages.
     """
     distance, time_matching = request.distance, request.time_matching
     check_columns(truth, estimate, names)
     check_states(truth, estimate, distance, names)
+    if request.probabilistic:
+        truth, estimate = expected(truth, estimate, names)
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
@@ -304,13 +318,18 @@ def _recorded_weights(given: "WeightsByTime | None") -> dict[str, object]:
     return {"step_weights": sha.hexdigest()}
 
 
-def digest(side: Trajectories) -> str:
-    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles."""
+def digest(side: Trajectories, *, existence: bool = False) -> str:
+    """SHA-256 of what takes part: columns, ids, times, rows, states, covariances or particles.
+
+    `existence`: whether probabilities of existence do, too.
+    """
     sha = hashlib.sha256()
     for texts in (side.columns, side.ids.tolist()):
         sha.update(repr(list(texts)).encode())
     arrays = [_whole(side.times)[side.step], side.track, side.state]
     arrays += side.beside
+    if existence:
+        arrays.append(existence_of(side))
     for array in arrays:
         kind = "<i8" if array.dtype.kind == "i" else "<f8"
         sha.update(kind.encode())

@@ -11,6 +11,7 @@ from tgospa_eval.distances import Distance
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.weighting import NEEDS_SYMMETRY
 from tgospa_eval.solvers import Solver
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
@@ -54,11 +55,14 @@ class EvaluationRequest:
         Attributes by which costs are split.
     step_weights : WeightsByTime, optional
         What each step counts; all the same by default.
+    existence : {"ignore", "use"}
+        Whether probabilities of existence count.
 
     Raises
     ------
     ConfigError
-        The curve or windows are asked of a solver that cannot make them.
+        The curve or windows are asked of a solver that cannot make them, or probabilities of
+        existence beside prices of missed and false targets that differ.
     """
 
     parameters: Parameters
@@ -73,11 +77,21 @@ class EvaluationRequest:
     defaults: Sequence[str] = ()
     slices: "Sequence[SliceBy]" = ()
     step_weights: "WeightsByTime | None" = None
+    existence: str = "ignore"
 
     def __post_init__(self) -> None:
+        if self.existence not in ("ignore", "use"):
+            raise ConfigError(f"--existence {quoted(self.existence)}: must be ignore or use")
+        if self.probabilistic and self.parameters.rho != 0.5:
+            raise ConfigError(NEEDS_SYMMETRY)
         for asked, what in ((self.curve, "the curve needs"), (self.sliding, "windows need")):
             if asked and not self.solver.proves:
                 raise ConfigError(f"{what} the solver certified, not {self.solver.name}")
+
+    @property
+    def probabilistic(self) -> bool:
+        """Whether probabilities of existence count."""
+        return self.existence == "use"
 
 
 def chosen_parameters(

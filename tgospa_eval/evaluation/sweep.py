@@ -35,6 +35,7 @@ from tgospa_eval.results.sweep import Point, Sweep
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_solution
 from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.existence import EXISTENCE
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
@@ -61,6 +62,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     time_tolerance: float = 0.0,
     grid: str = "union",
     step_weights: "StepWeightsLike | None" = None,
+    existence: str = "ignore",
 ) -> Sweep:
     """TGOSPA over a range of one parameter, each point with proven bounds.
 
@@ -74,7 +76,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         As for `evaluate`.
     cutoff, order, switch_penalty, rho : float or sequence of float
         One of them is a sequence, in any order, without repetitions.
-    distance, solver, unit, time_tolerance, grid, step_weights
+    distance, solver, unit, time_tolerance, grid, step_weights, existence
         As for `evaluate`; a time limit holds for each point.
 
     Returns
@@ -95,7 +97,8 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     stopwatch = Stopwatch()
     chosen = as_distance(distance)
     with stopwatch.span("read"):
-        sides = as_sides(truth, estimate, chosen)
+        columns = (EXISTENCE,) if existence == "use" else ()
+        sides = as_sides(truth, estimate, chosen, columns)
     given: dict[str, Any] = {
         "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
         "order": order,
@@ -117,6 +120,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
         unit=unit,
         step_weights=as_step_weights(step_weights),
+        existence=existence,
     )
     fitted = fit(*sides, request)
     found = look(fitted, request)

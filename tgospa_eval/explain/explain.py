@@ -20,6 +20,7 @@ from tgospa_eval.results.numbers import outward
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.repairs import Repair
 from tgospa_eval.results.result import Result
+from tgospa_eval.tracks.existence import existence_of
 
 TOP = 10
 """Repairs that are listed, where nobody says how many."""
@@ -125,6 +126,7 @@ def _places(result: Result, source: Source) -> Places:
         moments=sides.alignment.truth.times.astype(np.float64),
         distance=sides.distance.lower_bound,
         parameters=result.proof.parameters,
+        existence=existence_of(sides.alignment.estimate) if source.request.probabilistic else None,
         period=np.array([periods.get(column, np.inf) for column in columns]),
     )
 

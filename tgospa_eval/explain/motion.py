@@ -17,6 +17,8 @@ from tgospa_eval.explain.candidates import Candidate
 from tgospa_eval.explain.edits import Edit, Rows
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.tracks.attributes import chosen
+from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Trajectories
 
 LONGEST_EXTENSION = 50
@@ -46,6 +48,8 @@ class Places:
         The cutoff, and the order.
     period : (d,) float array
         Of each column, infinite where it is not periodic.
+    existence : (R,) float array, optional
+        Probability of each estimate row, where these count.
     """
 
     truth: Trajectories
@@ -54,6 +58,7 @@ class Places:
     distance: Distance
     parameters: Parameters
     period: Floats
+    existence: Floats | None = None
 
     def costs(self, state: Floats, row: Ints) -> Floats:
         """``(d / c)^p`` of states and truths (N,), infinite where there is no truth."""
@@ -94,28 +99,40 @@ def filled(assigned: Assigned, places: Places, most: int) -> Iterator[Candidate]
         covariance = None
         if spread is not None:
             covariance = spread[a[rows]] + share[rows] * (spread[b[rows]] - spread[a[rows]])
-        yield _with_rows(
-            "fill", float(saving[k]), int(side.track[left[k]]), step[rows], state[rows], covariance
+        likely = places.existence
+        if likely is not None:
+            likely = likely[a[rows]] + share[rows, 0] * (likely[b[rows]] - likely[a[rows]])
+        made = Rows(
+            step=step[rows],
+            track=np.full(len(step[rows]), side.track[left[k]]),
+            state=state[rows],
+            covariance=covariance,
+            attributes=_certainty(likely),
         )
+        yield _with_rows("fill", float(saving[k]), made)
 
 
-def _with_rows(
-    kind: str, saving: float, track: int, step: Ints, state: Floats, covariance: Floats | None
-) -> Candidate:
-    order = np.argsort(step)
+def _certainty(existence: Floats | None) -> dict[str, Floats]:
+    """The attribute of rows that exist with a probability."""
+    return {} if existence is None else {EXISTENCE: existence}
+
+
+def _with_rows(kind: str, saving: float, made: Rows) -> Candidate:
+    order = np.argsort(made.step)
     rows = Rows(
-        step=step[order],
-        track=np.full(len(step), track),
-        state=state[order],
-        covariance=None if covariance is None else covariance[order],
+        step=made.step[order],
+        track=made.track,
+        state=made.state[order],
+        covariance=None if made.covariance is None else made.covariance[order],
+        attributes=chosen(made.attributes, order),
     )
     return Candidate(
         kind=kind,
         saving=saving,
         edit=edits.add(rows),
-        tracks=(track,),
-        begin=int(step.min()),
-        end=int(step.max()),
+        tracks=(int(made.track[0]),),
+        begin=int(made.step.min()),
+        end=int(made.step.max()),
     )
 
 
@@ -168,7 +185,15 @@ def extended(assigned: Assigned, places: Places, most: int) -> Iterator[Candidat
     spread = places.estimate.covariance
     for saving, track, added, made, source in found:
         covariance = None if spread is None else np.repeat(spread[source][None], len(added), axis=0)
-        yield _with_rows("extend", saving, track, added, made, covariance)
+        likely = places.existence
+        rows = Rows(
+            step=added,
+            track=np.full(len(added), track),
+            state=made,
+            covariance=covariance,
+            attributes=_certainty(None if likely is None else np.full(len(added), likely[source])),
+        )
+        yield _with_rows("extend", saving, rows)
 
 
 def shifted(assigned: Assigned, places: Places) -> Iterator[Candidate]:

@@ -78,6 +78,8 @@ class Problem:
         By how much the costs of all pairs that can be assigned at once are too large at most.
     rounding : float
         An optimum below this says nothing: it may come from the last places of the states alone.
+    distance_power : (N,) float array, optional
+        (d / c)^p of each entry, where the cost is another part of A + B: see `problem.weighting`.
     signed : bool
         Whether gains may be negative. Such a problem is for solvers, not for the certificate.
     """
@@ -98,6 +100,7 @@ class Problem:
     cost_error: float = 0.0
     cost_slack: float = 0.0
     rounding: float = 0.0
+    distance_power: Floats | None = None
     signed: bool = False
 
     def __post_init__(self) -> None:
@@ -157,9 +160,32 @@ class Problem:
         """What the step of some entries counts, A + B: their cost is so many times (d / c)^p."""
         if self.pair_price is not None:
             return self.pair_price
-        price = self.truth_price[self.truth_row[entry]]
-        price += self.estimate_price[self.estimate_row[entry]]
-        return price
+        first, second = self._prices(entry)
+        first += second
+        return first
+
+    def share(self, entry: Ints | slice) -> Floats | float:
+        """What (d / c)^p of some entries is multiplied by in their cost: A + B, or 2 min(A, B)."""
+        if self.distance_power is None:
+            return self.weight(entry)
+        return 2.0 * np.minimum(*self._prices(entry))
+
+    def powers(self, entry: Ints | slice) -> Floats:
+        """(d / c)^p of some entries."""
+        if self.distance_power is None:
+            return self.cost[entry] / self.weight(entry)
+        return self.distance_power[entry]
+
+    def mismatch(self, entry: Ints | slice) -> Floats | float:
+        """What some entries cost because one exists with more probability: |A - B|, or 0."""
+        if self.distance_power is None:
+            return 0.0
+        return np.abs(np.subtract(*self._prices(entry)))
+
+    def _prices(self, entry: Ints | slice) -> tuple[Floats, Floats]:
+        return self.truth_price[self.truth_row[entry]], self.estimate_price[
+            self.estimate_row[entry]
+        ]
 
     @property
     def gain(self) -> Floats:

@@ -36,6 +36,7 @@ def reduce_cutoff(states: States, blocks: NDArray[np.bool_], scale: float) -> St
             truth_row=problem.truth_row[entry],
             estimate_row=problem.estimate_row[entry],
             cost=problem.cost[entry] / scale,
+            distance_power=None,
             switch_price=np.minimum(problem.switch_price / scale, LARGEST_SWITCH_PRICE),
             cost_error=0.0,
             cost_slack=0.0,

@@ -15,6 +15,11 @@ from tgospa_eval.problem.problem import Floats, Problem
 LARGEST_WEIGHT, SMALLEST_WEIGHT = 1e100, 1e-100
 """Weights beyond these would drive costs out of the range of doubles."""
 
+NEEDS_SYMMETRY = (
+    "--existence use needs --rho 0.5: with other prices of missed and false targets no proof is "
+    "known that the result is a metric"
+)
+
 ROUNDED = 6 * 2.0**-53
 """Relative error of products with weights: of each number no more than four are rounded."""
 
@@ -80,7 +85,13 @@ def weight_steps(problem: Problem, weights: StepWeights) -> Problem:
 def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Problem:
     """``A r, B s, D min(r, s) + |r - s| / 2``: objects that exist with a probability.
 
-    The LP of the probabilistic metric (arXiv 2506.15148); `problem` has A = B = 1/2.
+    The LP of the probabilistic metric (arXiv 2506.15148); `problem` has A = B = 1/2. Where all
+    exist for certain it is the same problem, to the last bit.
+
+    The cost of a pair is an optimal transport between two Bernoulli densities, on the states and
+    "none", which is c / 2^(1/p) from every state: what both have in common, min(r, s), is moved by
+    d, and |r - s| to or from "none". So a pair gains min(r, s) (1 - D) by being assigned, and pairs
+    of objects that do not exist gain nothing and are left out.
 
     Parameters
     ----------
@@ -95,13 +106,13 @@ def weight_existence(problem: Problem, truth: Floats, estimate: Floats) -> Probl
         Prices of missed and false targets differ: nobody has proven that a metric.
     """
     if np.any(problem.truth_price != 0.5) or np.any(problem.estimate_price != 0.5):
-        raise ConfigError(
-            "probabilities of existence need rho = 0.5: with other prices of missed and false "
-            "targets no proof is known that the result is a metric"
-        )
+        raise ConfigError(NEEDS_SYMMETRY)
+    if (truth == 1).all() and (estimate == 1).all():
+        return problem
     first, second = truth[problem.truth_row], estimate[problem.estimate_row]
     cost = np.minimum(first, second) * problem.cost + 0.5 * np.abs(first - second)
-    return _repriced(problem, 0.5 * truth, 0.5 * estimate, cost)
+    certain = replace(problem, distance_power=problem.cost)
+    return _repriced(certain, 0.5 * truth, 0.5 * estimate, cost)
 
 
 def _repriced(
@@ -123,6 +134,7 @@ def _repriced(
         truth_row=problem.truth_row[kept],
         estimate_row=problem.estimate_row[kept],
         cost=cost[kept],
+        distance_power=None if problem.distance_power is None else problem.distance_power[kept],
         cost_error=problem.cost_error + ROUNDED,
         cost_slack=problem.cost_slack + (SMALLEST_COST * most if lifted.any() else 0.0),
     )

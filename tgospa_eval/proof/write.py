@@ -19,6 +19,7 @@ from tgospa_eval.proof.prices import estimate_prices, price_bits
 from tgospa_eval.proof.tables import proof_tables, times_of
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Compared, Proof
+from tgospa_eval.tracks.existence import EXISTENCE
 
 COLUMN_NUMBERS = "scale", "periodic"
 """Settings of a distance that have a number for some columns."""
@@ -38,11 +39,15 @@ def proof_texts(proof: Proof, origin: Mapping[str, object] | None = None) -> dic
     Raises
     ------
     ConfigError
-        The steps are weighted.
+        The steps are weighted, or objects exist with probabilities.
     """
     compared = proof.compared
     if "step_weights" in compared.settings:
         raise ConfigError("a proof folder has no place for weights of steps: leave one of them out")
+    if EXISTENCE in compared.settings:
+        raise ConfigError(
+            "a proof folder has no place for probabilities of existence: leave one of them out"
+        )
     tables = proof_tables(compared, proof.states.problem, proof.parameters)
     parameters = proof.parameters
     bits = price_bits(proof.states, proof.bounds.lower)

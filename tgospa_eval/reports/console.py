@@ -26,7 +26,22 @@ COUNTED = {
 """What the counts of parts count: one, and any other number of them."""
 
 
+SPLIT_WORDS = {
+    "localisation_mean": "means",
+    "localisation_spread": "spread",
+    "expected_localisation": "distances",
+    "existence_mismatch": "mismatch",
+}
+"""Parts of localisation, which are shown below it."""
+
 WEIGHTED = ("w", "weights of the steps: a cost is multiplied by the weight of its step")
+
+UNCERTAIN = (
+    "r, s",
+    "probabilities of existence: missed and false targets cost theirs, a pair the smaller one "
+    "times its error and the mismatch |r - s| c^p/2, which is part of localisation. Experimental: "
+    "that switches cost the same whatever r and s are is inferred, not taken from the paper",
+)
 
 
 def table(result: Summary) -> str:
@@ -88,6 +103,7 @@ def meaning(result: Summary) -> list[tuple[str, str]]:
             f"gamma^p = {price}, to or from none half of it",
         ),
         *((WEIGHTED,) if "step_weights" in result.parameters else ()),
+        *((UNCERTAIN,) if result.probabilistic else ()),
     ]
 
 
@@ -127,8 +143,10 @@ def part_rows(result: Summary) -> Iterator[tuple[str, str, str, str, str]]:
 def _parts(result: Summary) -> Iterator[str]:
     total = result.total
     rows: list[Row] = [(*row, f"  {note}") for *row, note in part_rows(result)]
-    halves = zip(("  means", "  spread"), result.split or (), strict=False)
-    rows[1:1] = [(part, number(half), result.share(half)) for part, half in halves]
+    rows[1:1] = [
+        (f"  {SPLIT_WORDS[name]}", number(part), result.share(part))
+        for name, part in (result.split or {}).items()
+    ]
     of = "  = TGOSPA^p" if result.certified else "  = upper bound^p: another may cost less"
     rows.append(("total", number(total), result.share(total), "", of))
     head, widths = ("part", "cost", "share", "count"), (14, 12, 9, 10, 0)

@@ -16,7 +16,7 @@ import numpy as np
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.problem.problem import Ints
-from tgospa_eval.reports.console import meaning, part_rows, similarity_in_words
+from tgospa_eval.reports.console import SPLIT_WORDS, meaning, part_rows, similarity_in_words
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import Drawn, document
 from tgospa_eval.reports.repairs import repair_notes, repair_rows
@@ -150,8 +150,8 @@ def _parts(result: Summary) -> list[dict[str, str]]:
     rows = [dict(zip(keys, row, strict=True)) | {"split": ""} for row in part_rows(result)]
     rows[0]["note"] = DISTANCE
     if result.split is not None:  # where the distance separates them
-        means, spread = map(result.share, result.split)
-        rows[0]["split"] = f"means {means}, spread {spread}"
+        parts = result.split.items()
+        rows[0]["split"] = ", ".join(f"{SPLIT_WORDS[k]} {result.share(v)}" for k, v in parts)
     return rows
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.reports import escape
-from tgospa_eval.reports.console import headline, similarity_in_words
+from tgospa_eval.reports.console import SPLIT_WORDS, headline, similarity_in_words
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.repairs import repair_notes, repair_table
 from tgospa_eval.reports.slices import about_slices, slices_table
@@ -16,9 +16,8 @@ from tgospa_eval.results.summary import Summary
 def _table(result: Summary) -> Table:
     costs: dict[str, float] = {name: getattr(result, name) for name in PARTS}
     if result.split is not None:
-        means, spread = result.split
-        halves = {"of which means": means, "of which spread": spread}
-        costs = {"localisation": costs.pop("localisation"), **halves, **costs}
+        parts = {f"of which {SPLIT_WORDS[name]}": part for name, part in result.split.items()}
+        costs = {"localisation": costs.pop("localisation"), **parts, **costs}
     rows: list[Row] = []
     for name, cost in costs.items():
         count = number(result.counts[name]) if name in result.counts else ""

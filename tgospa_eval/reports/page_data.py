@@ -252,9 +252,7 @@ def _side(result: Result, name: str, size: int) -> Side:
     error, best, free = np.ones(len(step)), np.zeros(len(step), np.int64), np.full(len(step), ONE)
     row = own_row[entry]
     partner[row] = other_track[other_row[entry]]
-    error[row] = (problem.cost[entry] / problem.weight(entry)) ** (
-        1 / result.proof.parameters.order
-    )
+    error[row] = problem.powers(entry) ** (1 / result.proof.parameters.order)
     best[row] = weight
     np.subtract.at(free, row, weight)
     partner[free > best] = NONE

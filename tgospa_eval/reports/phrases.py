@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from tgospa_eval.common.words import counted, sizes_in_words
 from tgospa_eval.reports.records import Metric
+from tgospa_eval.results.numbers import PROBABILITIES
 from tgospa_eval.results.records import Columns
 
 EXACT = 1e-9
@@ -57,6 +58,7 @@ def parameters_of(parameters: Metric) -> str:
     unit = unit_of(parameters)
     rho = f", rho = {parameters['rho']:g}" if "rho" in parameters else ""
     weighted = ", weighted steps" if "step_weights" in parameters else ""
+    weighted += f", {PROBABILITIES}" if "existence" in parameters else ""
     return (
         f"c = {parameters['cutoff']:g}{unit}, p = {parameters['order']:g}, "
         f"gamma = {parameters['switch_penalty']:g}{unit}{rho}{weighted}, {parameters['distance']}"

@@ -22,6 +22,7 @@ class Metric(TypedDict):
     unit: NotRequired[str | None]
     rho: NotRequired[float]
     step_weights: NotRequired[str]
+    existence: NotRequired[str]
 
 
 class Costs(TypedDict):

@@ -6,6 +6,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.words import sizes_in_words
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.tables import Document, Table, as_latex, as_markdown, as_text
+from tgospa_eval.results.numbers import PROBABILITIES
 from tgospa_eval.results.records import COUNTED_PARTS
 from tgospa_eval.results.sweep import Point, Sweep
 
@@ -88,6 +89,7 @@ def _parameters(found: Sweep) -> str:
         if name in used
     )
     weighted = ", weighted steps" if "step_weights" in used else ""
+    weighted += f", {PROBABILITIES}" if "existence" in used else ""
     return f"{fixed}{weighted}; {used['distance']}; {sizes_in_words(found.sizes)}"
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from importlib import import_module
 from typing import TypeVar, cast
@@ -200,9 +201,11 @@ def _joined_input(info: FileInfo, inputs: dict[str, FileRecord]) -> FileRecord:
     return info.record(hashlib.sha256(repr(digests).encode()).hexdigest(), off_grid)
 
 
-def _sum_of_splits(splits: list[tuple[float, float] | None]) -> tuple[float, float] | None:
-    means, spreads = zip(*(split or (0.0, 0.0) for split in splits), strict=True)
-    return None if None in splits else (sum(means), sum(spreads))
+def _sum_of_splits(splits: list[Mapping[str, float] | None]) -> dict[str, float] | None:
+    found = [split for split in splits if split is not None]
+    if len(found) < len(splits):
+        return None
+    return {name: sum(split[name] for split in found) for name in found[0]}
 
 
 def _sum_of_times(parts: list[Timings], read: float) -> Timings:

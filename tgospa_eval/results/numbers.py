@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
@@ -27,10 +26,18 @@ from tgospa_eval.results.records import (
     SolverRecord,
     Timings,
 )
-from tgospa_eval.results.similarity import USUAL_SCORE, Calibration, Similarity
+from tgospa_eval.results.similarity import Calibration
 from tgospa_eval.results.slices import Slicing
 
 T = TypeVar("T")
+
+SPLIT_PARTS = (
+    *("localisation_mean", "localisation_spread"),
+    *("expected_localisation", "existence_mismatch"),
+)
+"""Parts of the cost of localisation, those of which the distance, or the metric, knows."""
+
+PROBABILITIES = "probabilities of existence (experimental)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -55,9 +62,8 @@ class Numbers(ABC):
         Rows and digest of either side.
     version : str
         Version of the package that made it.
-    split : pair of float, optional
-        Cost of localisation by means and by spreads, in state units to the power p = 2, if the
-        distance has such parts.
+    split : mapping of str to float, optional
+        Parts of the cost of localisation by name, of `SPLIT_PARTS`, if it has any; they sum to it.
     traced : Curve, optional
         Costs of the steps up to each step, if they were asked for.
     slid : Windows, optional
@@ -85,7 +91,7 @@ class Numbers(ABC):
     timings: Timings
     input: Mapping[str, FileRecord]
     version: str
-    split: tuple[float, float] | None = None
+    split: Mapping[str, float] | None = None
     traced: Curve | None = None
     slid: Windows | None = None
     warnings: tuple[Notice, ...] = ()
@@ -169,12 +175,25 @@ class Numbers(ABC):
     @property
     def localisation_mean(self) -> float | None:
         """Its part by errors of means; None if the distance has no such part, or p is not 2."""
-        return None if self.split is None else self.split[0]
+        return (self.split or {}).get("localisation_mean")
 
     @property
     def localisation_spread(self) -> float | None:
         """Its part by differences of covariances; None as for means."""
-        return None if self.split is None else self.split[1]
+        return (self.split or {}).get("localisation_spread")
+
+    @property
+    def existence_mismatch(self) -> float | None:
+        """Its part by different probabilities of existence; None if these are not compared."""
+        return (self.split or {}).get("existence_mismatch")
+
+    @property
+    def expected_localisation(self) -> float | None:
+        """Its part by errors of states that are expected to exist; None as for the mismatch."""
+        mismatch = self.existence_mismatch
+        if mismatch is None:
+            return None
+        return (self.split or {}).get("expected_localisation", self.localisation - mismatch)
 
     @property
     def missed(self) -> float:
@@ -207,58 +226,6 @@ class Numbers(ABC):
         occupied = int(np.count_nonzero(self.occupied))
         return {"tgospa": self._root(self.proof.breakdown.total / occupied) if occupied else 0.0}
 
-    def similarity(
-        self, false_targets: float | None = None, score: float = USUAL_SCORE
-    ) -> Similarity:
-        """A score from 0 to 1 of the value per step: 1 is perfect.
-
-        Parameters
-        ----------
-        false_targets : float
-            How many false targets at each step, and nothing else, get `score`.
-        score : float
-            What they get.
-
-        Returns
-        -------
-        Similarity
-            The score with proven bounds.
-
-        Raises
-        ------
-        ConfigError
-            A number is out of its range, or the steps are weighted: a value per step has no
-            meaning then.
-        """
-        calibration = self.calibration
-        if false_targets is not None:
-            calibration = Calibration(false_targets=false_targets, score=score)
-        if calibration is None:
-            raise ConfigError("similarity: say how many false targets at each step score 0.1")
-        if "step_weights" in self.settings:
-            raise ConfigError(
-                "similarity: the steps are weighted, and the score is of the mean over steps that "
-                "all count the same; leave the weights out"
-            )
-        parameters, bounds = self.proof.parameters, self.proof.bounds
-        occupied = max(int(np.count_nonzero(self.occupied)), 1)
-        beta = calibration.beta(parameters)
-        ends = [
-            outward(
-                calibration.of(self.outward_root(cost / occupied, sign), parameters),
-                -sign,
-                POWER * (1 + self._root(cost / occupied) / beta),
-            )
-            for cost, sign in ((bounds.upper, 1), (bounds.lower, -1))
-        ]
-        return Similarity(
-            score=calibration.of(self.normalised["tgospa"], parameters),
-            lower_bound=ends[0],
-            upper_bound=min(ends[1], 1.0),
-            beta=beta,
-            calibration=calibration,
-        )
-
     @property
     def parameters(self) -> Mapping[str, object]:
         """Every option that changes the number."""
@@ -267,13 +234,20 @@ class Numbers(ABC):
     @property
     def metric(self) -> str:
         """Which member of the metric family it is (docs/theory/family.md)."""
-        rho = "" if self.proof.parameters.rho == 0.5 else "quasi-"
-        return f"{'time-weighted-' if 'step_weights' in self.settings else ''}{rho}tgospa"
+        quasi = "" if self.proof.parameters.rho == 0.5 else "quasi-"
+        weighted = "time-weighted-" if "step_weights" in self.settings else ""
+        return f"{weighted}{'probabilistic-' if self.probabilistic else ''}{quasi}tgospa"
+
+    @property
+    def probabilistic(self) -> bool:
+        """Whether objects exist with probabilities."""
+        return "existence" in self.settings
 
     def parameters_in_words(self, unit: str | None = None) -> str:
         """Cutoff, order, switch penalty, and what makes it another metric of the family."""
         weighted = ", weighted steps" if "step_weights" in self.settings else ""
-        return self.proof.parameters.in_words(unit) + weighted
+        uncertain = f", {PROBABILITIES}" if self.probabilistic else ""
+        return self.proof.parameters.in_words(unit) + weighted + uncertain
 
     def per_step_table(self) -> Columns:
         """Cost of each step by kind."""

@@ -219,9 +219,7 @@ class Result(Summary):
             "truth": [self.labels.truths[i] for i in states.pair_truth[pair]],
             "estimate": [self.labels.estimates[j] for j in states.pair_estimate[pair]],
             "weight": weight.tolist(),
-            "distance": (
-                cutoff * (problem.cost[entry] / problem.weight(entry)) ** (1 / p)
-            ).tolist(),
+            "distance": (cutoff * problem.powers(entry) ** (1 / p)).tolist(),
             "cost": (self.scale * problem.cost[entry] * weight).tolist(),
         }
 

@@ -10,7 +10,7 @@ import math
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, real_number
-from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.tgospa import POWER, Parameters
 
 USUAL_SCORE = 0.1
 """What the false targets of the calibration score, as in the authors' scripts."""
@@ -53,6 +53,23 @@ class Calibration:
         """The score of a value per step."""
         small = math.exp(-value / self.beta(parameters))
         return 2 * small / (1 + small)
+
+    def similarity(
+        self, value: float, bounds: tuple[float, float], parameters: Parameters
+    ) -> "Similarity":
+        """The score of a value per step, and what its bounds prove of it."""
+        beta = self.beta(parameters)
+        ends = []
+        for bound, sign in zip(bounds, (1, -1), strict=True):  # the score falls
+            error = POWER * (2 + bound / beta)
+            ends.append(self.of(bound, parameters) * (1 + sign * error))
+        return Similarity(
+            score=self.of(value, parameters),
+            lower_bound=max(ends[1], 0.0),
+            upper_bound=min(ends[0], 1.0),
+            beta=beta,
+            calibration=self,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,13 +10,16 @@ from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.results.numbers import Numbers
+from tgospa_eval.results.numbers import SPLIT_PARTS, Numbers
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
 from tgospa_eval.results.repairs import Repairs
+from tgospa_eval.results.similarity import USUAL_SCORE, Calibration, Similarity
 from tgospa_eval.results.slices import Slicing
 
 if TYPE_CHECKING:
@@ -30,9 +33,6 @@ RESULT_SCHEMA = "tgospa-eval/result/1"
 BRACKET = ("tgospa", "total", "lower_bound", "upper_bound", "relative_gap", "certified")
 LOGGED = (*BRACKET, *PARTS)
 """What every result has one number of."""
-
-SPLIT_PARTS = ("localisation_mean", "localisation_spread")
-"""Of those whose distance has such parts."""
 
 PUBLIC = (
     *(*LOGGED, *SPLIT_PARTS, "within_rounding"),
@@ -70,12 +70,11 @@ class Summary(Numbers, ABC):
 
     def to_dict(self) -> Json:
         """The JSON document as plain Python values."""
-        parts = {name: getattr(self, name) for name in SPLIT_PARTS}
         curve = {} if self.traced is None else {"curve": records(self.curve_table())}
         if self.slid is not None:
             curve["windows"] = records(self.windows_table())
         return {
-            **({} if self.split is None else parts),
+            **self.split_parts,
             **curve,
             **({"with": self.with_} if self.with_ else {}),
             **({} if self.calibration is None else {"similarity": self.similarity().record()}),
@@ -109,6 +108,12 @@ class Summary(Numbers, ABC):
             "files": self.files,
         }
 
+    @property
+    def split_parts(self) -> dict[str, float]:
+        """Those parts of localisation that there are."""
+        found = {name: getattr(self, name) for name in SPLIT_PARTS}
+        return {name: part for name, part in found.items() if part is not None}
+
     def metrics(self) -> dict[str, float]:
         """The numbers as a flat dict of floats, for loggers of experiments.
 
@@ -116,11 +121,12 @@ class Summary(Numbers, ABC):
         ``lower_bound``, ``upper_bound``, ``relative_gap``, ``certified`` (1 or 0),
         ``localisation``, ``missed``, ``false``, ``switch``, ``counts.missed``, ``counts.false``,
         ``counts.switch``, ``normalised.tgospa``; where the distance has such parts also
-        ``localisation_mean`` and ``localisation_spread``; other metrics that were asked for as
+        ``localisation_mean`` and ``localisation_spread``, with probabilities of existence
+        ``expected_localisation`` and ``existence_mismatch``; other metrics that were asked for as
         ``with.hota.HOTA``, and ``similarity``.
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
-        names = [*LOGGED, *(() if self.split is None else SPLIT_PARTS)]
+        names = [*LOGGED, *self.split_parts]
         groups: dict[str, Mapping[str, float]] = {
             "counts": self.counts,
             "normalised": self.normalised,
@@ -158,6 +164,46 @@ class Summary(Numbers, ABC):
         ConfigError
             There is no such attribute, or its values do not fit what is asked for.
         """
+
+    def similarity(
+        self, false_targets: float | None = None, score: float = USUAL_SCORE
+    ) -> Similarity:
+        """A score from 0 to 1 of the value per step: 1 is perfect.
+
+        Parameters
+        ----------
+        false_targets : float
+            How many false targets at each step, and nothing else, get `score`.
+        score : float
+            What they get.
+
+        Returns
+        -------
+        Similarity
+            The score with proven bounds.
+
+        Raises
+        ------
+        ConfigError
+            A number is out of its range, or the steps are weighted: a value per step has no
+            meaning then.
+        """
+        calibration = self.calibration
+        if false_targets is not None:
+            calibration = Calibration(false_targets=false_targets, score=score)
+        if calibration is None:
+            raise ConfigError("similarity: say how many false targets at each step score 0.1")
+        if "step_weights" in self.settings:
+            raise ConfigError(
+                "similarity: the steps are weighted, and the score is of the mean over steps that "
+                "all count the same; leave the weights out"
+            )
+        bounds, each = self.proof.bounds, max(int(np.count_nonzero(self.occupied)), 1)
+        return calibration.similarity(
+            self.normalised["tgospa"],
+            (self.outward_root(bounds.lower / each, -1), self.outward_root(bounds.upper / each, 1)),
+            self.proof.parameters,
+        )
 
     def to_json(self) -> str:
         """The JSON document: sorted keys, no NaN, full doubles."""

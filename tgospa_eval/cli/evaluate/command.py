@@ -117,6 +117,8 @@ def command(
         raise click.UsageError(
             f"--proof is for {'one evaluation' if sweep else 'the folder of -o'}"
         )
+    if "proof" in typed and chosen.existence == "use":
+        raise click.UsageError("--proof has no place for --existence use: leave one of them out")
     if "proof" in typed and chosen.step_weights is not None:
         raise click.UsageError("--proof has no place for --step-weights: leave one of them out")
     if chosen.slices and sweep:

@@ -20,6 +20,7 @@ DISTANCES = (
     "cloud-wasserstein",
 )
 SOLVERS = ("certified", "exact", "sinkhorn")
+EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
 FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti", "npz")
@@ -67,6 +68,13 @@ METRIC = (
         "What each step counts: CSV t,weight[,switch_weight]. The costs of a step are multiplied "
         "by its weight, the switches into it by its switch_weight, the same by default.",
         type=PATH,
+    ),
+    _metric(
+        "--existence NAME",
+        "use: states exist with the probabilities of the column existence, 1 where a file has none "
+        "(experimental); ignore: all exist.",
+        type=click.Choice(EXISTENCES),
+        default="ignore",
     ),
     _metric(
         "--distance NAME",
@@ -338,7 +346,7 @@ GATE = (
 
 
 SOLVING_KEYS = (
-    *("switch-penalty", "rho", "step-weights"),
+    *("switch-penalty", "rho", "step-weights", "existence"),
     *("solver", "gap", "epsilon", "time-limit", "jobs"),
 )
 """What a verb that solves nothing does without."""

@@ -20,6 +20,7 @@ from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.step_weights import WeightsByTime
 
 if TYPE_CHECKING:
@@ -62,6 +63,8 @@ class Settings:
         Attributes by which costs are split.
     step_weights : WeightsByTime, optional
         What each step counts.
+    existence : str
+        Whether probabilities of existence count.
     """
 
     parameters: Parameters
@@ -79,6 +82,7 @@ class Settings:
     preprocess: str | None
     slices: "tuple[SliceBy, ...]" = ()
     step_weights: WeightsByTime | None = None
+    existence: str = "ignore"
 
     @property
     def recorded(self) -> dict[str, object]:
@@ -208,6 +212,7 @@ class Settings:
             defaults=self.defaults,
             slices=self.slices,
             step_weights=self.step_weights,
+            existence=self.existence,
         )
 
     def fit(
@@ -264,7 +269,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         missing_covariance=options.missing_cov,
         clouds="cloud" in measure.named.kinds,
         fault=measure.fault,
-        attributes=columns,
+        attributes=(*columns, *((EXISTENCE,) if options.existence == "use" else ())),
         max_input=options.max_input,
     )
     parameters, defaults = chosen_parameters(
@@ -294,6 +299,7 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
         with_=() if options.with_ is None else chosen_metrics(options.with_),
         slices=slices,
         step_weights=_step_weights(options),
+        existence=options.existence,
     )
 
 

@@ -38,6 +38,7 @@ class EvaluationOptions(Values):
     switch_penalty: float | None = None
     rho: float = 0.5
     step_weights: str | None = None
+    existence: str = "ignore"
     distance: str = "euclidean"
     covariance: str | None = None
     periodic: tuple[str, ...] = ()

@@ -15,6 +15,7 @@ from tgospa_eval.formats.columns.lacking import absent, no_class, without_maps
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.text import listed, quoted
+from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.trajectories import Floats
 
 if TYPE_CHECKING:
@@ -130,6 +131,8 @@ class Roles:
         if unused:
             there = not (self.asked or clouds) and self._any_covariance(unused)
             way = "; --distance gaussian-wasserstein compares covariances" if there else ""
+            if any(name.casefold() == EXISTENCE for name in unused):
+                way += "; --existence use takes existence as probabilities"
             yield f"columns not used: {listed(unused)}{way}"
         if self.asked and self.spread is None and not clouds:
             shown = ", ".join([names[0] for names in self._covariances()[:3]])

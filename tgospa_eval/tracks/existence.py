@@ -1,0 +1,63 @@
+"""Probabilities of existence: an attribute of the rows, 1 where a side has none."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.common.words import more
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.tracks.trajectories import Floats, Trajectories
+
+EXISTENCE = "existence"
+"""The column, and the attribute."""
+
+
+def existence_of(side: Trajectories) -> Floats:
+    """The probability of each row (R,)."""
+    found = side.attributes.get(EXISTENCE)
+    return np.ones(len(side.step)) if found is None else np.asarray(found, np.float64)
+
+
+def expected(
+    truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
+) -> tuple[Trajectories, Trajectories]:
+    """Both sides with probabilities that are some, without the rows whose probability is 0.
+
+    What exists with probability 0 does not exist; the steps stay. `names` are for messages.
+
+    Raises
+    ------
+    ConfigError
+        Neither side has such an attribute.
+    InputError
+        A value is blank, no number, or not from 0 to 1.
+    """
+    sides = truth, estimate
+    if not any(EXISTENCE in side.attributes for side in sides):
+        raise ConfigError(
+            f"--existence use: neither {names[0]} nor {names[1]} has a column {EXISTENCE}"
+        )
+    found = [_possible(side, name) for side, name in zip(sides, names, strict=True)]
+    return found[0], found[1]
+
+
+def _possible(side: Trajectories, name: str) -> Trajectories:
+    given = side.attributes.get(EXISTENCE)
+    if given is None:
+        return side
+    likely = np.asarray(given, np.float64) if given.dtype.kind == "f" else np.full(len(given), -1.0)
+    odd = np.flatnonzero(~((likely >= 0) & (likely <= 1)))
+    if len(odd):
+        row = int(odd[0])
+        value = given[row]
+        text = "blank" if value in ("", None) or value != value else f"{value}"
+        raise InputError(
+            f'{name}, column "{EXISTENCE}": id {side.ids[side.track[row]]} at '
+            f"t = {side.shown[side.step[row]]} is {text}{more(len(odd))}; must be a number from 0 "
+            "to 1"
+        )
+    kept = np.flatnonzero(likely > 0)
+    if len(kept) == len(given):
+        return side
+    part = side.chosen(kept, side.step[kept], side.times)
+    return replace(part, labels=side.labels)
