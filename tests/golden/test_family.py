@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oracles import tgospa_lp
 from proven import proving
-from strategies import ORDERS, SWITCH, pairs_of_sets
+from strategies import ORDERS, SWITCH, pairs_of_sets, sets
 
 from tgospa_eval import ConfigError, evaluate, sweep
 
@@ -202,3 +202,55 @@ def test_cutoffs_far_above_the_errors(rho: float, weights: np.ndarray | None) ->
         plain = evaluate(truth, estimate, 1.0, 2, 1, rho=rho, step_weights=weights)
         assert result.certified
         assert result.total == pytest.approx(plain.total, rel=1e-9)
+
+
+def test_scenario_of_the_authors() -> None:
+    """Two targets, 800 steps, errors of 3: names exchanged at 250, or at 650; one lost at 550."""
+    steps, f = 800, 0.995
+    weight = (1 - f) / (1 - f**steps) * f ** np.arange(steps - 1, -1, -1)
+    truth = np.zeros((steps, 2, 1))
+    truth[:, 1] = 1000.0
+    estimates = [truth + 3.0 for _ in range(4)]
+    for k, step in ((1, 250), (2, 650)):
+        estimates[k][step - 1 :] = estimates[k][step - 1 :, ::-1].copy()
+    estimates[3][549:, 1] += 500.0
+    values = (6, 6.0064660886, 6.0480185846, 7.4580793624)
+    means = (6, 6.025, 6.025, 6.6275)
+    for estimate, value, mean in zip(estimates, values, means, strict=True):
+        result = evaluate(truth, estimate, 5, 1, 10, step_weights=weight)
+        assert result.tgospa == pytest.approx(value, abs=1e-9)
+        plain = evaluate(truth, estimate, 5, 1, 10)
+        assert plain.total / steps == pytest.approx(mean, abs=1e-12)
+    parts = (result.localisation, result.missed, result.false, result.switch)
+    assert parts == pytest.approx((3.8128809564, 1.8225992030, 1.8225992030, 0), abs=1e-9)
+
+
+@settings(max_examples=8)
+@given(three=st.integers(1, 4).flatmap(lambda steps: st.tuples(*[sets(steps, 1)] * 3)), p=ORDERS,
+       gamma=SWITCH, rho=RHO, data=st.data())  # fmt: skip
+def test_axioms_with_weights_and_prices(
+    three: tuple[np.ndarray, ...], p: float, gamma: float, rho: float, data: st.DataObject
+) -> None:
+    """Directed triangle; exchanged sides; reversed time; all weights times a."""
+    x, y, z = three
+    steps = len(x)
+    each = st.lists(st.sampled_from([0.1, 1.0, 3.0]), min_size=steps, max_size=steps)
+    w1, w2 = (np.array(data.draw(each)) for _ in range(2))
+
+    def d(a: np.ndarray, b: np.ndarray, share: float = rho, w: tuple = (w1, w2)) -> float:
+        table = pd.DataFrame({"t": np.arange(steps), "weight": w[0], "switch_weight": w[1]})
+        result = evaluate(a, b, 2.0, p, gamma, rho=share, step_weights=table)
+        assert result.certified
+        return result.tgospa
+
+    assert d(x, x) == 0.0
+    value = d(x, y)
+    assert value <= d(x, z) + d(z, y) + 1e-9
+    assert d(y, x, 1 - rho) == pytest.approx(value, rel=1e-9, abs=1e-9)
+    turned = w1[::-1], np.append(1.0, w2[1:][::-1])
+    assert d(x[::-1], y[::-1], w=turned) == pytest.approx(value, rel=1e-9, abs=1e-9)
+    assert d(x, y, w=(2.5 * w1, 2.5 * w2)) ** p == pytest.approx(2.5 * value**p, rel=1e-9, abs=1e-9)
+    if rho == 0.5:
+        ones = np.ones(steps)
+        plain = evaluate(x, y, 2.0, p, gamma).tgospa
+        assert d(x, y, w=(ones, ones)) == pytest.approx(plain, rel=1e-12, abs=1e-12)

@@ -80,6 +80,47 @@ def test_gospa_by_hand(write: Write) -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("x", "y", "numbers", "rho", "value", "parts"),
+    [
+        ([0, 10], [1, 30], (5, 2), 0.5, 5.0990195, (1, 12.5, 12.5)),
+        ([0, 10], [1, 30], (5, 1), 0.5, 6, (1, 2.5, 2.5)),
+        ([0, 4], [2, 100], (3, 2), 0.5, 3.6055513, (4, 4.5, 4.5)),
+        ([0, 10, 20], [1], (5, 2), 0.3, 6, (1, 35, 0)),
+        ([0, 10, 20], [1], (5, 2), 0.7, 4, (1, 15, 0)),
+    ],
+)
+def test_gospa_of_worked_examples(
+    x: list[float],
+    y: list[float],
+    numbers: tuple[float, float],
+    rho: float,
+    value: float,
+    parts: tuple[float, ...],
+) -> None:
+    """Twice, with the tracks exchanged at the second step: GOSPA does not see that."""
+    truth, estimate = (np.array([own, own[::-1]], float)[..., None] for own in (x, y))
+    result = evaluate(truth, estimate, *numbers, 1.0, rho=rho, with_="gospa")
+    found = result.with_["gospa"]
+    assert (found["total"] / 2) ** (1 / numbers[1]) == pytest.approx(value, abs=1e-7)
+    names = ("localisation", "missed", "false")
+    assert [found[name] / 2 for name in names] == pytest.approx(parts)
+
+
+def test_gospa_of_every_verb(write: Write, invoke: Invoke) -> None:
+    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
+    asked = ("-c", "1", "-p", "1", "-g", "1", "-q", "--with", "gospa", "--format", "json")
+    found = json.loads(invoke(*paths, *asked).out)["with"]["gospa"]
+    ranked = json.loads(invoke("compare", *paths, paths[0], *asked).out)
+    batch = ("batch", "--truth", paths[0], "--estimate", paths[1], "-o", "r", "--workers", "1")
+    group = json.loads(invoke(*batch, *asked).out)["groups"][0]
+    of_compare = next(e["with"]["gospa"] for e in ranked["estimates"] if e["total"] > 0)
+    for each in (found, of_compare, {name: group[f"with.gospa.{name}"] for name in found}):
+        assert each == pytest.approx(
+            {"localisation": 0.46, "missed": 0.5, "false": 0.5, "total": 1.46}
+        )
+
+
 @pytest.mark.parametrize("cutoff", ["0.5", "1"])
 def test_boxes_match_by_their_overlap_whatever_the_cutoff(
     write: Write, invoke: Invoke, cutoff: str
