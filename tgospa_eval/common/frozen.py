@@ -53,61 +53,52 @@ Fields = tuple[dataclasses.Field[Any], ...]
 def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
     """``__init__`` of a class with these fields, `followed` by ``__post_init__``."""
     order = tuple(field.name for field in fields)
+    places = tuple(field.name for field in fields if not field.kw_only)
     names = frozenset(order)
     constant = {f.name: f.default for f in fields if f.default is not dataclasses.MISSING}
+    made = {f.name: f.default_factory for f in fields if callable(f.default_factory)}
 
     def __init__(self: Any, /, *positional: Any, **values: Any) -> None:  # noqa: N807
         if positional:
-            values = _named(self, positional, values)
+            given = dict(zip(places, positional, strict=False))
+            if len(positional) > len(places) or not given.keys().isdisjoint(values):
+                _refuse(self, places, positional, values)
+            values = given | values
         if values.keys() != names:
             values = constant | values
+            for name, default in made.items():
+                if name not in values:
+                    values[name] = default()
             if values.keys() != names:
-                values = _completed(self, values)
-        self.__dict__.update([(name, values[name]) for name in order])
+                _refuse(self, places, (), values)
+        kept = self.__dict__
+        for name in order:
+            kept[name] = values[name]
         if followed:
             self.__post_init__()
 
     return __init__
 
 
-def _named(record: Any, positional: tuple[Any, ...], values: dict[str, Any]) -> dict[str, Any]:
-    """Values that were given by position or name.
+def _refuse(
+    record: Any, places: tuple[str, ...], positional: tuple[Any, ...], values: dict[str, Any]
+) -> NoReturn:
+    """Say what is wrong with arguments, of which the first take these places.
 
     Raises
     ------
     TypeError
-        One is given twice, or too many by position.
+        Too many are given by position, one is given twice, is missing, or of no field.
     """
-    order = [field.name for field in dataclasses.fields(record) if not field.kw_only]
-    if len(positional) > len(order):
-        raise TypeError(
-            f"{_call(record)} takes {len(order)} positional arguments, not {len(positional)}"
-        )
-    given = dict(zip(order, positional, strict=False))
-    if twice := given.keys() & values.keys():
-        raise TypeError(f"{_call(record)} got twice: {_listed(twice)}")
-    return given | values
-
-
-def _completed(record: Any, values: dict[str, Any]) -> dict[str, Any]:
-    """Values of all fields, those that are made for each record as well.
-
-    Raises
-    ------
-    TypeError
-        Some are missing, or of no field.
-    """
-    fields = dataclasses.fields(record)
-    if unknown := values.keys() - {field.name for field in fields}:
-        raise TypeError(f"{_call(record)} does not know {_listed(unknown)}")
-    made = {field.name: _default(field) for field in fields if field.name not in values}
-    if missing := {name for name, value in made.items() if value is dataclasses.MISSING}:
-        raise TypeError(f"{_call(record)} lacks {_listed(missing)}")
-    return values | made
-
-
-def _call(record: object) -> str:
-    return f"{type(record).__qualname__}.__init__()"
+    call = f"{type(record).__qualname__}.__init__()"
+    if len(positional) > len(places):
+        raise TypeError(f"{call} takes {len(places)} positional arguments, not {len(positional)}")
+    if twice := values.keys() & set(places[: len(positional)]):
+        raise TypeError(f"{call} got twice: {_listed(twice)}")
+    names = {field.name for field in dataclasses.fields(record)}
+    if unknown := values.keys() - names:
+        raise TypeError(f"{call} does not know {_listed(unknown)}")
+    raise TypeError(f"{call} lacks {_listed(names - values.keys())}")
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:

@@ -1469,6 +1469,14 @@ cdef struct Walk:
     i32* link_at
 
 
+cdef struct AtRow:               # what a pass knows of a row at its latest node: a line of the cache
+    double none                  # paths in no state,
+    double left[2]               # in states that go on, and in those that may end or come here
+    double price                 # q there
+    double factor[2]             # of what comes to a link: by way of "none", and without
+    double added[2]
+
+
 cdef class Chain:
     """The working set as a chain of links, and messages along it (docs/theory/solvers.md).
 
@@ -1494,7 +1502,7 @@ cdef class Chain:
     cdef double[::1] kernel, none_kernel, ahead, behind, passed, share
     cdef double[::1] none_ahead, none_behind
     cdef double[::1] price, slack, cap, u, load, stay
-    cdef double[::1] row
+    cdef double[::1] row, total
     cdef i32[::1] state, previous, next, constraint, node_link, node_row, step_node
     cdef i32[::1] step_constraint, slot_first, slot_count
     cdef i32[::1] link_row
@@ -1542,7 +1550,7 @@ cdef class Chain:
         cdef Py_ssize_t links = self.links + 1, nodes = self.nodes + 1
         cdef Py_ssize_t constraints = self.constraints + FREE
         cdef double[::1] numbers = np.zeros(4 * links + 3 * nodes + 4 * constraints + widest
-                                            + self.steps + 4 * self.rows + 1)
+                                            + self.steps + 9 * self.rows + 1)
         cdef i32[::1] places = np.zeros(5 * links + 2 * nodes + self.steps + 1, np.int32)
         cdef u8[::1] marks = np.zeros(links + nodes, np.uint8)
         self.kernel, numbers = numbers[:links], numbers[links:]
@@ -1557,7 +1565,8 @@ cdef class Chain:
         self.u, numbers = numbers[:constraints], numbers[constraints:]
         self.load, numbers = numbers[:constraints], numbers[constraints:]
         self.share, numbers = numbers[:widest], numbers[widest:]
-        self.stay, self.row = numbers[:self.steps], numbers[self.steps:]
+        self.stay, numbers = numbers[:self.steps], numbers[self.steps:]
+        self.total, self.row = numbers[:self.rows], numbers[self.rows:]
         self.state, places = places[:links], places[links:]
         self.previous, places = places[:links], places[links:]
         self.next, places = places[:links], places[links:]
@@ -1863,20 +1872,18 @@ cdef class Chain:
         may pass through "none", q = exp(-lambda / epsilon); ``u <- min(u (w_0 u + mass)^-3/2,
         1 / w_0)`` (docs/theory/solvers.md, "Messages"). Scaled by r where they leave 1e-10..1e10.
         """
-        cdef Py_ssize_t step, k, n, l, c, low, high, first
+        cdef Py_ssize_t step, k, n, l, c, low, high, first, last
         cdef i32 row
-        cdef bint turn
-        cdef double r, q, none, filled, rho, part, total, violation = 0.0
-        cdef double factor[2]  # of a share that goes on: by way of "none", and without
-        cdef double added[2]
+        cdef double r, q, none, filled, rho, part, violation = 0.0
         cdef double *ahead = &self.ahead[0], *behind = &self.behind[0]
         cdef double *none_ahead = &self.none_ahead[0], *none_behind = &self.none_behind[0]
         cdef double *kernel = &self.kernel[0], *none_kernel = &self.none_kernel[0]
         cdef double *u = &self.u[0], *slack = &self.slack[0], *cap = &self.cap[0]
         cdef double *passed = &self.passed[0], *load = &self.load[0], *stay = &self.stay[0]
-        cdef double *share = &self.share[0]  # of the links of a node, times all but its sum
-        cdef double* at = &self.row[0]     # of each row: none, those that stay, that pass through it, q
-        cdef double* here
+        cdef double *share = &self.share[0]  # of the links of a step, times the total of their node
+        cdef double *total = &self.total[0]  # of the node of each row, then 1 / total
+        cdef AtRow *at = <AtRow*>&self.row[0]
+        cdef AtRow *here
         cdef i32 *source = &self.next[0] if reverse else &self.previous[0]
         cdef i32 *constraint = &self.constraint[0], *step_constraint = &self.step_constraint[0]
         cdef i32 *node_link = &self.node_link[0], *node_row = &self.node_row[0]
@@ -1889,46 +1896,48 @@ cdef class Chain:
         if reverse:
             ahead, behind, none_ahead, none_behind = behind, ahead, none_behind, none_ahead
         for row in range(self.rows):
-            at[4 * row], at[4 * row + 1], at[4 * row + 2], at[4 * row + 3] = 1.0, 0.0, 0.0, -1.0
+            at[row].none, at[row].left[0], at[row].left[1], at[row].price = 1.0, 0.0, 0.0, -1.0
+            at[row].added[1] = 0.0
         for step in range(self.steps):
             k = self.steps - 1 - step if reverse else step
             low, high = step_node[k], step_node[k + 1]
             if low == high:
                 continue
-            for c in range(step_constraint[k], step_constraint[k + 1]):
-                load[c] = 0.0
+            # All nodes, then all links: loops over the few links of a node end unforeseeably.
             for n in range(low, high):
-                here = at + 4 * node_row[n]
-                q = here[3] if reverse else stay[k]
+                here = &at[node_row[n]]
+                q = here.price if reverse else stay[k]
                 if q < 0.0 or ends[n] & start:  # nothing to pay
                     none = 0.0 if ends[n] & sure else 1.0
-                    factor[0], added[0], factor[1] = 0.0, 1.0, 1.0
+                    here.factor[0], here.added[0], here.factor[1] = 0.0, 1.0, 1.0
                 else:
-                    r = here[0] + here[1] + here[2]
+                    r = here.none + here.left[0] + here.left[1]
                     r = 1.0 if 1e-10 < r < 1e10 else 1.0 / r
-                    none = r * (here[0] + q * here[2])
-                    factor[0], added[0], factor[1] = r * (1.0 - q * q), q * none, r
-                added[1] = 0.0
+                    none = r * (here.none + q * here.left[1])
+                    here.factor[0], here.added[0], here.factor[1] = r * (1.0 - q * q), q * none, r
                 none_ahead[n] = none
                 none *= none_kernel[n]
-                here[0], here[1], here[2], here[3] = none, 0.0, 0.0, stay[k]
-                total = none * none_behind[n]
-                first = node_link[n]
-                for l in range(first, node_link[n + 1]):
-                    turn = (kind[l] & straight) != 0
-                    part = factor[turn] * passed[source[l]] + added[turn]
-                    ahead[l] = part
-                    part *= kernel[l]
-                    passed[l] = part
-                    part = part * u[constraint[l]] * behind[l]
-                    share[l - first] = part
-                    total += part
-                if update:
-                    # Underflow: such a row has no say until the next kernel.
-                    total = 1.0 / total if total > 1e-290 else 0.0
-                    for l in range(first, node_link[n + 1]):
-                        load[constraint[l]] += share[l - first] * total
+                here.none, here.left[0], here.left[1], here.price = none, 0.0, 0.0, stay[k]
+                total[node_row[n]] = none * none_behind[n]
+            first, last = node_link[low], node_link[high]
+            for l in range(first, last):
+                here = &at[link_row[l]]
+                c = (kind[l] & straight) != 0
+                part = here.factor[c] * passed[source[l]] + here.added[c]
+                ahead[l] = part
+                part *= kernel[l]
+                passed[l] = part
+                part = part * u[constraint[l]] * behind[l]
+                share[l - first] = part
+                total[link_row[l]] += part
             if update:
+                for n in range(low, high):  # underflow: such a row has no say until the next kernel
+                    part = total[node_row[n]]
+                    total[node_row[n]] = 1.0 / part if part > 1e-290 else 0.0
+                for c in range(step_constraint[k], step_constraint[k + 1]):
+                    load[c] = 0.0
+                for l in range(first, last):
+                    load[constraint[l]] += share[l - first] * total[link_row[l]]
                 for c in range(step_constraint[k], step_constraint[k + 1]):
                     # Exact: u <- 1 / (slack + load / u); over-relaxed to the power 3/2.
                     filled = u[c] * slack[c] + load[c]
@@ -1939,10 +1948,10 @@ cdef class Chain:
                     rho = u[c] / (filled * sqrt(filled))
                     # At most 1 / slack, where the price is 0.
                     u[c] = cap[c] if rho > cap[c] else (1e-60 if rho < 1e-60 else rho)
-            for l in range(node_link[low], node_link[high]):
+            for l in range(first, last):
                 part = passed[l] * u[constraint[l]]
                 passed[l] = part
-                at[4 * link_row[l] + 2 - ((kind[l] & held) != 0)] += part
+                at[link_row[l]].left[(kind[l] & held) == 0] += part
         return violation
 
 

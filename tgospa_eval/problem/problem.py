@@ -117,12 +117,24 @@ class Problem:
         ):
             raise ConfigError("switch prices must be one number or one for each transition")
 
-    @property
+    @cached_property
     def sides(self) -> tuple[Objects, Objects]:
         """Truths and estimates."""
-        truth = self.truths, self.truth_step, self.truth_track, self.truth_price
-        estimate = self.estimates, self.estimate_step, self.estimate_track, self.estimate_price
-        return Objects(*truth, self.truth_row), Objects(*estimate, self.estimate_row)
+        truth = Objects(
+            count=self.truths,
+            step=self.truth_step,
+            track=self.truth_track,
+            price=self.truth_price,
+            row=self.truth_row,
+        )
+        estimate = Objects(
+            count=self.estimates,
+            step=self.estimate_step,
+            track=self.estimate_track,
+            price=self.estimate_price,
+            row=self.estimate_row,
+        )
+        return truth, estimate
 
     @property
     def _least_gain(self) -> float:
@@ -196,9 +208,10 @@ class Problem:
         """The gain of some entries."""
         return self.weight(entry) - self.cost[entry]
 
-    @property
+    @cached_property
     def switch_price_at(self) -> Floats:
         """Price of half a switch into each step, (T + 1,); 0 into the first and after the last."""
         price = np.zeros(self.steps + 1)
         price[1 : self.steps] = self.switch_price
+        price.flags.writeable = False
         return price
