@@ -123,9 +123,12 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: Batch, *, near: bool) 
         ascent.soft[:] = ascent.prices
     half = 0.5 * min(float(ascent.switch_price.max()), 1.0)
     large = len(batch.weights) > WINDOWS.large
+    small = len(batch.weights) <= ASCENT.small
+    early_from = PROGRAMMES.early_from_small if small else PROGRAMMES.early_from
+    stages = ASCENT.small_stages if small else ASCENT.stages
     skip_above = ASCENT.skip_above_large if large else ASCENT.skip_above
     sweeps, skip = 0, False
-    for stage in ASCENT.resumed if near else ASCENT.stages:
+    for stage in ASCENT.resumed if near else stages:
         if not ascent.open.any() or batch.limit.late():
             break
         if skip:
@@ -137,7 +140,7 @@ def _sweep(ascent: Ascent, programmes: Programmes, batch: Batch, *, near: bool) 
         if batch.limit.progress.watched:
             programmes.report_progress()
         skip = ascent.open_gap < ASCENT.skip * ascent.open_cost and stage.epsilon > skip_above
-        early = stage.epsilon <= PROGRAMMES.early_from
+        early = stage.epsilon <= early_from
         if early and ascent.open_gap < PROGRAMMES.early_gap * ascent.open_cost:
             programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
             programmes.run_nearby(PROGRAMMES.rounds[0])

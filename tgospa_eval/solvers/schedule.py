@@ -35,6 +35,19 @@ class Ascending:
     """64 sweeps at small temperatures cost nearly nothing beside a programme, and bring the dual
     value to 1e-5 of itself; programmes after 16 at 0.02 took 2 to 4 times the whole time."""
 
+    small: int = 10_000
+    small_stages: tuple[Stage, ...] = (
+        Stage(0.1, 16),
+        Stage(0.05, 16),
+        Stage(0.02, 16),
+        Stage(0.01, 16),
+        Stage(0.003, 32),
+        Stage(0.001, 64),
+    )
+    """Of a problem with at most so many states. There a programme costs four stages, whatever its
+    size, and the sweeps of a stage hardly more than the rest of it: 10 x 10 x 50 in a square of 100
+    with c = 10 takes 0.77, 20,50,20,1 0.9 of the time."""
+
     resumed: tuple[Stage, ...] = (
         Stage(0.01, 32),
         Stage(0.005, 32),
@@ -75,9 +88,10 @@ class Programming:
     afar: float = 0.3
     nearly: float = 1e-4
     early_from: float = 0.01
+    early_from_small: float = 0.003
     early_gap: float = 0.1
     early_states: int = 50_000
-    """After each stage from the temperature on, if brackets are narrower than that fraction of the
+    """After each stage from the temperature on (of small problems from the lower one), if brackets are narrower than that fraction of the
     cost, of components of so many states. From prices at 0.01 on a programme takes as long as the
     sweeps that would save it the iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, crowds with
     wide cutoffs 0.8 of the time. After 0.02, or with a reach of 0.05, it is often in vain. Farther
