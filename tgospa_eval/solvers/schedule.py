@@ -91,12 +91,13 @@ class Programming:
     early_from_small: float = 0.003
     early_gap: float = 0.1
     early_states: int = 50_000
-    """After each stage from the temperature on (of small problems from the lower one), if brackets are narrower than that fraction of the
-    cost, of components of so many states. From prices at 0.01 on a programme takes as long as the
-    sweeps that would save it the iterations: 50,100,20,2 takes 0.37 instead of 0.57 s, crowds with
-    wide cutoffs 0.8 of the time. After 0.02, or with a reach of 0.05, it is often in vain. Farther
-    than `afar` they reach if brackets are narrower than `nearly`: a few paths are missing, which
-    stages do not find. 300,500,300,5 with c = 10 takes 4.3 instead of 8.8 s."""
+    """After each stage from the temperature on, of small problems from the lower one, if brackets
+    are narrower than that fraction of the cost, of components of so many states. From prices at
+    0.01 on a programme takes as long as the sweeps that would save it the iterations: 50,100,20,2
+    takes 0.37 instead of 0.57 s, crowds with wide cutoffs 0.8 of the time. After 0.02, or with a
+    reach of 0.05, it is often in vain. Farther than `afar` they reach if brackets are narrower than
+    `nearly`: a few paths are missing, which stages do not find. 300,500,300,5 with c = 10 takes 4.3
+    instead of 8.8 s."""
 
     crowd: int = 20_000
     crowded: float = 0.5
