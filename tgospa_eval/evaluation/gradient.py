@@ -6,20 +6,18 @@ directional derivatives (docs/theory/gradient.md).
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
 from tgospa_eval.distances import Effort, Pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.prepare import Fitted, Source
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.gradient import Gradient
 from tgospa_eval.results.result import Result
-
-NO_TIE = 1e-9
-"""In units of c^p: a row whose next best path is worse by less may have another."""
 
 
 def gradient(result: Result) -> Gradient:
@@ -50,7 +48,7 @@ def gradient(result: Result) -> Gradient:
         cutoff=p / cutoff * (result.missed + result.false + mismatch),
         switch_penalty=p / gamma * result.switch if gamma > 0 else at_zero,
         root=result.tgospa / (p * result.total) if result.total > 0 else 0.0,
-        unique=is_unique(result),
+        shown_unique=partial(is_unique, proof, result.gap),
         step=problem.estimate_step,
         track=problem.estimate_track,
         columns=source.sides.alignment.estimate.columns,
@@ -64,26 +62,3 @@ def _slopes(fitted: Fitted, pairs: Pairs) -> Floats:
     truth, estimate = (side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate))
     sides, prepared = distance.prepared((truth, estimate), Effort())
     return prepared.slopes(pairs, sides)
-
-
-def is_unique(result: Result) -> bool:
-    """Whether the prices prove that the assignment is the only best one.
-
-    Every best assignment is a mixture of paths that are best for their rows at the best prices. If
-    each row has a single best path, by more than rounding, and that is the one it has, there is no
-    other. Rows that compete for an estimate are often indifferent at the best prices: then nothing
-    is shown.
-    """
-    proof = result.proof
-    states = proof.states
-    if not (kernels and result.certified) or proof.reduced or not len(states.begin):
-        return bool(result.certified and not len(states.begin))
-    from tgospa_eval.solvers.dual_ascent import Ascent  # here: as the solvers are
-
-    all_blocks = np.ones(len(states.block_begin), bool)
-    weights, prices = np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
-    ascent = Ascent(states, all_blocks, 0.0, weights, prices)
-    ascent.mark(proof.prices, NO_TIE)
-    near, needed = ascent.has(kernels.NEAR), ascent.has(kernels.NEEDED)
-    assigned = proof.weights == ONE
-    return bool(np.all(near == (proof.weights > 0)) and np.all(needed[near] & assigned[near]))

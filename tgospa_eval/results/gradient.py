@@ -1,5 +1,6 @@
 """How the cost of a result changes with the estimate and with the parameters."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -27,10 +28,8 @@ class Gradient:
         number of switches is best.
     root : float
         Derivative of ``tgospa`` by ``total``, ``tgospa / (p total)``; 0 where the total is 0.
-    unique : bool
-        Whether the best assignment is proven to be the only one, by the prices at hand: then the
-        derivatives are those of the metric, but at kinks of the base distance. False where that is
-        not shown, always without the compiled extension.
+    shown_unique : callable
+        Looks whether the best assignment is the only one.
     step, track : (R,) int arrays
         Of each state.
     columns : tuple of str
@@ -43,7 +42,7 @@ class Gradient:
     cutoff: float
     switch_penalty: float
     root: float
-    unique: bool
+    shown_unique: Callable[[], bool]
     step: Ints
     track: Ints
     columns: tuple[str, ...]
@@ -51,7 +50,16 @@ class Gradient:
 
     def __repr__(self) -> str:
         states, size = self.total.shape
-        return f"Gradient({states} states of {size} columns, unique={self.unique})"
+        return f"Gradient({states} states of {size} columns)"
+
+    @cached_property
+    def unique(self) -> bool:
+        """Whether the best assignment of near pairs is shown to be the only one, by the prices.
+
+        Then the derivatives are those of the metric, but at kinks of the base distance. False where
+        that is not shown. Computed when it is read.
+        """
+        return self.shown_unique()
 
     @property
     def tgospa(self) -> Floats:

@@ -3,10 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from strategies import scene as crowd
 
 from tgospa_eval import ConfigError, Trajectories, evaluate
 from tgospa_eval.distances import DISTANCES, Distance, GaussianWasserstein, Mahalanobis, Norm
-from tgospa_eval.problem.compiled import kernels
+from tgospa_eval.evaluation import uniqueness
 
 RNG = np.random.default_rng(0)
 POINTS = RNG.normal(size=(2, 3, 40))
@@ -64,7 +65,7 @@ def test_derivatives_are_differences(
 
     result = evaluate(truth, estimate, cutoff, order, gamma, distance=distance, **family)
     gradient = result.gradient()
-    assert gradient.unique == bool(kernels)  # without them nothing is shown
+    assert gradient.unique
     scale = np.abs(gradient.total).max()
     for step, track, column in [(0, 0, 0), (3, 1, 1), (5, 0, 0), (5, 2, 1), (8, 3, 0)]:
         by = np.zeros_like(estimate)
@@ -106,10 +107,45 @@ def test_where_it_is_not_unique() -> None:
     tied = evaluate(truth, np.array([[[1.0], [-1.0]]]), 5, 2, 1)
     assert not tied.gradient().unique
     single = evaluate(truth, np.array([[[1.0], [-1.1]]]), 5, 2, 1)
-    assert single.gradient().unique == bool(kernels)
+    assert single.gradient().unique
     assert evaluate(truth, truth, 5, 2, 1).gradient().root == 0.0
     free = evaluate(truth, truth + 1, 5, 1, 0).gradient()
     assert np.isnan(free.switch_penalty)
+
+
+@pytest.mark.parametrize("numpy", [False, True])
+def test_crowds_have_one_best_assignment(numpy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows that compete are indifferent at the prices; conclusions from one to the other decide."""
+    if numpy:
+        monkeypatch.setattr(uniqueness, "kernels", None)
+    for seed in range(6):
+        truth, estimate = crowd(seed, 6, 7, 12, side=8.0, noise=1.0)
+        result = evaluate(truth, estimate, 4, 2, 1)
+        gradient = result.gradient()
+        assert gradient.unique
+        # No kink: the differences to both sides are the same, and the derivative.
+        way = np.random.default_rng(seed).normal(size=estimate.shape)
+        h = 1e-5
+        both = [evaluate(truth, estimate + sign * h * way, 4, 2, 1).total for sign in (1, -1)]
+        slope = np.nansum(gradient.array * way)
+        assert (both[0] - result.total) / h == pytest.approx(slope, abs=2e-2)
+        assert (result.total - both[1]) / h == pytest.approx(slope, abs=2e-2)
+        # A second copy of an estimate that is followed may be followed as well.
+        followed = int(result.assignments["estimate"].iloc[0])
+        twice = np.concatenate((estimate, estimate[:, [followed]]), axis=1)
+        assert not evaluate(truth, twice, 4, 2, 1).gradient().unique
+
+
+def test_losses_of_paths_are_those_of_the_kernels() -> None:
+    truth, estimate = crowd(1, 6, 7, 15, side=10.0, noise=1.0)
+    proof = evaluate(truth, estimate, 4, 2, 1).proof
+    value = proof.states.gain - proof.states.columns.totals(proof.prices)
+    through, without = uniqueness.path_losses(proof.states, value)
+    assert min(through.min(), without.min()) > -1e-12
+    for reach in (1e-9, 0.01, 0.3):
+        near, needed = uniqueness._marks(proof.states, value, proof.prices, reach)
+        assert np.array_equal(near, through <= reach)
+        assert np.array_equal(needed, without > reach)
 
 
 def test_table() -> None:
