@@ -98,7 +98,7 @@ class Norm(Distance):
         if self.power == np.inf:
             largest = np.argmax(np.abs(apart), axis=0) == np.arange(len(apart))[:, None]
             return np.where(largest, scale * sign, 0.0)
-        length = reduce(np.hypot, apart)
+        length = reduce(np.hypot, np.abs(apart))  # of one component its size
         return scale * shares(apart, length)
 
     def embed(self, axes: Floats) -> Floats:

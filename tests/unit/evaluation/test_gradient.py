@@ -21,6 +21,7 @@ COVARIANCE = np.cov(RNG.normal(size=(3, 30)))
     ("distance", "a", "b"),
     [
         *((Norm(name="norm", power=p, **SCALED), *POINTS) for p in (1.0, 2.0, np.inf)),
+        (Norm(name="norm", power=2.0), *POINTS[:, :1]),
         (Mahalanobis(covariance=COVARIANCE, scale=(1, 3, 2)), *POINTS),
         (DISTANCES["iou"], BOXES, BOXES + RNG.normal(0, 0.5, BOXES.shape)),
         (DISTANCES["iou"], BOXES, BOXES + 20),
@@ -109,6 +110,7 @@ def test_where_it_is_not_unique() -> None:
     single = evaluate(truth, np.array([[[1.0], [-1.1]]]), 5, 2, 1)
     assert single.gradient().unique
     assert evaluate(truth, truth, 5, 2, 1).gradient().root == 0.0
+    assert evaluate(truth, truth + 9, 5, 2, 1).gradient().unique  # no pair is near
     free = evaluate(truth, truth + 1, 5, 1, 0).gradient()
     assert np.isnan(free.switch_penalty)
 
