@@ -7,7 +7,7 @@ decides others: a slot that it fills is closed to them, and a priced slot that a
 still fill is filled by it (docs/how-to/gradient.md).
 
 What is assigned at steps without gain, as between two tracks while neither exists, is often free.
-It changes no part of the cost, and is not asked about.
+It changes no part of the cost, and is asked about for the steps of switches alone.
 """
 
 import itertools
@@ -37,8 +37,18 @@ ROUNDS = 50
 Mask = NDArray[np.bool_]
 
 
-def is_unique(proof: Proof, gap: float) -> bool:
-    """Whether the assignment is shown to be the only best one; `gap` counts as exact."""
+def is_unique(proof: Proof, gap: float, *, everywhere: bool = False) -> bool:
+    """Whether the assignment is shown to be the only best one.
+
+    Parameters
+    ----------
+    proof : Proof
+        Assignment and prices.
+    gap : float
+        What counts as exact.
+    everywhere : bool
+        Whether steps without gain are asked about as well: they decide when a switch is booked.
+    """
     states, bounds = proof.states, proof.bounds
     if not bounds.met(gap) or proof.reduced:
         return False
@@ -52,7 +62,7 @@ def is_unique(proof: Proof, gap: float) -> bool:
     for _ in range(ROUNDS):
         if not rows.draw_conclusions():
             return False
-        open_ = rows.open(used)
+        open_ = rows.open(used, everywhere=everywhere)
         if not open_.any():
             return True
         if not rows.survey(open_):
@@ -86,11 +96,13 @@ class _Rows:
         self.certain = np.zeros(len(states.begin), bool)
         self.closed = np.zeros(len(states.begin), bool)
 
-    def open(self, used: Mask) -> Mask:
-        """Rows of which it is not known what they have of near pairs, (nodes,)."""
+    def open(self, used: Mask, *, everywhere: bool) -> Mask:
+        """Rows of which it is not known what they have, of near pairs or everywhere, (nodes,)."""
         unsure = (self.near != used) | (self.near & ~self.certain)
+        if not everywhere:
+            unsure &= self.states.entry >= 0
         rows = np.zeros(self.states.nodes, bool)
-        rows[self.row[unsure & (self.states.entry >= 0)]] = True
+        rows[self.row[unsure]] = True
         return rows
 
     def draw_conclusions(self) -> bool:

@@ -12,11 +12,11 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.gradient import is_unique
 from tgospa_eval.evaluation.prepare import Fitted, Source
 from tgospa_eval.evaluation.slices.members import MOST_CROSSINGS, Members, members
 from tgospa_eval.evaluation.slices.values import Described
 from tgospa_eval.evaluation.slicing import SliceBy, parse_slices
+from tgospa_eval.evaluation.uniqueness import is_unique
 from tgospa_eval.problem.problem import Floats, Ints, Objects, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes
@@ -57,7 +57,7 @@ class Cut:
     def of(self, result: Result) -> tuple[Slicing, ...]:
         """The costs of a result of these two sides."""
         costs = row_costs(result.proof.states, result.proof.weights)
-        unique = is_unique(result)
+        unique = is_unique(result.proof, result.gap, everywhere=True)
         return tuple(
             Slicing(by=by, slices=tuple(_slices(costs, found, result.scale)), unique=unique)
             for by, found in self.members.items()
