@@ -154,7 +154,7 @@ def test_verbs_that_know_probabilities(invoke: Run, write: Write, pair: list[str
     bad = write("bad.csv", "id,t,x,existence\nb,0,0,0.5\nb,1,0,\nb,2,0,2\n")
     answer = invoke(truth, bad, *metric)
     assert answer.status == 3
-    assert 'bad.csv, column "existence": id b at t = 1 is blank (and 1 more)' in answer.err
+    assert 'bad.csv, column "existence": id "b" at t = 1 is blank (and 1 more)' in answer.err
 
 
 @pytest.mark.parametrize(

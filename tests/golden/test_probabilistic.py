@@ -241,7 +241,7 @@ def test_wrong_probabilities() -> None:
             evaluate(side(STAYS), side(STAYS, value), existence="use")
     named = side(STAYS)
     texts = replace(named, attributes={"existence": np.array(["likely", "0.5", "1"], object)})
-    with pytest.raises(InputError, match='estimate, column "existence": id 0 at t = 0 is likely'):
+    with pytest.raises(InputError, match='column "existence": id "0" at t = 0 is "likely"; must'):
         evaluate(named, texts, existence="use")
     with pytest.raises(ConfigError, match="neither truth nor estimate has a column existence"):
         evaluate(STAYS, STAYS, existence="use")

@@ -6,6 +6,7 @@ import numpy as np
 
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Floats, Trajectories
 
 EXISTENCE = "existence"
@@ -45,15 +46,19 @@ def _possible(side: Trajectories, name: str) -> Trajectories:
     given = side.attributes.get(EXISTENCE)
     if given is None:
         return side
-    likely = np.asarray(given, np.float64) if given.dtype.kind == "f" else np.full(len(given), -1.0)
+    numbers = given.dtype.kind == "f"
+    likely = np.asarray(
+        given if numbers else [_number(text) for text in given.tolist()], np.float64
+    )
     odd = np.flatnonzero(~((likely >= 0) & (likely <= 1)))
     if len(odd):
         row = int(odd[0])
         value = given[row]
-        text = "blank" if value in ("", None) or value != value else f"{value}"
+        blank = value != value or value == ""
+        shown = "blank" if blank else quoted(value) if isinstance(value, str) else f"{value:g}"
         raise InputError(
-            f'{name}, column "{EXISTENCE}": id {side.ids[side.track[row]]} at '
-            f"t = {side.shown[side.step[row]]} is {text}{more(len(odd))}; must be a number from 0 "
+            f'{name}, column "{EXISTENCE}": id {quoted(side.ids[side.track[row]])} at '
+            f"t = {side.shown[side.step[row]]} is {shown}{more(len(odd))}; must be a number from 0 "
             "to 1"
         )
     kept = np.flatnonzero(likely > 0)
@@ -61,3 +66,11 @@ def _possible(side: Trajectories, name: str) -> Trajectories:
         return side
     part = side.chosen(kept, side.step[kept], side.times)
     return replace(part, labels=side.labels)
+
+
+def _number(text: str) -> float:
+    """NaN where a text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan

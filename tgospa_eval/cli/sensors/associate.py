@@ -12,8 +12,8 @@ from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_opti
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
 } - {
-    *("cutoff", "order", "switch-penalty", "rho", "step-weights", "by", "preprocess", "unit"),
-    *("solver", "gap", "epsilon", "time-limit"),
+    *("cutoff", "order", "switch-penalty", "rho", "step-weights", "existence"),
+    *("by", "preprocess", "unit", "solver", "gap", "epsilon", "time-limit"),
 }
 """What it has of the options of everything that evaluates."""
 
