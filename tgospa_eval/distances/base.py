@@ -143,6 +143,20 @@ class Distance(ABC):
         a, b = self.axes(sides[0], pairs.truth_row), self.axes(sides[1], pairs.estimate_row)
         return self.slopes_between(a, b)
 
+    def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats | None:
+        """Derivative of the distance of near pairs by each particle of the estimate, (M, d).
+
+        The particles of the estimates of all pairs, one pair behind the other; None where states
+        have none. The sides are as they were read.
+
+        Raises
+        ------
+        ConfigError
+            No derivative is known.
+        """
+        del pairs, sides
+        return None
+
     def slopes_between(self, a: Floats, b: Floats) -> Floats:
         """Derivative of `between` by `b`, both (d, N).
 

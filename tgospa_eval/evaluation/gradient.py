@@ -10,11 +10,12 @@ from functools import partial
 
 import numpy as np
 
-from tgospa_eval.distances import Effort, Pairs
+from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.distances import CloudWasserstein, Effort, Pairs
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.evaluation.prepare import Fitted, Source
+from tgospa_eval.evaluation.prepare import Source
 from tgospa_eval.evaluation.uniqueness import is_unique
-from tgospa_eval.problem.problem import Floats
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.gradient import Gradient
 from tgospa_eval.results.result import Result
@@ -38,13 +39,12 @@ def gradient(result: Result) -> Gradient:
     )
     change = share * (proof.weights[used] / ONE) * p * pairs.distance ** (p - 1)
     mismatch = result.scale * float(np.sum(problem.mismatch(entry) * (proof.weights[used] / ONE)))
-    slopes = change * _slopes(source.sides, pairs)
-    total = np.zeros((len(problem.estimate_step), len(slopes)))
-    for k, slope in enumerate(slopes):
-        total[:, k] = np.bincount(pairs.estimate_row, slope, minlength=len(total))
+    total, particles, first = _moved(source, pairs, change)
     at_zero = math.nan if p == 1 else 0.0  # where switches are free, any number of them is best
     return Gradient(
         total=total,
+        particles=particles,
+        first_particle=first,
         cutoff=p / cutoff * (result.missed + result.false + mismatch),
         switch_penalty=p / gamma * result.switch if gamma > 0 else at_zero,
         root=result.tgospa / (p * result.total) if result.total > 0 else 0.0,
@@ -56,9 +56,37 @@ def gradient(result: Result) -> Gradient:
     )
 
 
-def _slopes(fitted: Fitted, pairs: Pairs) -> Floats:
-    """Derivative of the distances of near pairs by the estimate, (d, N)."""
-    aligned, distance = fitted.alignment, fitted.distance
-    truth, estimate = (side.seen_as(distance.kinds) for side in (aligned.truth, aligned.estimate))
-    sides, prepared = distance.prepared((truth, estimate), Effort())
-    return prepared.slopes(pairs, sides)
+def _moved(
+    source: Source, pairs: Pairs, change: Floats
+) -> tuple[Floats, Floats | None, Ints | None]:
+    """Derivative by each state of the estimate (R, d), of clouds by each particle (P, d).
+
+    `change` (N,) is that of the total by the distance of each pair; clouds also have the place of
+    their first particles (R + 1,).
+    """
+    aligned, distance = source.sides.alignment, source.sides.distance
+    sides = aligned.truth.seen_as(distance.kinds), aligned.estimate.seen_as(distance.kinds)
+    clouds = sides[1].clouds
+    by_particle = distance.particle_slopes(pairs, sides)
+    if by_particle is None:
+        prepared, measure = distance.prepared(sides, Effort())
+        slopes = (change * measure.slopes(pairs, prepared)).T
+        return _sums(pairs.estimate_row, slopes, len(sides[1].step)), None, None
+    if isinstance(distance, CloudWasserstein) and distance != source.request.distance:
+        raise ConfigError(
+            "no derivative is known where the covariance of the particles is taken from the data: "
+            "name one with --inner-cov FILE"
+        )
+    if clouds is None:
+        slopes = by_particle * change[:, None]
+        return _sums(pairs.estimate_row, slopes, len(sides[1].step)), None, None
+    count = clouds.counts[pairs.estimate_row]
+    place = concatenated(clouds.first[pairs.estimate_row], count)
+    slopes = by_particle * np.repeat(change, count)[:, None]
+    particles = _sums(place, slopes, len(clouds.points))
+    return clouds.sums(particles), particles, clouds.first
+
+
+def _sums(index: Ints, values: Floats, size: int) -> Floats:
+    """Sums of the rows of values (N, d) that share an index, (size, d)."""
+    return np.stack([sum_by(index, column, size) for column in values.T], axis=1)

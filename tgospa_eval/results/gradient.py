@@ -22,7 +22,12 @@ class Gradient:
     ----------
     total : (R, d) float array
         Derivative of ``total`` by each state of the estimate, in the order of its rows, by step and
-        track; in cost per unit of the column.
+        track; in cost per unit of the column. Clouds are moved as a whole.
+    particles : (P, d) float array, optional
+        Of clouds the derivative by each particle, state by state, in the order in which they were
+        read; weights are held.
+    first_particle : (R + 1,) int array, optional
+        Where those of each state begin.
     cutoff, switch_penalty : float
         Derivative of ``total`` by the parameters. Not a number for gamma = 0 and p = 1, where any
         number of switches is best.
@@ -39,6 +44,8 @@ class Gradient:
     """
 
     total: Floats
+    particles: Floats | None
+    first_particle: Ints | None
     cutoff: float
     switch_penalty: float
     root: float
@@ -75,13 +82,19 @@ class Gradient:
 
     @cached_property
     def table(self) -> "pd.DataFrame":
-        """Derivative of ``total``: ``id``, ``t`` and a column for each state column."""
+        """Derivative of ``total``: ``id``, ``t`` and a column for each state column.
+
+        A row for each state, of clouds for each particle.
+        """
         import pandas as pd  # here: not needed to compute, and slow to import
 
+        row, values = np.arange(len(self.step)), self.total
+        if self.particles is not None and self.first_particle is not None:
+            row, values = np.repeat(row, np.diff(self.first_particle)), self.particles
         return pd.DataFrame(
             {
-                "id": [self.labels.estimates[j] for j in self.track.tolist()],
-                "t": [self.labels.times[k] for k in self.step.tolist()],
-                **dict(zip(self.columns, self.total.T, strict=True)),
+                "id": [self.labels.estimates[j] for j in self.track[row].tolist()],
+                "t": [self.labels.times[k] for k in self.step[row].tolist()],
+                **dict(zip(self.columns, values.T, strict=True)),
             }
         )

@@ -5,8 +5,16 @@ import pandas as pd
 import pytest
 from strategies import scene as crowd
 
-from tgospa_eval import ConfigError, Trajectories, evaluate
-from tgospa_eval.distances import DISTANCES, Distance, GaussianWasserstein, Mahalanobis, Norm
+from tgospa_eval import ConfigError, Result, Trajectories, evaluate
+from tgospa_eval.distances import (
+    DISTANCES,
+    CloudWasserstein,
+    Distance,
+    GaussianWasserstein,
+    Mahalanobis,
+    Norm,
+    Reduction,
+)
 from tgospa_eval.evaluation import uniqueness
 
 RNG = np.random.default_rng(0)
@@ -157,12 +165,55 @@ def test_table() -> None:
     assert table.to_dict("list") == {"id": ["b", "b"], "t": [1.5, 2.5], "x": [2.0, 6.0]}
 
 
-def test_clouds_have_none() -> None:
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("inner", ["euclidean", "mahalanobis"])
+def test_clouds_are_moved_particle_by_particle(order: int, inner: str) -> None:
+    pytest.importorskip("ot")
+    rng = np.random.default_rng(5)
+    sides = [
+        pd.DataFrame(
+            {
+                "id": np.repeat([1, 2, 1, 2], 5),
+                "t": np.repeat([0, 0, 1, 1], 5),
+                "x": np.repeat([0, 9, 0, 9], 5) + rng.normal(size=20),
+                "y": rng.normal(size=20),
+                "weight": rng.dirichlet(np.ones(5), 4).ravel(),
+            }
+        )
+        for _ in range(2)
+    ]
+    covariance = {"covariance": [[2.0, 0.5], [0.5, 1.0]]} if inner == "mahalanobis" else {}
+    distance = CloudWasserstein(order=order, inner=inner, scale=(1.0, 2.0), **covariance)
+
+    def run(moved: pd.DataFrame) -> Result:
+        return evaluate(sides[0], moved, 8, 1.5, 1, distance=distance)
+
+    gradient = run(sides[1]).gradient()
+    table = gradient.table
+    assert table["id"].tolist() == sides[1]["id"].astype(str).tolist()
+    for row in range(0, 20, 3):
+        for column in ("x", "y"):
+            both = []
+            for sign in (1, -1):
+                moved = sides[1].copy()
+                moved.loc[row, column] += sign * 1e-6
+                both.append(run(moved).total)
+            difference = (both[0] - both[1]) / 2e-6
+            assert table[column][row] == pytest.approx(difference, abs=1e-5)
+    whole = np.add.reduceat(gradient.particles, gradient.first_particle[:-1])
+    assert gradient.total == pytest.approx(whole)
+
+
+def test_clouds_that_data_change_have_none() -> None:
     rows = {"id": [1, 1], "t": [0, 0], "x": [0.0, 1.0], "weight": [0.5, 0.5]}
     pytest.importorskip("ot")
-    result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance="cloud-wasserstein")
-    with pytest.raises(ConfigError, match="no derivative is known"):
-        result.gradient()
+    for distance, message in (
+        (CloudWasserstein(reduction=Reduction(size=1)), "of reduced clouds"),
+        (CloudWasserstein(inner="mahalanobis"), "is taken from the data"),
+    ):
+        result = evaluate(pd.DataFrame(rows), pd.DataFrame(rows), 5, 2, 1, distance=distance)
+        with pytest.raises(ConfigError, match=message):
+            result.gradient()
 
 
 def test_torch() -> None:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances.base import Distance, Effort, Floats, Settings, Sides
+from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Settings, Sides
 from tgospa_eval.distances.clouds.pairs import CloudPairs, OwnCovariance, announce
 from tgospa_eval.distances.clouds.reduction import Reduction
+from tgospa_eval.distances.clouds.slopes import slopes_of_particles
 from tgospa_eval.distances.clouds.transport import check_order, whitened_points
 from tgospa_eval.distances.mahalanobis import Mahalanobis, cholesky
 from tgospa_eval.distances.vector import Norm
@@ -147,6 +148,27 @@ class CloudWasserstein(Distance):
                 clouds = clouds.moved(whitened_points(clouds.points, factor, centre[0]))
             found.append(side.with_clouds(clouds))
         return (found[0], found[1]), self._measure()
+
+    def particle_slopes(self, pairs: Pairs, sides: Sides) -> Floats:
+        """By the envelope theorem: the optimal plan and the weights are held.
+
+        Raises
+        ------
+        ConfigError
+            The clouds are reduced.
+        """
+        if self.reduction is not None:
+            raise ConfigError(
+                "no derivative is known of reduced clouds: evaluate without reduce, or reduce them "
+                "before"
+            )
+        scale = np.ones(sides[1].state.shape[1]) if self.scale is None else np.asarray(self.scale)
+        factor = None if self.covariance is None else cholesky(self.covariance)
+        clouds = []
+        for side in sides:
+            own = single(side.state) if side.clouds is None else side.clouds
+            clouds.append(own.moved(own.points * scale))
+        return slopes_of_particles((clouds[0], clouds[1]), pairs, self.order, factor) * scale
 
     def _measure(self) -> Distance:
         """Of clouds as they are prepared."""
