@@ -79,7 +79,7 @@ def slices_lines(slicing: Slicing) -> Iterator[str]:
     widths = [2 + max(len(cell or "") for cell in column) for column in columns]
     room = max(LEAST_NAME, WIDTH - len(INDENT) - sum(widths))
     rows = [(clip(str(name), room), *cells) for name, *cells in table.rows]
-    name = min(room, max(len("slice"), *(len(row[0] or "") for row in rows)))
+    name = min(room, max(len(row[0] or "") for row in [("slice",), *rows]))
     yield clip(f"{INDENT}{by}")
     yield from text_lines(replace(table, head=("slice", *head), rows=rows, widths=(name, *widths)))
 

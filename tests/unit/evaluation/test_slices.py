@@ -200,6 +200,10 @@ def test_every_output_has_them(
     for slicing in document["slices"]:
         assert math.fsum(row["total"] for row in slicing["slices"]) == pytest.approx(total)
     assert "slices" not in json.loads(invoke(*call, "-q", "--format", "json").out)
+    Path("empty.csv").write_text("id,t,x\n")
+    nothing = invoke("empty.csv", "empty.csv", "--slice", "speed", "--slice", "x=0:1", "-q")
+    assert nothing.status == 0
+    assert "  by speed\n  slice  states  total  share" in nothing.out
     assert invoke(*call, *asked, "-o", "out", "--pictures", "none").status == 0
     page = Path("out/report.html").read_text(encoding="utf-8")
     assert "&lt;van&gt; * 1" in page

@@ -1,6 +1,7 @@
 """Values of attributes for each state of both sides: columns, and what follows from the states."""
 
 from collections.abc import Callable
+from functools import reduce
 
 import numpy as np
 
@@ -137,7 +138,7 @@ def _positions(side: Trajectories) -> Floats:
     names = [name for name in ("lat", "lon") if _is_earth(side)]
     names = names or [name for name in ("x", "y", "z") if name in side.columns]
     places = [side.columns.index(name) for name in names or side.columns]
-    return side.state[:, places].T
+    return np.ascontiguousarray(side.state.T[places])
 
 
 def _apart(side: Trajectories, first: Floats, second: Floats) -> Floats:
@@ -146,7 +147,7 @@ def _apart(side: Trajectories, first: Floats, second: Floats) -> Floats:
         return Haversine().between(zip(first, second, strict=True))
     difference: Floats = first - second
     with np.errstate(over="ignore"):
-        return np.asarray(np.hypot.reduce(difference, axis=0))
+        return np.asarray(reduce(np.hypot, difference[1:], np.abs(difference[0])))
 
 
 def _ranges(side: Trajectories, attribute: Attribute) -> Floats:
@@ -178,13 +179,15 @@ def _speeds(side: Trajectories) -> Floats:
     same = track[1:] == track[:-1]
     before = np.arange(len(order)) - np.append(False, same)[: len(order)]
     after = np.arange(len(order)) + np.append(same, False)[: len(order)]
-    places, times = _positions(side)[:, order], side.times[side.step[order]]
+    times = side.times[side.step[order]]
     span = (times[after] - times[before]).astype(np.float64)
+    places = _positions(side)
     if side.clock != "number":
         span /= SECOND
     speed = np.full(len(order), np.nan)
     moved = np.flatnonzero(span > 0)
-    way = _apart(side, places[:, after[moved]], places[:, before[moved]])
+    ends = (order[at[moved]] for at in (after, before))
+    way = _apart(side, *(places.take(end, axis=1) for end in ends))
     speed[order[moved]] = way / span[moved]
     return speed
 
