@@ -107,20 +107,6 @@ def test_gospa_of_worked_examples(
     assert [found[name] / 2 for name in names] == pytest.approx(parts)
 
 
-def test_gospa_of_every_verb(write: Write, invoke: Invoke) -> None:
-    paths = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
-    asked = ("-c", "1", "-p", "1", "-g", "1", "-q", "--with", "gospa", "--format", "json")
-    found = json.loads(invoke(*paths, *asked).out)["with"]["gospa"]
-    ranked = json.loads(invoke("compare", *paths, paths[0], *asked).out)
-    batch = ("batch", "--truth", paths[0], "--estimate", paths[1], "-o", "r", "--workers", "1")
-    group = json.loads(invoke(*batch, *asked).out)["groups"][0]
-    of_compare = next(e["with"]["gospa"] for e in ranked["estimates"] if e["total"] > 0)
-    for each in (found, of_compare, {name: group[f"with.gospa.{name}"] for name in found}):
-        assert each == pytest.approx(
-            {"localisation": 0.46, "missed": 0.5, "false": 0.5, "total": 1.46}
-        )
-
-
 @pytest.mark.parametrize("cutoff", ["0.5", "1"])
 def test_boxes_match_by_their_overlap_whatever_the_cutoff(
     write: Write, invoke: Invoke, cutoff: str
