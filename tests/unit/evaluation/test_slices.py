@@ -311,6 +311,13 @@ def test_other_states() -> None:
     assert [one.name for one in found.slices] == ["2", "4"]
 
 
+def test_shares_that_are_not_known() -> None:
+    truth = table(TRUTH).assign(seen=[-1, 0.25, 1, np.nan])
+    found = evaluate(truth, table(ESTIMATE).assign(seen=-1), 2, 1, 1, slices="seen=weight").slices()
+    rows = {one.name: (one.truth_steps, one.estimate_steps) for one in found[0].slices}
+    assert rows == {"seen": (1.25, 0), "1 - seen": (0.75, 0), "(missing)": (2, 4)}
+
+
 def test_ties_are_said() -> None:
     truth = table("id,t,x\na,0,0\nb,0,1\n")
     estimate = table("id,t,x\nc,0,0.5\n")

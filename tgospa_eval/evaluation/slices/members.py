@@ -32,6 +32,9 @@ MOST_DISTINCT = 20
 MOST_SLICES, MOST_CROSSINGS = 200, 5_000
 """By one attribute, and by two."""
 
+NOT_KNOWN = -1.0
+"""How MOTChallenge and KITTI write a share that is not known."""
+
 QUARTILES = (0.25, 0.5, 0.75)
 
 
@@ -176,6 +179,9 @@ def _weighted(
     attribute: Attribute, values: Sequence[Floats | None], rows: tuple[int, int]
 ) -> Members:
     """Two slices, with the share w and 1 - w of each row; a third for rows without a value."""
+    values = [
+        None if side is None else np.where(side == NOT_KNOWN, np.nan, side) for side in values
+    ]
     for side, role in zip(values, ("truth", "estimate"), strict=True):
         if side is not None:
             wrong = side[(side < 0) | (side > 1)]
