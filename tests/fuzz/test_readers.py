@@ -36,7 +36,7 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
-BINARY = ("parquet", "npz")
+BINARY = ("parquet", "feather", "npz")
 PIECES = [
     *(
         b"",
@@ -128,7 +128,7 @@ def seed_of(name: str) -> bytes:
         )
         return buffer.getvalue()
     pytest.importorskip("pyarrow")
-    frame.to_parquet(buffer)
+    frame.to_parquet(buffer) if name == "parquet" else frame.to_feather(buffer)
     return buffer.getvalue()
 
 
@@ -224,7 +224,7 @@ CASES = [
     (name, edited)
     for name in (*FORMATS, "quoted")
     for edited in (False, True)
-    if (name, edited) != ("parquet", True)  # as frames, below
+    if not (name in ("parquet", "feather") and edited)  # as frames, below
 ]
 
 

@@ -17,13 +17,14 @@ from tgospa_eval.tracks.trajectories import Trajectories
 FORMATS = {
     "csv": ("tgospa_eval.formats.text.table", "read_table"),
     "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
+    "feather": ("tgospa_eval.formats.feather", "read_feather"),
     "motchallenge": ("tgospa_eval.formats.text.motchallenge", "read_motchallenge"),
     "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
 }
 """Module and function that read each format; imported when used."""
 
-PACKED = ("parquet", "npz")
+PACKED = ("parquet", "feather", "npz")
 """Formats whose readers know what a file unpacks to."""
 
 ROLES = ("truth", "estimate")
@@ -106,7 +107,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     attributes: tuple[str, ...] = (),
     max_input: float | None = None,
 ) -> Trajectories:
-    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, npz, MOTChallenge or KITTI.
+    """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge and others.
 
     Rows that repeat an (id, t) are particles of one cloud if there is a column ``weight``.
     Covariances that are not quite such get a warning.
@@ -117,8 +118,9 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         The file.
     role : {"truth", "estimate"}
         What the file is: column 7 of MOTChallenge is a flag in truth and a score in results.
-    format : {"csv", "parquet", "motchallenge", "kitti", "npz"}, optional
-        Guessed by name and content if not given.
+    format : str, optional
+        One of ``formats.FORMATS``, as of ``--truth-format``; guessed by name and content if not
+        given.
     covariance : bool
         Read covariances where there are columns of such, ``cov_xx, cov_xy, cov_yy`` or ``std_x,
         std_y, rho_xy``; whether they are compared depends on the distance.

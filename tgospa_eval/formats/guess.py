@@ -4,11 +4,25 @@ import re
 
 from tgospa_eval.formats.fields import is_number
 
-ENDINGS = {".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet", ".npz": "npz"}
-"""Format by the end of a name; only magic bytes come first."""
+ENDINGS = {
+    ".csv": "csv",
+    ".tsv": "csv",
+    ".parquet": "parquet",
+    ".pq": "parquet",
+    ".feather": "feather",
+    ".arrow": "feather",
+    ".npz": "npz",
+}
+"""Format by the end of a name; only first bytes come before."""
 
-MAGIC = b"PAR1"
-ZIP = b"PK\x03\x04"
+MAGIC = {
+    b"PAR1": "parquet",
+    b"ARROW1": "feather",
+    b"FEA1": "feather",
+    b"PK\x03\x04": "npz",
+}
+"""Format by the first bytes."""
+
 GUESSED_FROM = 1 << 12
 
 
@@ -18,10 +32,9 @@ def guess(path: str, data: bytes) -> str:
     A MOTChallenge line has 6 to 10 numbers, and no header. A KITTI line has 17 fields, or 18 with a
     score, separated by blanks, of which the third is the type.
     """
-    if data[:4] == MAGIC:
-        return "parquet"
-    if data[:4] == ZIP:
-        return "npz"
+    for magic, format in MAGIC.items():
+        if data.startswith(magic):
+            return format
     suffix = re.search(r"\.[^./\\]*$", path.casefold())
     if suffix and suffix[0] in ENDINGS:
         return ENDINGS[suffix[0]]

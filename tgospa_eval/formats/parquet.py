@@ -1,18 +1,13 @@
 """Parquet tables with the columns of the CSV files; needs the extra ``parquet``."""
 
-from dataclasses import replace
-from datetime import date
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats.columns.asked import parse_columns
-from tgospa_eval.formats.columns.roles import Roles, find_roles
-from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.room import TABLE, check_room
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.text import quoted
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -35,6 +30,7 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         raise ConfigError(
             f"{path}: Parquet files need the extra parquet: {install('parquet')}"
         ) from None
+    from tgospa_eval.formats.arrow import arrow_rows, damaged
 
     if not data:
         raise InputError(
@@ -42,100 +38,14 @@ def read_parquet(path: str, data: bytes, options: ReadOptions, role: str, *, giv
         )
     try:
         file = pq.ParquetFile(pa.BufferReader(data))
-        names = list(file.schema_arrow.names)
+        schema = file.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
-        raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
-    roles = find_roles(names, options, path)
-    used = {roles.id, roles.time, *roles.numbers, *roles.texts}
-    if roles.klass is not None:
-        used.add(roles.klass)
-    subset = [names[column] for column in sorted(used)]
-    _check_types(file.schema_arrow, roles, path)
-    rows = file.metadata.num_rows
-    what = f"{rows:,} rows of {len(subset)} columns"
-    check_room(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
-    try:
-        table = file.read(columns=subset).select(subset)
-        table.validate(full=True)  # pandas looks at texts later, or never
-        _check_dates(table, path)
-        table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
-        frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
-    except (InputError, MemoryError):
-        raise
-    except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
-        raise InputError(f"{path}: no readable Parquet file: {_first_line(error)}") from None
-    del table
-    # The same roles by position in the subset, where mapped headers without a use are missing.
-    shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
-    found = find_roles(subset, shared, path)
-    whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
-    return frame_rows(frame, replace(found, **whole), path, options.decimal)
+        raise damaged(path, "Parquet", error) from None
 
+    def read(subset: Sequence[str]) -> "pa.Table":
+        rows = file.metadata.num_rows
+        what = f"{rows:,} rows of {len(subset)} columns"
+        check_room(path, TABLE * 8 * rows * len(subset), len(data), options.max_input, what)
+        return file.read(columns=subset)
 
-def _check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
-    """Whether the columns in use have plain values.
-
-    Raises
-    ------
-    InputError
-        One has lists, structs, maps or bytes.
-    """
-    import pyarrow.types as kinds
-
-    wanted = {roles.id: "ids", roles.time: "times"} | dict.fromkeys(roles.numbers, "numbers")
-    wanted |= dict.fromkeys(roles.texts, "numbers or texts")
-    if roles.klass is not None:
-        wanted[roles.klass] = "classes"
-    for column, what in wanted.items():
-        kind = schema.field(column).type
-        inner = kind.value_type if kinds.is_dictionary(kind) else kind
-        if kinds.is_nested(inner) or "binary" in str(inner):
-            remedy = {"numbers": what, "times": "numbers, timestamps or ISO texts"}.get(
-                what, "texts or integers"
-            )
-            raise InputError(
-                f"{path}, column {quoted(schema.names[column])}: {kind}, not {what}; write {remedy}"
-            )
-
-
-def _check_dates(table: "pa.Table", path: str) -> None:
-    """Whether Python has the dates; pandas makes them its own.
-
-    Raises
-    ------
-    InputError
-        One is before the year 1 or after 9999.
-    """
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-        if not pa.types.is_date(kind):
-            continue
-        dates = column.cast(kind)
-        early = pc.less(dates, pa.scalar(date.min, kind))
-        late = pc.greater(dates, pa.scalar(date.max, kind))
-        row = pc.index(pc.or_(early, late), value=True).as_py()
-        if row >= 0:
-            raise InputError(
-                f"{path}, row {row}, column {quoted(name)}: a date out of range (the years 1 to "
-                "9999); write texts or numbers"
-            )
-
-
-def _exact(table: "pa.Table", *names: str | None) -> "pa.Table":
-    """The table with integers among which some are missing as texts: pandas makes them floats."""
-    import pyarrow as pa
-
-    for name in names:
-        if name is not None and table[name].null_count and pa.types.is_integer(table[name].type):
-            column = table.column_names.index(name)
-            table = table.set_column(column, name, table[name].cast(pa.string()))
-    return table
-
-
-def _first_line(error: Exception) -> str:
-    if isinstance(error, UnicodeDecodeError):
-        return "a text that is not UTF-8; the file is damaged"
-    return (str(error).splitlines() or [type(error).__name__])[0]
+    return arrow_rows(path, "Parquet", schema, read, options)

@@ -7,7 +7,13 @@ import click
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option, option
-from tgospa_eval.cli.shared.options import EVALUATION, FILE_FORMATS, chosen_options, format_option
+from tgospa_eval.cli.shared.options import (
+    EVALUATION,
+    FILE_FORMATS,
+    NAMED_FORMATS,
+    chosen_options,
+    format_option,
+)
 
 SENSOR_OPTIONS = {
     item.key for item in EVALUATION if not item.key.startswith(("truth-", "estimate-"))
@@ -41,7 +47,7 @@ _output = partial(Option, section="Output")
             SENSOR_OPTIONS,
             _files(
                 "--a-format FORMAT",
-                "Format of A: csv, parquet, motchallenge, kitti or npz.",
+                f"Format of A: {NAMED_FORMATS}.",
                 name="truth_format",
             ),
             _files("--b-format FORMAT", "Format of B, one of the same.", name="estimate_format"),

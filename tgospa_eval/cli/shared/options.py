@@ -23,7 +23,8 @@ SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
-FILE_FORMATS = ("csv", "parquet", "motchallenge", "kitti", "npz")
+FILE_FORMATS = ("csv", "parquet", "feather", "motchallenge", "kitti", "npz")
+NAMED_FORMATS = f"{', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}"
 
 _metric = partial(option, section="Metric")
 _files = partial(option, section="Files")
@@ -116,7 +117,7 @@ FILE_OPTIONS = (
     _files("--estimate-columns NAMES", "--columns for ESTIMATE alone."),
     _files(
         "--truth-format FORMAT",
-        "Format of TRUTH: csv, parquet, motchallenge, kitti or npz.",
+        f"Format of TRUTH: {NAMED_FORMATS}.",
         type=click.Choice(FILE_FORMATS),
         show_default="found from name and content",
     ),
