@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from tgospa_eval.formats.columns.spread import Spread
     from tgospa_eval.formats.particles import Particles
 
+AIS_UNKNOWN = (91.0, 181.0)
+"""Latitude and longitude that ships send while they do not know theirs (ITU-R M.1371)."""
+AIS_SENTENCE = "without a position (latitude 91, longitude 181, of AIS): absent at that step"
+
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     """Trajectories of the rows that take part, with counts of the others.
@@ -39,6 +43,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         choice.keep(~apart, rule, sentence)
     filled = (state == state).all(axis=1)  # NaN is not
     choice.keep(filled, "blank", "with a blank or NaN position: absent at that step")
+    if roles.names[:2] == ("lat", "lon"):
+        choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place", AIS_SENTENCE)
     grid = _grid(rows, options, choice)
     _keep_classes(rows, options, choice)
     track_ids, track = rows.ids

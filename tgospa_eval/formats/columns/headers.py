@@ -34,7 +34,7 @@ HEADER_ALIASES = {
         "instance_id instance_token entity_id agent_id vehicle_id person_id pedestrian_id actor_id "
         "mmsi icao24",
         "t": f"{' '.join(FIRST_ALIASES['t'])} ts stamp datetime utc utc_time time_utc timestep "
-        "frame_id frame_idx frame_index frame_no frame_num frame_number",
+        "frame_id frame_idx frame_index frame_no frame_num frame_number base_date_time",
         "x": COORDINATE.format("x") + " easting utm_easting",
         "y": COORDINATE.format("y") + " northing utm_northing",
         "z": COORDINATE.format("z"),

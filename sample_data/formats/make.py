@@ -1,0 +1,117 @@
+"""Makes the files beside it: python sample_data/formats/make.py [FOLDER].
+
+One small scene, in metres, as trackers of several fields find it on their disks.
+"""
+
+import sys
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from tgospa_eval.simulation import Scene, Tracker, simulate
+
+SCENE = Scene(scenario="crossing", targets=4, steps=12, area=200)
+TRACKER = Tracker(noise=1.5, detection=0.9, fragmentation=0.05, false_rate=0.3)
+CLASSES = ("car", "pedestrian", "car", "truck")
+"""Of the targets; false tracks are cars."""
+
+START = datetime(2024, 6, 1, 12, tzinfo=UTC)
+
+
+class Row(NamedTuple):
+    """An object at a step."""
+
+    number: int
+    step: int
+    x: float
+    y: float
+    klass: str
+
+
+def main(folder: Path) -> None:
+    """All files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    truth, estimate = (
+        list(rows(side)) for side in simulate(SCENE, TRACKER, np.random.default_rng(4))
+    )
+    for name, side in (("truth", truth), ("estimate", estimate)):
+        lines = [f"{r.number},{r.step},{r.x},{r.y},{r.klass}" for r in side]
+        write(folder / f"{name}.csv", ["id,t,x,y,class", *lines])
+    write(folder / "ais.csv", ais(truth))
+    write(folder / "vessel_tracks.csv", vessel_tracks(estimate))
+    write(folder / "adsb.csv", adsb(truth))
+    write(folder / "aircraft_tracks.csv", aircraft_tracks(estimate))
+
+
+def rows(side) -> Iterator[Row]:
+    """The rows of trajectories."""
+    for step, track, (x, y) in zip(side.step, side.track, side.state, strict=True):
+        number = int(side.ids[track])
+        known = 0 <= number % 100 - 1 < len(CLASSES) and number < 200
+        klass = CLASSES[number % 100 - 1] if known else "car"
+        yield Row(number, int(side.times[step]), float(x), float(y), klass)
+
+
+def place(row: Row, scale: float) -> tuple[str, str]:
+    """Latitude and longitude: in the Gulf of Mexico, a metre of the scene as so many metres."""
+    degree = 111_195 / scale
+    return f"{28.5 + row.y / degree:.6f}", f"{-94.2 + row.x / degree / 0.8788:.6f}"
+
+
+def ais(truth: list[Row]) -> Iterator[str]:
+    """Ships every minute, as of MarineCadastre; an MMSI may begin with 0, a position be unknown."""
+    yield (
+        "MMSI,BaseDateTime,LAT,LON,SOG,COG,Heading,VesselName,IMO,CallSign,VesselType,Status,Length,"
+        "Width,Draft,Cargo,TransceiverClass"
+    )
+    for r in truth:
+        lat, lon = place(r, 50)
+        stamp = (START + timedelta(minutes=r.step)).strftime("%Y-%m-%dT%H:%M:%S")
+        yield f"00366{r.number:04},{stamp},{lat},{lon},9.1,45.0,511.0,,,,70,0,120,20,,,A"
+    stamp = (START + timedelta(minutes=1)).strftime("%Y-%m-%dT%H:%M:%S")
+    yield f"003660099,{stamp},91.0,181.0,0.0,360.0,511.0,,,,,,,,,,B"
+
+
+def vessel_tracks(estimate: list[Row]) -> Iterator[str]:
+    """What a coastal radar makes of them."""
+    yield "track_id,time,latitude,longitude"
+    for r in estimate:
+        stamp = (START + timedelta(minutes=r.step)).strftime("%Y-%m-%d %H:%M:%S")
+        yield ",".join((str(r.number), stamp, *place(r, 50)))
+
+
+def adsb(truth: list[Row]) -> Iterator[str]:
+    """Aircraft every ten seconds, as state vectors of OpenSky; one is heard but not placed."""
+    yield (
+        "time,icao24,lat,lon,velocity,heading,vertrate,callsign,onground,alert,spi,squawk,"
+        "baroaltitude,geoaltitude,lastposupdate,lastcontact,hour"
+    )
+    hour = int(START.timestamp())
+    for r in truth:
+        lat, lon = place(r, 500)
+        time = hour + 10 * r.step
+        yield (
+            f"{time},00a{r.number:03x},{lat},{lon},230.5,45.0,0.0,SIM{r.number:<5},false,false,"
+            f"false,1000,9144.0,9200.0,{time - 0.4:.1f},{time - 0.1:.1f},{hour}"
+        )
+    yield f"{hour + 10},00affe,,,,,,,false,false,false,,,,,{hour + 9.9:.1f},{hour}"
+
+
+def aircraft_tracks(estimate: list[Row]) -> Iterator[str]:
+    """What a surveillance radar makes of them."""
+    yield "track,time,lat,lon"
+    for r in estimate:
+        yield ",".join((f"R{r.number}", str(int(START.timestamp()) + 10 * r.step), *place(r, 500)))
+
+
+def write(path: Path, lines) -> None:
+    """A file of text."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
