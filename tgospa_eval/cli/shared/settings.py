@@ -1,6 +1,7 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
@@ -254,6 +255,17 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
     """
     if output.config and not output.quiet:
         print_notice(f"settings from {output.config}")
+    # A file may change from one job of a batch to the next; options do not.
+    named = options.covariance, options.inner_cov, options.step_weights
+    return _settings(options) if any(named) else _kept(options)
+
+
+@lru_cache(maxsize=8)
+def _kept(options: EvaluationOptions) -> Settings:
+    return _settings(options)
+
+
+def _settings(options: EvaluationOptions) -> Settings:
     measure = DistanceOptions(options)
     slices, columns = _slices(options)
     reading = ReadOptions(
