@@ -189,25 +189,6 @@ def find_roles(
     ConfigError
         The columns asked for cannot be understood.
     """
-    key = tuple(header), options, fixed
-    if key not in _KNOWN:
-        roles = _find_roles(header, options, where, fixed=fixed, sample=sample)
-        if roles.lacking or roles.passed:  # sentences that name the file
-            return roles
-        if len(_KNOWN) >= MOST_KNOWN:
-            _KNOWN.clear()
-        _KNOWN[key] = roles
-    return _KNOWN[key]
-
-
-MOST_KNOWN = 64
-_KNOWN: dict[tuple[tuple[str, ...], ReadOptions, bool], Roles] = {}
-"""Roles of the headers that were met: the files of a study have the same."""
-
-
-def _find_roles(
-    header: Sequence[str], options: ReadOptions, where: str, *, fixed: bool, sample: Sequence[str]
-) -> Roles:
     names = [name.strip() for name in header]
     _check_names(names, where)
     mapped, wanted = parse_columns(options.columns)

@@ -18,7 +18,8 @@ import numpy as np
 
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.columns.known import known_roles
+from tgospa_eval.formats.columns.roles import Roles
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
@@ -104,7 +105,7 @@ def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Role
         try:
             reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
             names = [name.strip() for name in next(reader)]
-            roles = find_roles(names, options, where, sample=sample)
+            roles = known_roles(names, options, where, sample)
         except (InputError, csv.Error) as error:
             fault = fault or _explained(error, line, where)
             if not line.lstrip().startswith(COMMENTS):

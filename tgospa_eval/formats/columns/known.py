@@ -1,0 +1,31 @@
+"""Roles of the headers that were met: the files of a study have the same."""
+
+from collections.abc import Sequence
+
+from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.options import ReadOptions
+
+MOST = 64
+
+_known: dict[tuple[tuple[str, ...], ReadOptions], Roles] = {}
+
+
+def known_roles(
+    header: Sequence[str], options: ReadOptions, where: str, sample: Sequence[str]
+) -> Roles:
+    """`find_roles`, of the same header with the same options only once.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As `find_roles`.
+    """
+    key = tuple(header), options
+    if key not in _known:
+        roles = find_roles(header, options, where, sample=sample)
+        if roles.lacking or roles.passed:  # sentences that name the file
+            return roles
+        if len(_known) >= MOST:
+            _known.clear()
+        _known[key] = roles
+    return _known[key]
