@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.options import ReadOptions
 
-MOST = 64
+MOST_HEADERS = 64
 
 _known: dict[tuple[tuple[str, ...], ReadOptions], Roles] = {}
 
@@ -25,7 +25,7 @@ def known_roles(
         roles = find_roles(header, options, where, sample=sample)
         if roles.lacking or roles.passed:  # sentences that name the file
             return roles
-        if len(_known) >= MOST:
+        if len(_known) >= MOST_HEADERS:
             _known.clear()
         _known[key] = roles
     return _known[key]
