@@ -32,6 +32,9 @@ SEEDS = {
     "quoted": '"id","t","x","y","class"\n'
     + "".join(f'"{i}",2024-01-01T10:00:0{t},{x},"{y}","{CLASSES[t]}"\n' for i, t, x, y in ROWS),
     "motchallenge": "".join(f"{t},{i},{x},{y},4,6,1,-1,-1,-1\n" for i, t, x, y in ROWS),
+    "visdrone": "".join(
+        f"{t},{i},{x},{y},4,6,{t % 2},{t and i + 1},{t % 2},{t}\n" for i, t, x, y in ROWS
+    ),
     "kitti": "".join(
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
@@ -301,6 +304,7 @@ END = {
     "csv": ("0,0,", "%d,%d,"),
     "quoted": ('"0",2024-01-01T10:00:00,', '"%d",2024-01-01T10:00:00.%03d,'),
     "motchallenge": ("0,0,", "%d,%d,"),
+    "visdrone": ("0,0,", "%d,%d,"),
     "kitti": ("0 0 ", "%d %d "),
 }
 """Ids and times of the first row of a seed, and what they are written as."""

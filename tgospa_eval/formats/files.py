@@ -19,6 +19,7 @@ FORMATS = {
     "parquet": ("tgospa_eval.formats.parquet", "read_parquet"),
     "feather": ("tgospa_eval.formats.feather", "read_feather"),
     "motchallenge": ("tgospa_eval.formats.text.motchallenge", "read_motchallenge"),
+    "visdrone": ("tgospa_eval.formats.text.visdrone", "read_visdrone"),
     "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
 }

@@ -1,6 +1,7 @@
 """The format of a file, by its name and its first line."""
 
 import re
+from collections.abc import Iterable
 
 from tgospa_eval.formats.fields import is_number
 
@@ -25,12 +26,16 @@ MAGIC = {
 
 GUESSED_FROM = 1 << 12
 
+VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
+"""Of objects; 0 is for regions that are not considered."""
+
 
 def guess(path: str, data: bytes) -> str:
     """A key of `formats.FORMATS`; what looks like nothing else is a CSV table.
 
-    A MOTChallenge line has 6 to 10 numbers, and no header. A KITTI line has 17 fields, or 18 with a
-    score, separated by blanks, of which the third is the type.
+    A MOTChallenge line has 6 to 10 numbers, and no header; VisDrone has 10 as well, of which the
+    last three are classes and grades of visibility in all lines. A KITTI line has 17 fields, or
+    18 with a score, separated by blanks, of which the third is the type.
     """
     for magic, format in MAGIC.items():
         if data.startswith(magic):
@@ -39,10 +44,12 @@ def guess(path: str, data: bytes) -> str:
     if suffix and suffix[0] in ENDINGS:
         return ENDINGS[suffix[0]]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
-    line = re.split(r"[\r\n]", head, maxsplit=1)[0]
+    lines = re.split(r"[\r\n]+", head)
+    line = lines[0]
     fields = split(line)
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
-        return "motchallenge"
+        whole = lines if len(data) <= GUESSED_FROM else lines[:-1] or lines
+        return "visdrone" if _is_visdrone(filter(str.strip, whole)) else "motchallenge"
     words = line.split()
     if len(words) in (17, 18) and not is_number(words[2]):
         return "kitti"
@@ -53,6 +60,16 @@ def split(line: str) -> list[str]:
     """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
+
+
+def _is_visdrone(lines: Iterable[str]) -> bool:
+    """Whether ten columns end in class, truncation and occlusion, not in a place in space."""
+    return all(
+        len(fields) == 10
+        and (fields[8:] == ["-1", "-1"] or (fields[8] in "01" and fields[9] in "012"))
+        and fields[7] in (*VISDRONE_CLASSES, "0" if fields[6] == "0" else "")
+        for fields in map(split, lines)
+    )
 
 
 COMMENTS = ("#", "%", "//")

@@ -41,7 +41,10 @@ def test_the_answer_of_the_csv_file(invoke: Run, tmp_path: Path, compression: st
     assert "read as feather" in found.err
 
 
-def test_what_it_unpacks_to_is_known_before(tmp_path: Path) -> None:
+def test_what_it_unpacks_to_is_known_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     rows = 1_000_000
     zeros = pa.array(np.zeros(rows, np.int64))
     bomb = pa.table({"id": zeros, "t": zeros, "x": zeros})

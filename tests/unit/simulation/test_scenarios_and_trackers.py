@@ -379,6 +379,9 @@ def test_bad_options(invoke, tmp_path: Path, arguments: list[str], part: str) ->
     assert not (tmp_path / "a").exists()
 
 
+SCRIPTS = sorted((ROOT / "sample_data").glob("*/make.py"))
+
+
 def commands() -> list[str]:
     page = (ROOT / "sample_data" / "README.md").read_text(encoding="utf-8")
     return re.findall(r"^tgospa-eval simulate .*", page.replace("\\\n", " "), re.MULTILINE)
@@ -396,17 +399,19 @@ def test_sample_data_is_made_by_its_commands(invoke, tmp_path: Path, command: st
 
 def test_all_sample_data_has_its_command() -> None:
     folders = {path.name for path in (ROOT / "sample_data").iterdir() if path.is_dir()}
-    folders -= {"gate", "batch", "formats"}  # judges the others, have scripts
+    folders -= {"gate", *(script.parent.name for script in SCRIPTS)}  # judges the others
     assert {Path(command.split()[2]).name for command in commands()} == folders
 
 
-def test_sample_data_of_batch_is_made_by_its_script(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.parent.name)
+def test_sample_data_is_made_by_its_script(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: Path
 ) -> None:
-    script = ROOT / "sample_data" / "batch" / "make.py"
     monkeypatch.setattr(sys, "argv", [str(script), str(tmp_path)])
     runpy.run_path(str(script), run_name="__main__")
-    made = [path.relative_to(tmp_path) for path in tmp_path.rglob("*.*") if path.is_file()]
-    assert len(made) == 3 * 3 + 8 * 3
-    for path in made:
-        assert (tmp_path / path).read_bytes() == (script.parent / path).read_bytes()
+    files = (path for path in script.parent.rglob("*") if path.is_file() and path != script)
+    assert {path.relative_to(script.parent): path.read_bytes() for path in files} == {
+        path.relative_to(tmp_path): path.read_bytes()
+        for path in tmp_path.rglob("*.*")
+        if path.is_file()
+    }

@@ -36,17 +36,14 @@ def read_motchallenge(
     rows, texts, places = read_plain(
         path, data, options, PlainForm(_header, commas=True, empty=7), given=given, texts=flagged
     )
-    if list(rows.ids[0]) == ["-1"]:
-        raise InputError(
-            f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
-        )
+    refuse_detections(rows)
     leave_out_unknown(rows, places.names, MOT_UNKNOWN)
     if rows.classes is not None and list(rows.classes[0]) == ["-1"] and "class" in options.shared:
         # Results of some trackers fill the columns with -1.
         lacking = {**rows.roles.lacking, "class": f"{path}: every class is -1, not known"}
         rows = replace(rows, classes=None, roles=replace(rows.roles, lacking=lacking))
     if FLAG_FIELD in texts:
-        flags = _flags(texts[FLAG_FIELD], places)
+        flags = flags_of(texts[FLAG_FIELD], places, FLAG_FIELD)
         rows.apart[NOT_CONSIDERED] = flags == 0, "left out: 0 in column 7, not to be considered"
     return rows
 
@@ -62,11 +59,25 @@ def _header(fields: list[str], where: str) -> list[str]:
     return ["frame", "id", *BOX, "conf", *rest][: len(fields)]
 
 
-def _flags(texts: Coded, places: Places) -> Floats:
-    """Column 7 as numbers."""
+def refuse_detections(rows: Rows) -> None:
+    """Refuse boxes of which none has an id.
+
+    Raises
+    ------
+    InputError
+        So it is.
+    """
+    if list(rows.ids[0]) == ["-1"]:
+        raise InputError(
+            f"{rows.where(0)}: every id is -1: these are detections; TGOSPA compares tracks"
+        )
+
+
+def flags_of(texts: Coded, places: Places, column: int) -> Floats:
+    """A column as numbers, of which 0 is for rows that are not to be considered."""
     values, wrong = numbers([text.strip() for text in texts.distinct], ".")
     if wrong:
         _, wrong = numbers([text.strip() for text in texts], ".")  # with the row, and how many
         row, message = wrong[0]
-        raise InputError(f"{places.field(row, FLAG_FIELD)}: {message}")
+        raise InputError(f"{places.field(row, column)}: {message}")
     return values[texts.code]

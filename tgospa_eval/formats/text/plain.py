@@ -101,7 +101,7 @@ def read_plain(
             width=len(names),
             header=False,
         )
-        found = bulk.read_bulk(data, layout, roles, ".", texts=wanted, name_id=_plain_id)
+        found = bulk.read_bulk(data, layout, roles, ".", texts=wanted, name_id=plain_id)
         if found is not None:
             rows, coded = found
             lines = range(1, len(rows.numbers) + 1)
@@ -110,7 +110,7 @@ def read_plain(
     del data
     blocks = _blocks(text, split, len(names), path, first)
     fields = gather(blocks, roles, ".", wanted)
-    rows, places = convert(fields, roles, ".", path, names, name_id=_plain_id)
+    rows, places = convert(fields, roles, ".", path, names, name_id=plain_id)
     return rows, {column: fields.coded[column] for column in wanted}, places
 
 
@@ -188,7 +188,7 @@ def leave_out_unknown(rows: Rows, names: Sequence[str], unknown: float) -> None:
     rows.apart["no place"] = apart, f"without a place in space ({unknown:g}): absent at that step"
 
 
-def _plain_id(text: str) -> str:
+def plain_id(text: str) -> str:
     """Ids of these formats are integers, which some programs write as 3.0 or 3.000e+00."""
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
