@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         TgospaWarning,
     )
     from tgospa_eval.evaluation.evaluate import evaluate
+    from tgospa_eval.evaluation.recorder import Recorder
     from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.formats import read_trajectories
     from tgospa_eval.results.explanation import Explanation
@@ -32,6 +33,7 @@ _HOME = {
     "Exact": "solvers.exact",
     "Explanation": "results.explanation",
     "InputError": "errors",
+    "Recorder": "evaluation.recorder",
     "Result": "results.result",
     "Sinkhorn": "solvers.sinkhorn",
     "SolverError": "errors",
@@ -50,6 +52,7 @@ __all__ = [
     "Exact",
     "Explanation",
     "InputError",
+    "Recorder",
     "Result",
     "Sinkhorn",
     "SolverError",

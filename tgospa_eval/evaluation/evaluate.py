@@ -5,17 +5,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
 from tgospa_eval._version import __version__
 from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.distances import Distance, Effort, Pairs
-from tgospa_eval.distances.base import Sides
+from tgospa_eval.distances import Distance, Effort
 from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
+from tgospa_eval.evaluation.localisation import split_localisation
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.evaluation.rounding import rounded_coordinates, within_rounding
@@ -26,7 +24,6 @@ from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.tgospa import Parameters, check_underflow
-from tgospa_eval.problem.weights import ONE
 from tgospa_eval.results.records import FileInfo, MetricSums, OtherMetrics, SolverRecord, Timings
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.solvers import Solver
@@ -34,11 +31,9 @@ from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
+    from tgospa_eval.evaluation.objects import Components
     from tgospa_eval.evaluation.slicing import SliceBy
     from tgospa_eval.solvers.certified import Certified
-
-BLOCK = 1 << 16
-"""Pairs whose distances are taken apart at a time."""
 
 GAP = 1e-9
 """Relative gap that counts as exact, for solvers that have no setting for it."""
@@ -64,15 +59,18 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     rho: float = 0.5,
     step_weights: "StepWeightsLike | None" = None,
     existence: str = "ignore",
+    mapping: "Components | None" = None,
     slices: str | Sequence[str] = (),
 ) -> Result:
     """TGOSPA between two sets of trajectories, with proven bounds.
 
     Parameters
     ----------
-    truth, estimate : Trajectories, DataFrame, array or path
-        As read by `read_trajectories`; a table of pandas, Polars or another that Arrow knows, in
-        the long form ``id, t, x[, y[, z]]``; an array (T, k, d) with NaN for absent; or a file.
+    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
+        A file, or what `read_trajectories` made of one; a table of pandas, Polars or another that
+        Arrow knows, in the long form ``id, t, x[, y[, z]]``; an array or tensor (T, k, d) with NaN
+        for absent, or a pair ``(times, array)``; a mapping from id to an array (T, d), or to a
+        pair ``(times, array)``; tracks or ground-truth paths of Stone Soup (see `mapping`).
     cutoff : float, optional
         c > 0, in the unit of the distance; 10.0 by default, 0.5 with ``"iou"``.
     order : float
@@ -122,6 +120,9 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         Attributes to split costs and counts by, for `Result.slices`: a column of either side, or
         ``range``, ``speed``, ``size``, ``density``, ``age``, ``region``, with edges:
         ``"visibility=0:0.5:1"``.
+    mapping : sequence of int, or pair of such, optional
+        Of tracks with state vectors the components to compare: ``(0, 2)`` for x and y of
+        ``(x, vx, y, vy)``; a pair where truth and estimate have theirs in other places.
 
     Returns
     -------
@@ -155,7 +156,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     with stopwatch.span("read"):
         if existence == "use":
             columns = (*columns, EXISTENCE)
-        sides = as_sides(truth, estimate, base, columns)
+        sides = as_sides(truth, estimate, base, columns, mapping)
     parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
     request = EvaluationRequest(
         parameters=parameters,
@@ -296,7 +297,7 @@ def prove(
         with stopwatch.span("windows"):
             slid = slide(*whole, sliding, *known)
     with stopwatch.span("report"):
-        split = _split(prepared, proof)
+        split = split_localisation(prepared, proof)
     gap = solver.gap if solver.proves else GAP
     return Result(
         proof=proof,
@@ -313,46 +314,6 @@ def prove(
         scene=prepared.scene,
         warnings=(*within_rounding(bounds, gap), *rounded_coordinates(prepared, proof)),
     )
-
-
-def _split(prepared: Prepared, proof: Proof) -> dict[str, float] | None:
-    """Parts of the cost of localisation, which sum to it, if it has any."""
-    found = _split_of_distances(prepared.sides, prepared.distance, proof) or {}
-    if prepared.existence is None:
-        return found or None
-    states, problem = proof.states, proof.states.problem
-    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
-    entry, weight = states.entry[used], proof.weights[used] / ONE
-    scale = proof.parameters.cutoff**proof.parameters.order
-    if not found:
-        expected = weight * problem.share(entry) * problem.powers(entry)
-        found = {"expected_localisation": scale * float(expected.sum())}
-    mismatch = float(np.sum(weight * problem.mismatch(entry)))
-    return {**found, "existence_mismatch": scale * mismatch}
-
-
-def _split_of_distances(sides: Sides, distance: Distance, proof: Proof) -> dict[str, float] | None:
-    """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
-    if proof.parameters.order != 2:
-        return None
-    states, problem = proof.states, proof.states.problem
-    used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))
-    sums = [0.0, 0.0]
-    for begin in range(0, len(used) or 1, BLOCK):
-        state = used[begin : begin + BLOCK]
-        entry = states.entry[state]
-        share = problem.share(entry)
-        pairs = Pairs(
-            truth_row=problem.truth_row[entry],
-            estimate_row=problem.estimate_row[entry],
-            distance=proof.parameters.cutoff * np.sqrt(problem.powers(entry)),
-        )
-        parts = distance.parts(pairs, sides)
-        if parts is None:
-            return None
-        for k, part in enumerate(parts):
-            sums[k] += float((share * proof.weights[state] / ONE) @ (part * part))
-    return {"localisation_mean": sums[0], "localisation_spread": sums[1]}
 
 
 def _solver_record(

@@ -1,15 +1,28 @@
 """What a user gives of a side, as `Trajectories`; names of distances and solvers as records."""
 
 import os
-from typing import TYPE_CHECKING, Protocol, TypeAlias, cast
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
+from operator import index
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
 
 import numpy as np
 
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.evaluation.objects import (
+    ArrayLike,
+    Components,
+    TimedArray,
+    TrackLike,
+    empty_like,
+    is_timed_array,
+    of_array,
+    of_mapping,
+    of_timed_array,
+    of_tracks,
+)
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.columns.asked import BOX
-from tgospa_eval.problem.problem import Floats
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -26,9 +39,11 @@ class ArrowTable(Protocol):
 
 
 TrajectoriesLike: TypeAlias = (
-    "Trajectories | pd.DataFrame | ArrowTable | Floats | str | os.PathLike[str]"
+    "Trajectories | pd.DataFrame | ArrowTable | ArrayLike | TimedArray | "
+    "Mapping[Any, ArrayLike | TimedArray] | Iterable[TrackLike] | str | os.PathLike[str]"
 )
-"""What a side may be: Trajectories, a table in the long form, an array (T, k, d), a path."""
+"""What a side may be: Trajectories, a table in the long form, a path, an array (T, k, d) or such
+with its times, arrays by id, tracks of Stone Soup."""
 
 
 def as_sides(
@@ -36,25 +51,76 @@ def as_sides(
     estimate: TrajectoriesLike,
     distance: Distance,
     attributes: tuple[str, ...] = (),
+    mapping: "Components | None" = None,
 ) -> tuple[Trajectories, Trajectories]:
     """Both sides as Trajectories, with those attributes that they have.
 
     Raises
     ------
     ConfigError, InputError
-        A side is of no accepted type, or wrong; arrays have different numbers of steps.
+        A side is of no accepted type, or wrong; both count steps, and not as many.
     """
-    if isinstance(truth, np.ndarray) and isinstance(estimate, np.ndarray):
-        steps = truth.shape[:1], estimate.shape[:1]
-        if truth.ndim == estimate.ndim == 3 and steps[0] != steps[1]:
-            raise InputError(
-                f"truth has {steps[0][0]} steps and estimate {steps[1][0]}: arrays (T, k, d) have "
-                "the same T; rows of NaN mean that nothing exists at a step"
-            )
+    given = {"truth": truth, "estimate": estimate}
+    chosen = _of_each_side(mapping)
+    if mapping is not None and not any(_is_tracks(side) for side in given.values()):
+        raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
+    found: dict[str, Trajectories] = {}
+    counted: dict[str, int] = {}
+    for name, side in given.items():
+        if not _is_empty(side):
+            found[name], counts = _as_side(side, name, distance, attributes, chosen[name])
+            if counts:
+                counted[name] = len(found[name].times)
+    if len(set(counted.values())) > 1:
+        raise InputError(
+            f"truth has {counted['truth']} steps and estimate {counted['estimate']}: arrays "
+            "(T, k, d) have the same T; rows of NaN mean that nothing exists at a step, and a pair "
+            "(times, array) says when the steps are"
+        )
+    if not found:
+        found["truth"] = Trajectories.from_array(np.zeros((0, 0, len(distance.columns or "xy"))))
+    for name, other in (("truth", "estimate"), ("estimate", "truth")):
+        if name not in found:
+            found[name] = empty_like(found[other])
+    return found["truth"], found["estimate"]
+
+
+def _of_each_side(mapping: "Components | None") -> "dict[str, Sequence[int] | None]":
+    """The components of truth and estimate."""
+    if mapping is None:
+        return {"truth": None, "estimate": None}
+    try:
+        pair = [[index(item) for item in side] for side in mapping]  # type: ignore[union-attr]
+        if len(pair) != 2:
+            raise TypeError
+    except TypeError:
+        try:
+            pair = [[index(item) for item in mapping]] * 2  # type: ignore[arg-type]
+        except TypeError:
+            raise ConfigError(
+                f"mapping is {mapping!r}: must be components of both sides, (0, 2), or a pair of "
+                "such"
+            ) from None
+    return dict(zip(("truth", "estimate"), pair, strict=True))
+
+
+def _is_tracks(side: object) -> bool:
+    """Whether it is a set of tracks of Stone Soup, or one of them."""
+    if hasattr(side, "states"):
+        return True
+    if not isinstance(side, Collection) or isinstance(side, (str, Mapping, Trajectories)):
+        return False
     return (
-        as_trajectories(truth, "truth", distance, attributes),
-        as_trajectories(estimate, "estimate", distance, attributes),
+        len(side) > 0
+        and not hasattr(side, "__array__")
+        and all(hasattr(item, "states") for item in side)
     )
+
+
+def _is_empty(side: object) -> bool:
+    """Whether it has no track, and so no columns either."""
+    kinds = (Mapping, Set, list, tuple)
+    return isinstance(side, kinds) and not len(side)
 
 
 def as_trajectories(
@@ -68,13 +134,21 @@ def as_trajectories(
     `name` begins the messages; the distance may prescribe the state columns of tables and arrays,
     and want their covariances or particles. `attributes` are further columns to read.
     """
+    return _as_side(side, name, distance, attributes, None)[0]
+
+
+def _as_side(
+    side: TrajectoriesLike,
+    name: str,
+    distance: Distance | None,
+    attributes: tuple[str, ...],
+    mapping: "Sequence[int] | None",
+) -> tuple[Trajectories, bool]:
+    """A side as Trajectories, and whether its times are only numbers of steps."""
     columns = None if distance is None else distance.columns
-    if isinstance(side, Trajectories):
-        return side
-    if isinstance(side, np.ndarray):
-        fits = columns is not None and side.ndim == 3 and side.shape[2] == len(columns)
-        return Trajectories.from_array(side, columns if fits else None)
     kinds = () if distance is None else distance.kinds
+    if isinstance(side, Trajectories):
+        return side, False
     if isinstance(side, (str, os.PathLike)):
         from tgospa_eval.formats import read_trajectories
 
@@ -86,7 +160,7 @@ def as_trajectories(
             covariance=bool(kinds),
             clouds="cloud" in kinds,
             attributes=attributes,
-        )
+        ), False
     frame = as_frame(side, name)
     if frame is not None:
         from tgospa_eval.formats import ReadOptions
@@ -98,17 +172,27 @@ def as_trajectories(
             clouds="cloud" in kinds,
             attributes=attributes,
         )
-        return from_frame(frame, options, name=name).warn()
+        return from_frame(frame, options, name=name).warn(), False
+    if hasattr(side, "__array__"):
+        return of_array(side, name, columns), True
+    if is_timed_array(side):
+        return of_timed_array(cast("tuple[object, ...]", side), name, columns), False
+    if isinstance(side, Mapping):
+        return of_mapping(side, name, columns)
+    if _is_tracks(side):
+        tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
+        return of_tracks(tracks, name, columns, mapping, covariance="gaussian" in kinds), False
     lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
     raise ConfigError(
         f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "
-        "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a path"
+        "(pandas, Polars or another that Arrow knows), an array (T, k, d) or a pair of times and "
+        "such, a mapping from id to array, a set of tracks with states, or a path"
     )
 
 
 def as_frame(side: object, name: str) -> "pd.DataFrame | None":
     """A table of pandas as it is, another one by Arrow; None of what is no table."""
-    if hasattr(side, "columns") and hasattr(side, "iloc"):
+    if hasattr(side, "iloc") and hasattr(side, "columns"):
         return cast("pd.DataFrame", side)
     if not hasattr(side, "__arrow_c_stream__"):
         return None

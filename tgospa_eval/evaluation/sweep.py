@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -37,6 +37,9 @@ from tgospa_eval.solvers.warm_start import SavedSolution, make_warm_start, save_
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
+if TYPE_CHECKING:
+    from tgospa_eval.evaluation.objects import Components
+
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
 
@@ -63,6 +66,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     grid: str = "union",
     step_weights: "StepWeightsLike | None" = None,
     existence: str = "ignore",
+    mapping: "Components | None" = None,
 ) -> Sweep:
     """TGOSPA over a range of one parameter, each point with proven bounds.
 
@@ -72,11 +76,11 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
 
     Parameters
     ----------
-    truth, estimate : Trajectories, DataFrame, array or path
+    truth, estimate : path, Trajectories, DataFrame, array, mapping or set of tracks
         As for `evaluate`.
     cutoff, order, switch_penalty, rho : float or sequence of float
         One of them is a sequence, in any order, without repetitions.
-    distance, solver, unit, time_tolerance, grid, step_weights, existence
+    distance, solver, unit, time_tolerance, grid, step_weights, existence, mapping
         As for `evaluate`; a time limit holds for each point.
 
     Returns
@@ -98,7 +102,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     chosen = as_distance(distance)
     with stopwatch.span("read"):
         columns = (EXISTENCE,) if existence == "use" else ()
-        sides = as_sides(truth, estimate, chosen, columns)
+        sides = as_sides(truth, estimate, chosen, columns, mapping)
     given: dict[str, Any] = {
         "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
         "order": order,

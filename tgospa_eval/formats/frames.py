@@ -209,6 +209,22 @@ def _name(value: object) -> str:
     return str(int(value)) if whole else str(value).strip()
 
 
+def id_text(value: object, name: str) -> str:
+    """The text of an id by itself; `name` begins the messages.
+
+    Raises
+    ------
+    InputError
+        It is blank, or of a type that no id has.
+    """
+    if not isinstance(value, ID_TYPES):
+        raise InputError(f"{name}: an id is {_other(value, 'an id')}")
+    text = _name(value)
+    if not text or text in ("nan", "NaT"):
+        raise InputError(f"{name}: blank id; name the object")
+    return text
+
+
 def frame_times(column: pd.Series, name: str) -> Times:
     """The times of a column by itself; `name` begins the messages.
 

@@ -288,14 +288,17 @@ class Trajectories:
                 )
             whole = np.broadcast_to(covariance, (*states.shape, size))
             covariance = whole[at, rows - at * tracks]
-        if columns is None:
-            columns = tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))
         return cls(
             step=at,
             track=rows - at * tracks,
             state=states.reshape(-1, size).take(rows, axis=0),
             ids=np.array([str(k) for k in range(tracks)], dtype=object),
             times=np.arange(steps),
-            columns=columns,
+            columns=column_names(size) if columns is None else columns,
             covariance=covariance,
         )
+
+
+def column_names(size: int) -> tuple[str, ...]:
+    """Names of state columns that have none."""
+    return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{i}" for i in range(size))

@@ -1,0 +1,358 @@
+"""What programs hold in memory, as Trajectories: arrays with times, mappings, sets of tracks."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, cast
+
+import numpy as np
+
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Trajectories, column_names
+
+if TYPE_CHECKING:
+    from tgospa_eval.formats.times import Times
+    from tgospa_eval.tracks.trajectories import TimeArray
+
+
+class ArrayLike(Protocol):
+    """A tensor of PyTorch or JAX, or another array: NumPy can see its numbers."""
+
+    def __array__(self) -> "np.ndarray[Any, Any]":
+        """The numbers."""
+
+
+class TrackLike(Protocol):
+    """A track or a ground-truth path of Stone Soup.
+
+    Its states have ``timestamp``, ``state_vector`` or ``mean``, and perhaps ``covar``.
+    """
+
+    @property
+    def id(self) -> object:
+        """What it is called."""
+
+    @property
+    def states(self) -> Sequence[Any]:
+        """Its states, in order."""
+
+
+TimedArray: TypeAlias = "tuple[Sequence[object] | ArrayLike, ArrayLike]"
+"""Times and states."""
+
+Components: TypeAlias = "Sequence[int] | Sequence[Sequence[int]]"
+"""Of state vectors those to compare; for both sides, or a pair of such."""
+
+
+def array_of(value: object, name: str) -> "np.ndarray[Any, Any]":
+    """The array that NumPy sees: of a tensor without its derivative, off its device.
+
+    Raises
+    ------
+    InputError
+        NumPy cannot see it.
+    """
+    if isinstance(value, np.ndarray):
+        return value
+    tensor: Any = value
+    for method in ("detach", "cpu"):
+        tensor = getattr(tensor, method)() if hasattr(tensor, method) else tensor
+    try:
+        return np.asarray(tensor)
+    except (TypeError, ValueError, RuntimeError) as error:
+        text = " ".join(str(error).split())
+        raise InputError(f"{name}: no array that NumPy can see: {text}") from None
+
+
+def of_array(side: object, name: str, columns: tuple[str, ...] | None) -> Trajectories:
+    """An array (T, k, d)."""
+    states = array_of(side, name)
+    fits = columns is not None and states.ndim == 3 and states.shape[2] == len(columns)
+    try:
+        return Trajectories.from_array(states, columns if fits else None)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def of_timed_array(
+    side: tuple[object, ...], name: str, columns: tuple[str, ...] | None
+) -> Trajectories:
+    """Times and an array (T, k, d)."""
+    made = of_array(side[1], name, columns)
+    times = times_of(side[0], name)
+    if len(times.value) != len(made.times):
+        raise InputError(
+            f"{name}: {len(times.value)} times and {len(made.times)} steps of the array (T, k, d); "
+            "one time for each step"
+        )
+    if (np.diff(times.value) <= 0).any():
+        raise InputError(f"{name}: times must increase strictly")
+    return _timed(made, times)
+
+
+def is_timed_array(side: object) -> bool:
+    """Whether it is times and states."""
+    return isinstance(side, tuple) and len(side) == 2 and hasattr(side[1], "__array__")
+
+
+def of_mapping(
+    tracks: Mapping[object, object], name: str, columns: tuple[str, ...] | None
+) -> tuple[Trajectories, bool]:
+    """Tracks by their ids, each an array (T, d) or a pair of times and such; whether without times.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit, some have times and others not, or an id is there twice.
+    """
+    timed = {isinstance(value, tuple) for value in tracks.values()}
+    if len(timed) > 1:
+        raise InputError(
+            f"{name}: some tracks are pairs of times and states, others are not; all or none"
+        )
+    times: list[object] = []
+    states: list[Floats] = []
+    for key, value in tracks.items():
+        where = f"{name}, track {quoted(key)}"
+        moments: object = None
+        if isinstance(value, tuple):
+            if len(value) != 2:
+                raise InputError(f"{where}: a tuple of {len(value)}; a pair is times and states")
+            moments, value = value
+        states.append(_states(value, where))
+        if moments is not None:
+            times.append(moments)
+            if len(_listed(moments)) != len(states[-1]):
+                raise InputError(
+                    f"{where}: {len(_listed(moments))} times and {len(states[-1])} states"
+                )
+    first = states[0]
+    for key, found in zip(tracks, states, strict=True):
+        if found.shape[1] != first.shape[1] or (not times and len(found) != len(first)):
+            raise InputError(
+                f"{name}: track {quoted(next(iter(tracks)))} has the shape {first.shape}, track "
+                f"{quoted(key)} {found.shape}: arrays (T, d) have the same d and, unless they are "
+                "pairs of times and states, the same T; NaN where a track is absent"
+            )
+    if times:
+        together = times_of([moment for moments in times for moment in _listed(moments)], name)
+    else:
+        together = times_of(np.tile(np.arange(len(first)), len(states)), name)
+    track = np.repeat(np.arange(len(states)), [len(found) for found in states])
+    at = np.arange(len(track)), track
+    made = from_rows(name, list(tracks), at, np.concatenate(states), together, columns)
+    return made, not times
+
+
+def of_tracks(
+    tracks: Iterable[Any],
+    name: str,
+    columns: tuple[str, ...] | None,
+    mapping: Sequence[int] | None,
+    *,
+    covariance: bool,
+) -> Trajectories:
+    """Tracks and ground-truth paths of Stone Soup, by their attributes.
+
+    Of several states at one time the last counts, as of ``last_timestamp_generator`` there: an
+    update after its prediction.
+
+    Raises
+    ------
+    ConfigError
+        Components are not chosen, or not there.
+    InputError
+        A state has no time, or is not of numbers; an id is there twice.
+    """
+    ids, track, times, states, covariances = [], [], [], [], []
+    for number, path in enumerate(tracks):
+        ids.append(getattr(path, "id", number))
+        for moment, state in {state.timestamp: state for state in path.states}.items():
+            where = f"{name}, track {quoted(ids[-1])}"
+            if moment is None:
+                raise InputError(f"{where}: a state without timestamp")
+            vector = getattr(state, "mean", None)
+            vector = state.state_vector if vector is None else vector
+            chosen = _components(mapping, np.size(vector), name)
+            track.append(number)
+            times.append(moment)
+            states.append(numbers_of(vector, where).ravel()[chosen])
+            spread = getattr(state, "covar", None) if covariance else None
+            if spread is not None:
+                covariances.append(numbers_of(spread, where)[np.ix_(chosen, chosen)])
+    if covariances and len(covariances) < len(states):
+        raise InputError(f"{name}: some states have a covariance and others not; all or none")
+    size = len(states[0]) if states else len(mapping or (0,))
+    return from_rows(
+        name,
+        ids,
+        (np.arange(len(track)), np.array(track, np.int64)),
+        np.array(states, np.float64).reshape(-1, size),
+        times_of(times, name),
+        columns,
+        np.array(covariances) if covariances else None,
+    )
+
+
+def from_rows(
+    name: str,
+    ids: Sequence[object],
+    at: tuple[Ints, Ints],
+    states: Floats,
+    times: "Times",
+    columns: tuple[str, ...] | None,
+    covariance: Floats | None = None,
+) -> Trajectories:
+    """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
+
+    Parameters
+    ----------
+    name : str
+        What messages begin with.
+    ids : sequence of k objects
+        Texts, numbers and the like.
+    at : pair of (R,) int arrays
+        Positions in `times` and in `ids`.
+    states : (R, d) array
+        States.
+    times : Times
+        Every one of them is a step, and they may repeat.
+    columns : tuple of str, optional
+        Names of the d columns, where there are so many.
+    covariance : (R, d, d) array, optional
+        Covariances.
+
+    Raises
+    ------
+    InputError
+        A state is infinite, or an id is none, is there twice, or twice at a time.
+    """
+    from tgospa_eval.formats.frames import id_text  # here: as pandas
+    from tgospa_eval.formats.rows import number_ids
+
+    table, number = number_ids([id_text(value, name) for value in ids])
+    if len(table) < len(ids):
+        twice = next(text for k, text in enumerate(table) if (number == k).sum() > 1)
+        raise InputError(f"{name}: two tracks have the id {quoted(twice)}")
+    moments, of_stamp = np.unique(times.value, return_inverse=True)
+    step, track = of_stamp[at[0]], number[at[1]]
+    order = np.lexsort((track, step))
+    again = np.flatnonzero((np.diff(step[order]) == 0) & (np.diff(track[order]) == 0))
+    if len(again):
+        row = order[again[0]]
+        stamp = at[0][row]
+        moment = times.value[stamp] if times.text is None else times.text[stamp]
+        raise InputError(f"{name}: id {quoted(table[track[row]])} is there twice at t = {moment}")
+    if np.isinf(states).any():
+        row = int(np.flatnonzero(np.isinf(states).any(axis=1))[0])
+        raise InputError(
+            f"{name}, track {quoted(table[track[row]])}: infinite state; NaN means absent"
+        )
+    kept = order[~np.isnan(states[order]).any(axis=1)]
+    size = states.shape[1]
+    made = Trajectories(
+        step=step[kept],
+        track=track[kept],
+        state=states[kept],
+        ids=table,
+        times=np.arange(len(moments)),
+        columns=columns if columns is not None and len(columns) == size else column_names(size),
+        covariance=None if covariance is None else covariance[kept],
+    )
+    return _timed(made, times)
+
+
+def empty_like(other: Trajectories) -> Trajectories:
+    """No track, with the columns and the kind of time of the other side."""
+    none = np.zeros(0, np.int64)
+    return Trajectories(
+        step=none,
+        track=none,
+        state=np.zeros((0, len(other.columns))),
+        ids=none.astype(object),
+        times=other.times[:0],
+        columns=other.columns,
+        clock=other.clock,
+    )
+
+
+def _timed(made: Trajectories, times: "Times") -> Trajectories:
+    """The same steps at these times, which may repeat."""
+    labels = None
+    moments, step = np.unique(times.value, return_inverse=True)
+    if times.text is not None:
+        labels = np.empty(len(moments), dtype=object)
+        labels[step[::-1]] = np.array(times.text, dtype=object)[::-1]
+    return replace(made, times=cast("TimeArray", moments), clock=times.clock, labels=labels)
+
+
+def _listed(moments: object) -> Sequence[Any]:
+    """Times one by one."""
+    if isinstance(moments, (list, tuple)):
+        return moments
+    if hasattr(moments, "tolist") and not hasattr(moments, "dtype"):
+        return list(moments.tolist())
+    return list(array_of(moments, "times"))
+
+
+def times_of(moments: object, name: str) -> "Times":
+    """Numbers, datetimes or ISO texts as times.
+
+    Raises
+    ------
+    InputError
+        One is no time, or they are of several kinds.
+    """
+    import pandas as pd  # here: arrays and files do without
+
+    from tgospa_eval.formats.frames import frame_times
+
+    given = moments if isinstance(moments, (list, tuple)) else array_of(moments, f"{name}: times")
+    if np.ndim(given) != 1:
+        raise InputError(f"{name}: times of shape {np.shape(given)}; must be (T,)")
+    kind = None if len(given) else np.int64
+    return frame_times(pd.Series(given, name="t", dtype=kind), name)
+
+
+def _states(value: object, where: str) -> Floats:
+    """States of one track (T, d)."""
+    found = array_of(value, where)
+    if isinstance(found, np.ma.MaskedArray):
+        found = np.ma.filled(found.astype(np.float64), np.nan)
+    if found.ndim != 2 or not found.shape[1]:
+        hint = "; a table is a DataFrame, pandas.DataFrame(...)" if found.ndim == 1 else ""
+        raise InputError(f"{where}: shape {found.shape}; states have the axes (T, d){hint}")
+    return numbers_of(found, where)
+
+
+def numbers_of(value: object, where: str) -> Floats:
+    """Numbers as doubles.
+
+    Raises
+    ------
+    InputError
+        They are none.
+    """
+    try:
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: a state holds numbers: {error}") from None
+
+
+def _components(mapping: Sequence[int] | None, size: int, name: str) -> list[int]:
+    """Which components of state vectors of a size are compared."""
+    if mapping is None:
+        if size == 1:
+            return [0]
+        raise ConfigError(
+            f"{name}: state vectors have {size} components, and do not say which are the position; "
+            "choose those to compare, mapping=(0, 2) for x and y of (x, vx, y, vy)"
+        )
+    chosen = list(mapping)
+    if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(size)):
+        raise ConfigError(
+            f"mapping is {tuple(mapping)}: must be different components of the state vectors of "
+            f"{name}, from 0 to {size - 1}"
+        )
+    return chosen
