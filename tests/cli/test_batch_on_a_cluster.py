@@ -14,9 +14,9 @@ from browser import PATIENCE
 from cluster import Running, cluster
 from faults import FATAL, double, slow
 
-from tgospa_eval.batch import cluster as module
-from tgospa_eval.batch import engine
-from tgospa_eval.batch.store import Store
+from tgospa_eval.batches import cluster as module
+from tgospa_eval.batches import engine
+from tgospa_eval.batches.store import Store
 from tgospa_eval.common import files
 
 pytest.importorskip("distributed")

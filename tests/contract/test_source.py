@@ -40,12 +40,12 @@ SAME: dict[str, set[str]] = {
     )
 } | {
     "SCENARIOS": {"cli/simulate/command.py", "simulation/scenarios.py"},
-    "LAYOUTS": {"cli/batch/command.py", "batch/jobs.py"},
+    "LAYOUTS": {"cli/batch/command.py", "batches/jobs.py"},
     "_HOME": {"__init__.py", "distances/__init__.py"},
     "SCHEMA": {
-        *("inspection.py", "gate/report.py", "gate/baseline.py", "comparison/log.py"),
+        *("inspection.py", "regression/report.py", "regression/baseline.py", "comparison/log.py"),
         *("comparison/__init__.py", "proof/verify_tgospa.py", "reports/manifest.py"),
-        "batch/store.py",
+        "batches/store.py",
     },
 }
 """Constants of one meaning in several modules."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from tgospa_eval import plots
-from tgospa_eval.batch.store import Store
+from tgospa_eval.batches.store import Store
 from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tgospa_eval.batch import jobs
-from tgospa_eval.batch.cluster import Cluster
-from tgospa_eval.batch.engine import Engine
-from tgospa_eval.batch.jobs import Plan
-from tgospa_eval.batch.per_step import STORED_CURVE, STORED_STEPS
-from tgospa_eval.batch.processes import Processes
-from tgospa_eval.batch.store import SETTINGS_FILE
+from tgospa_eval.batches import jobs
+from tgospa_eval.batches.cluster import Cluster
+from tgospa_eval.batches.engine import Engine
+from tgospa_eval.batches.jobs import Plan
+from tgospa_eval.batches.per_step import STORED_CURVE, STORED_STEPS
+from tgospa_eval.batches.processes import Processes
+from tgospa_eval.batches.store import SETTINGS_FILE
 from tgospa_eval.cli.batch.files import folder_of
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batch.curves import rms_curves
-from tgospa_eval.batch.engine import Engine, spread
-from tgospa_eval.batch.lock import locked
-from tgospa_eval.batch.pairing import labels_of
-from tgospa_eval.batch.per_step import STEPS
-from tgospa_eval.batch.store import SCHEMA, Row, Store
-from tgospa_eval.batch.tables import check_labels, tabulated
+from tgospa_eval.batches.curves import rms_curves
+from tgospa_eval.batches.engine import Engine, spread
+from tgospa_eval.batches.lock import locked
+from tgospa_eval.batches.pairing import labels_of
+from tgospa_eval.batches.per_step import STEPS
+from tgospa_eval.batches.store import SCHEMA, Row, Store
+from tgospa_eval.batches.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.files import is_written, write_batch
 from tgospa_eval.cli.batch.plan import (
     BatchOptions,

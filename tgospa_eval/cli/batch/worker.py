@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batch.jobs import Job
-from tgospa_eval.batch.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
-from tgospa_eval.batch.slices import stored_slices
-from tgospa_eval.batch.store import Row
+from tgospa_eval.batches.jobs import Job
+from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS, StepCosts
+from tgospa_eval.batches.slices import stored_slices
+from tgospa_eval.batches.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass

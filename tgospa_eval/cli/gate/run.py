@@ -17,13 +17,13 @@ from tgospa_eval.cli.shared.streams import emit, print_notice, print_raw
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.errors import ConfigError, InputError, TgospaError
-from tgospa_eval.gate.baseline import Baseline, Entry, dump, make_entry
-from tgospa_eval.gate.measured import measured
-from tgospa_eval.gate.outcome import Outcome, Report, change, compare, leftover, update_notes
-from tgospa_eval.gate.report import GATE_REPORTS
-from tgospa_eval.gate.rules import Rule, Verdict, worst
-from tgospa_eval.gate.suite import ONLY_PAIR, Pair, Suite
-from tgospa_eval.gate.suite import load as load_suite
+from tgospa_eval.regression.baseline import Baseline, Entry, dump, make_entry
+from tgospa_eval.regression.measured import measured
+from tgospa_eval.regression.outcome import Outcome, Report, change, compare, leftover, update_notes
+from tgospa_eval.regression.report import GATE_REPORTS
+from tgospa_eval.regression.rules import Rule, Verdict, worst
+from tgospa_eval.regression.suite import ONLY_PAIR, Pair, Suite
+from tgospa_eval.regression.suite import load as load_suite
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.reports.folders import PROOF, write_texts
 from tgospa_eval.reports.proofs import folder_name, proof_files
@@ -235,7 +235,7 @@ def _publish(report: Report, gate: GateOptions) -> int:
     """JUnit file, annotations and step summary; 2 if one cannot be written, else 0."""
     status = 0
     if gate.junit is not None:
-        from tgospa_eval.gate.junit import junit  # here: most runs need no XML
+        from tgospa_eval.regression.junit import junit  # here: most runs need no XML
 
         try:
             write_file(gate.junit, junit(report), "--junit")
@@ -243,7 +243,7 @@ def _publish(report: Report, gate: GateOptions) -> int:
             print_notice(str(error))
             status = error.exit_status
     if gate.github:
-        from tgospa_eval.gate.github import annotations, append_summary
+        from tgospa_eval.regression.github import annotations, append_summary
 
         for line in annotations(report):
             print_raw(line)

@@ -12,9 +12,9 @@ from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.gate.baseline import Entry
-from tgospa_eval.gate.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
-from tgospa_eval.gate.suite import Pair
+from tgospa_eval.regression.baseline import Entry
+from tgospa_eval.regression.rules import DEFAULT, Rule, parse_maximum, parse_rule, split_rules
+from tgospa_eval.regression.suite import Pair
 from tgospa_eval.results.saved import ACCURACY
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import clipped, quoted

@@ -6,18 +6,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batch.store import SETTINGS_FILE, Row, Store
+from tgospa_eval.batches.store import SETTINGS_FILE, Row, Store
 from tgospa_eval.cli.gate.sources import PATHS_GIVEN, Given, relative_path
 from tgospa_eval.cli.shared.options import BY_KEY, EVALUATION
 from tgospa_eval.cli.verbs import TYPED
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.gate.baseline import Baseline, Entry, dump, load, make_entry
-from tgospa_eval.gate.measured import Measured, values_of
-from tgospa_eval.gate.outcome import Outcome, Report, change, compare, leftover, update_notes
-from tgospa_eval.gate.rules import Rule, Verdict
-from tgospa_eval.gate.suite import Pair
+from tgospa_eval.regression.baseline import Baseline, Entry, dump, load, make_entry
+from tgospa_eval.regression.measured import Measured, values_of
+from tgospa_eval.regression.outcome import Outcome, Report, change, compare, leftover, update_notes
+from tgospa_eval.regression.rules import Rule, Verdict
+from tgospa_eval.regression.suite import Pair
 from tgospa_eval.reports.files import write_file
 from tgospa_eval.text import quoted
 

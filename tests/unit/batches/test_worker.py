@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tgospa_eval.batch.jobs import Job
+from tgospa_eval.batches.jobs import Job
 from tgospa_eval.cli.batch.worker import (
     NOT_WRITTEN,
     UNSEEN,

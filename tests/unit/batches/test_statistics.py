@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import permutation_test
 
-from tgospa_eval.batch.resampling import (
+from tgospa_eval.batches.resampling import (
     BOOTSTRAP_SEED,
     FEW_RESAMPLES,
     MANY_PAIRS,
@@ -22,7 +22,7 @@ from tgospa_eval.batch.resampling import (
     resampled_sums,
     resamples_of,
 )
-from tgospa_eval.batch.tables import combined, tabulated
+from tgospa_eval.batches.tables import combined, tabulated
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.batch_records import BatchTables, Ranking
 

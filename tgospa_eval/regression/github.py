@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 from tgospa_eval.common.files import is_missing, named, patience
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.gate.outcome import Outcome, Report
-from tgospa_eval.gate.report import github_lines, title
+from tgospa_eval.regression.outcome import Outcome, Report
+from tgospa_eval.regression.report import github_lines, title
 from tgospa_eval.reports.escape import workflow_data, workflow_property
 from tgospa_eval.text import clipped, visible
 

@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 from tgospa_eval.common.files import is_missing, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, SolverError
-from tgospa_eval.gate.measured import Measured
-from tgospa_eval.gate.rules import PROVEN, SPLIT, Key
+from tgospa_eval.regression.measured import Measured
+from tgospa_eval.regression.rules import PROVEN, SPLIT, Key
 from tgospa_eval.results.records import json_text
 from tgospa_eval.results.saved import contradiction, strict_json, unlike
 from tgospa_eval.text import quoted

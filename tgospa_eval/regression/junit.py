@@ -6,9 +6,9 @@ Written by hand: to import a library for XML takes as long as a small evaluation
 
 from collections.abc import Iterable, Iterator
 
-from tgospa_eval.gate.outcome import Outcome, Report, texts
-from tgospa_eval.gate.report import shown_verdict, title
-from tgospa_eval.gate.rules import Verdict
+from tgospa_eval.regression.outcome import Outcome, Report, texts
+from tgospa_eval.regression.report import shown_verdict, title
+from tgospa_eval.regression.rules import Verdict
 from tgospa_eval.reports.escape import xml
 
 SUITE = "tgospa-eval gate"

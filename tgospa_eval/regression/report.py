@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from textwrap import TextWrapper
 
 from tgospa_eval.common.figures import number
-from tgospa_eval.gate.outcome import Outcome, Report
-from tgospa_eval.gate.rules import Finding, Verdict
-from tgospa_eval.gate.suite import ONLY_PAIR
+from tgospa_eval.regression.outcome import Outcome, Report
+from tgospa_eval.regression.rules import Finding, Verdict
+from tgospa_eval.regression.suite import ONLY_PAIR
 from tgospa_eval.reports import escape
 from tgospa_eval.reports.escape import markdown_code
 from tgospa_eval.reports.tables import WIDTH, Row, Table, markdown_lines, text_lines

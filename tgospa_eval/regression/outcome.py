@@ -8,9 +8,9 @@ from typing import Self
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.gate.baseline import BASELINE_VALUES, Baseline, Entry, differences
-from tgospa_eval.gate.measured import Measured
-from tgospa_eval.gate.rules import (
+from tgospa_eval.regression.baseline import BASELINE_VALUES, Baseline, Entry, differences
+from tgospa_eval.regression.measured import Measured
+from tgospa_eval.regression.rules import (
     STATUS,
     Finding,
     Key,
@@ -22,7 +22,7 @@ from tgospa_eval.gate.rules import (
     name_of,
     worst,
 )
-from tgospa_eval.gate.suite import Pair
+from tgospa_eval.regression.suite import Pair
 from tgospa_eval.results.records import PARTS
 
 WORST_FIRST = (Verdict.FAIL, Verdict.INCOMPARABLE, Verdict.UNDECIDED, Verdict.PASS)

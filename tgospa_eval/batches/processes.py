@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from tgospa_eval.batch.engine import DiedError, Future
+from tgospa_eval.batches.engine import DiedError, Future
 from tgospa_eval.common.cores import cores
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import available_memory

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from tgospa_eval.batch.curves import rms_curves
-from tgospa_eval.batch.per_step import StoredSteps
+from tgospa_eval.batches.curves import rms_curves
+from tgospa_eval.batches.per_step import StoredSteps
 from tgospa_eval.reports.curves import curves_csv, curves_json
 
 

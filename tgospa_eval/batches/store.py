@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.batch.per_step import STEP_FOLDER, STEPS, StoredSteps, read_steps, step_table
+from tgospa_eval.batches.per_step import STEP_FOLDER, STEPS, StoredSteps, read_steps, step_table
 from tgospa_eval.common.files import named, reason
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError

@@ -1,7 +1,7 @@
 """What a batch says of the values of a label: a proven order, and beside it a statistical one.
 
 Compared are jobs that differ in that label alone, and of these only such as all its values have
-(`batch.pairing`). The proven order is that of brackets of the combined value on these files. The
+(`batches.pairing`). The proven order is that of brackets of the combined value on these files. The
 statistical one is about other truths like these: what is resampled are truths, for jobs of one
 truth are not independent of each other, or the jobs where there is one truth alone.
 """
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.batch.pairing import ESTIMATE_DIGEST, LABEL, pair_numbers, truths
-from tgospa_eval.batch.resampling import (
+from tgospa_eval.batches.pairing import ESTIMATE_DIGEST, LABEL, pair_numbers, truths
+from tgospa_eval.batches.resampling import (
     BOOTSTRAP_SEED,
     CONFIDENCE,
     LEAST_PAIRS,

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tgospa_eval.batch.pairing import LABEL, in_words, labels_of, shown_labels, with_parameters
-from tgospa_eval.batch.per_step import StoredSteps
-from tgospa_eval.batch.resampling import BOOTSTRAP_SEED, CONFIDENCE, LEAST_PAIRS
+from tgospa_eval.batches.pairing import LABEL, in_words, labels_of, shown_labels, with_parameters
+from tgospa_eval.batches.per_step import StoredSteps
+from tgospa_eval.batches.resampling import BOOTSTRAP_SEED, CONFIDENCE, LEAST_PAIRS
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import KIND_COLUMN, POINT_COLUMNS, RmsCurve
 

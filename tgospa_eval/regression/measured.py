@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.gate.rules import SPLIT, Key, Value
+from tgospa_eval.regression.rules import SPLIT, Key, Value
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batch.engine import POLL, DiedError, Future
+from tgospa_eval.batches.engine import POLL, DiedError, Future
 from tgospa_eval.common import files
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install

@@ -9,8 +9,8 @@ the bounds.
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tgospa_eval.batch.others import joined_metrics, metrics_of
-from tgospa_eval.batch.pairing import (
+from tgospa_eval.batches.others import joined_metrics, metrics_of
+from tgospa_eval.batches.pairing import (
     LABEL,
     labels_of,
     pair_numbers,
@@ -18,9 +18,9 @@ from tgospa_eval.batch.pairing import (
     truths,
     with_parameters,
 )
-from tgospa_eval.batch.resampling import BOOTSTRAP_SEED
-from tgospa_eval.batch.slices import sliced_groups
-from tgospa_eval.batch.statistics import confidence, rankings
+from tgospa_eval.batches.resampling import BOOTSTRAP_SEED
+from tgospa_eval.batches.slices import sliced_groups
+from tgospa_eval.batches.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.problem.states import connected_components
