@@ -3,13 +3,16 @@
 One small scene, in metres, as trackers of several fields find it on their disks.
 """
 
+import io
 import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
+import h5py
 import numpy as np
+import scipy.io
 
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -40,6 +43,8 @@ def main(folder: Path) -> None:
     for name, side in (("truth", truth), ("estimate", estimate)):
         lines = [f"{r.number},{r.step},{r.x},{r.y},{r.klass}" for r in side]
         write(folder / f"{name}.csv", ["id,t,x,y,class", *lines])
+    mat_5(folder / "run.mat", {"X": structure(truth), "Y": structure(estimate)})
+    mat_73(folder / "truth73.mat", structure(truth))
     write(folder / "ais.csv", ais(truth))
     write(folder / "vessel_tracks.csv", vessel_tracks(estimate))
     write(folder / "adsb.csv", adsb(truth))
@@ -105,6 +110,41 @@ def aircraft_tracks(estimate: list[Row]) -> Iterator[str]:
     yield "track,time,lat,lon"
     for r in estimate:
         yield ",".join((f"R{r.number}", str(int(START.timestamp()) + 10 * r.step), *place(r, 500)))
+
+
+def structure(side: list[Row]) -> dict[str, np.ndarray]:
+    """A set of trajectories of the published MATLAB code: steps from 1 on, NaN in holes."""
+    numbers = sorted({r.number for r in side})
+    state = np.zeros((2, SCENE.steps, len(numbers)))
+    first, last = np.zeros((2, len(numbers), 1))
+    for k, number in enumerate(numbers):
+        own = {r.step: (r.x, r.y) for r in side if r.number == number}
+        first[k], last[k] = min(own), max(own)
+        for step in range(min(own), max(own) + 1):
+            state[:, step - 1, k] = own.get(step, (np.nan, np.nan))
+    return {"tVec": first, "iVec": last - first + 1, "xState": state}
+
+
+def mat_5(path: Path, variables: dict[str, dict[str, np.ndarray]]) -> None:
+    """As by save(FILE, 'X', 'Y', '-v6'), with a date that stays."""
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, variables)
+    text = b"MATLAB 5.0 MAT-file, Platform: GLNXA64, Created on: Sat Jun  1 12:00:00 2024"
+    path.write_bytes(text.ljust(116) + buffer.getvalue()[116:])
+
+
+def mat_73(path: Path, fields: dict[str, np.ndarray]) -> None:
+    """As by save(FILE, 'X', '-v7.3')."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group = file.create_group("X")
+        group.attrs["MATLAB_class"] = np.bytes_("struct")
+        for name, values in fields.items():
+            group.create_dataset(name, data=values.T)
+            group[name].attrs["MATLAB_class"] = np.bytes_("double")
+    text = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Sat Jun  1 12:00:00 2024"
+    head = text.ljust(116) + bytes(8) + b"\x00\x02IM"
+    data = path.read_bytes()
+    path.write_bytes(head + data[len(head) :])
 
 
 def write(path: Path, lines) -> None:

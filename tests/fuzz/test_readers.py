@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checkout import SAMPLES
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -39,7 +40,7 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
-BINARY = ("parquet", "feather", "npz")
+BINARY = ("parquet", "feather", "npz", "mat")
 PIECES = [
     *(
         b"",
@@ -118,6 +119,8 @@ def edited_tables(draw: st.DrawFn, seed: bytes, delimiter: bytes) -> bytes:
 def seed_of(name: str) -> bytes:
     if name not in BINARY:
         return SEEDS[name].encode()
+    if name == "mat":
+        return (SAMPLES / "formats" / "run.mat").read_bytes()
     import io
 
     import pandas as pd
@@ -227,7 +230,7 @@ CASES = [
     (name, edited)
     for name in (*FORMATS, "quoted")
     for edited in (False, True)
-    if not (name in ("parquet", "feather") and edited)  # as frames, below
+    if not (name in ("parquet", "feather", "mat") and edited)  # as frames, below
 ]
 
 

@@ -22,10 +22,11 @@ FORMATS = {
     "visdrone": ("tgospa_eval.formats.text.visdrone", "read_visdrone"),
     "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
+    "mat": ("tgospa_eval.formats.matlab", "read_mat"),
 }
 """Module and function that read each format; imported when used."""
 
-PACKED = ("parquet", "feather", "npz")
+PACKED = ("parquet", "feather", "npz", "mat")
 """Formats whose readers know what a file unpacks to."""
 
 ROLES = ("truth", "estimate")
@@ -58,7 +59,7 @@ def read(
         An option is none of those allowed, or the package that reads the format is missing.
     """
     from tgospa_eval.formats.assemble import assemble
-    from tgospa_eval.formats.guess import guess
+    from tgospa_eval.formats.guess import file_of, guess
     from tgospa_eval.formats.room import TEXT, check_room, most_bytes
     from tgospa_eval.formats.text.convert import load
 
@@ -72,8 +73,9 @@ def read(
         kind = type(path).__name__
         raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
     options = options or ReadOptions()
-    data = load(name, most_bytes(options.max_input, name))
-    chosen = format or guess(name, data)
+    file = file_of(name)
+    data = load(file, most_bytes(options.max_input, file))
+    chosen = format or guess(file, data)
     if chosen not in PACKED:
         size = len(data)
         check_room(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")

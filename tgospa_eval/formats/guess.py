@@ -1,5 +1,6 @@
 """The format of a file, by its name and its first line."""
 
+import os
 import re
 from collections.abc import Iterable
 
@@ -13,6 +14,7 @@ ENDINGS = {
     ".feather": "feather",
     ".arrow": "feather",
     ".npz": "npz",
+    ".mat": "mat",
 }
 """Format by the end of a name; only first bytes come before."""
 
@@ -21,6 +23,8 @@ MAGIC = {
     b"ARROW1": "feather",
     b"FEA1": "feather",
     b"PK\x03\x04": "npz",
+    b"MATLAB 5.0 MAT-file": "mat",
+    b"MATLAB 7.3 MAT-file": "mat",
 }
 """Format by the first bytes."""
 
@@ -28,6 +32,15 @@ GUESSED_FROM = 1 << 12
 
 VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
 """Of objects; 0 is for regions that are not considered."""
+
+VARIABLE = re.compile(r"(.+\.mat):([A-Za-z]\w*)", re.IGNORECASE | re.DOTALL)
+"""A file of MATLAB and one of its variables."""
+
+
+def file_of(path: str) -> str:
+    """The file itself of ``FILE.mat:VARIABLE``; any other path is one."""
+    named = VARIABLE.fullmatch(path)
+    return named[1] if named and not os.path.lexists(path) else path
 
 
 def guess(path: str, data: bytes) -> str:

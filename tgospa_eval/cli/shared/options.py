@@ -23,7 +23,7 @@ SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
-FILE_FORMATS = ("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz")
+FILE_FORMATS = ("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "mat")
 NAMED_FORMATS = f"{', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}"
 
 _metric = partial(option, section="Metric")
