@@ -2,14 +2,20 @@
 
 import os
 import stat
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
+from typing import TextIO
 
 from tgospa_eval.errors import TgospaError
 
 SETTINGS = 1 << 26
 """Bytes that no file of settings has."""
+
+STDIN = "<stdin>"
+"""What the standard input is called; a file of this name is ./<stdin>."""
 
 CHUNK = 1 << 24
 """Bytes that are read at a time where the length is not known."""
@@ -70,12 +76,14 @@ def read_bytes(
         The file cannot be read, is a folder, or is larger.
     """
     with named(path, kind):
+        if path == STDIN:
+            return _of_stdin(kind, most, remedy)
         found = os.stat(path)
         if stat.S_ISDIR(found.st_mode):  # Windows says "permission denied"
             raise kind(f"{path}: is a folder, not a file")
         size, content = found.st_size, b""
         if not stat.S_ISREG(found.st_mode):
-            content = b"".join(_pieces(path, most))
+            content = b"".join(_pieces(path, path, most))
             size = len(content)
         elif size <= most:
             with open(path, "rb", buffering=0) as file:  # all at once needs no buffer
@@ -85,10 +93,29 @@ def read_bytes(
     return content
 
 
-def _pieces(path: str, most: int) -> Iterator[bytes]:
+def _of_stdin(kind: type[TgospaError], most: int, remedy: str) -> bytes:
+    """What comes from the standard input, which ends once: it is kept for whoever asks again."""
+    if sys.stdin is None:
+        raise kind(f"{STDIN}: there is none, it is closed; name a file")
+    kept = _kept(sys.stdin)
+    if not kept:
+        kept.append(b"".join(_pieces(STDIN, os.dup(sys.stdin.fileno()), most)))
+    content = kept[0]
+    if len(content) > most:
+        raise kind(f"{STDIN}: larger than {most >> 20} MiB; {remedy}")
+    return content
+
+
+@lru_cache(maxsize=1)
+def _kept(stream: TextIO) -> list[bytes]:  # noqa: ARG001
+    """What came from a stream, once it did."""
+    return []
+
+
+def _pieces(path: str, source: str | int, most: int) -> Iterator[bytes]:
     """What comes from a pipe or a device, up to its end or a little more than the most."""
     with patience(path, "data from"):
-        file = open(path, "rb", buffering=0)  # noqa: SIM115
+        file = open(source, "rb", buffering=0)  # noqa: SIM115
         piece = file.read(CHUNK)
     with file:
         while piece and most >= 0:

@@ -60,8 +60,9 @@ def read(
     """
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import file_of, guess
-    from tgospa_eval.formats.room import TEXT, check_room, most_bytes
+    from tgospa_eval.formats.room import TEXT, check_room, most_bytes, most_unpacked
     from tgospa_eval.formats.text.convert import load
+    from tgospa_eval.formats.unpack import unpack
 
     one_of("role", role, ROLES)
     if format is not None:
@@ -75,6 +76,7 @@ def read(
     options = options or ReadOptions()
     file = file_of(name)
     data = load(file, most_bytes(options.max_input, file))
+    data = unpack(data, file, most_unpacked(options.max_input, len(data)))
     chosen = format or guess(file, data)
     if chosen not in PACKED:
         size = len(data)

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable
 
 from tgospa_eval.formats.fields import is_number
+from tgospa_eval.formats.unpack import plain_name
 
 ENDINGS = {
     ".csv": "csv",
@@ -53,7 +54,7 @@ def guess(path: str, data: bytes) -> str:
     for magic, format in MAGIC.items():
         if data.startswith(magic):
             return format
-    suffix = re.search(r"\.[^./\\]*$", path.casefold())
+    suffix = re.search(r"\.[^./\\]*$", plain_name(path))
     if suffix and suffix[0] in ENDINGS:
         return ENDINGS[suffix[0]]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()

@@ -78,3 +78,13 @@ def most_bytes(limit: float | None, path: str) -> int:
         if stat.S_ISREG(found.st_mode) and found.st_size <= MODEST:
             return most
     return max(most, available_memory() or 0)
+
+
+def most_unpacked(limit: float | None, file: int) -> int:
+    """Bytes to which a compressed file of so many may unpack: texts shrink to a tenth."""
+    if limit == 0:
+        return sys.maxsize
+    if limit is not None:
+        return int(limit * GIGABYTE / TEXT)
+    most = max(DEFAULT_GIGABYTES * GIGABYTE, UNPACKED * file)
+    return int(min(most, available_memory() or most) / TEXT)

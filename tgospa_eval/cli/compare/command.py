@@ -7,7 +7,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option, option
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, REPORT_FORMATS, WITH
 from tgospa_eval.cli.simulate.command import SCENARIOS
 from tgospa_eval.errors import ExitStatus
@@ -102,7 +102,7 @@ COMPARE_OUTPUT = (
 
 
 @click.command("compare", cls=Verb, params=[*COMPARE_OPTIONS, *SHARED, *COMPARE_OUTPUT])
-@click.argument("files", metavar="TRUTH ESTIMATE...", type=PATH, nargs=-1)
+@click.argument("files", metavar="TRUTH ESTIMATE...", type=SOURCE, nargs=-1)
 @click.pass_context
 def command(
     ctx: click.Context, /, files: tuple[str, ...], simulate: bool, by: str | None, **options: object

@@ -8,6 +8,7 @@ from tgospa_eval.cli.shared.notices import about, notifier, pair_notices, slow_n
 from tgospa_eval.cli.shared.places import find_place
 from tgospa_eval.cli.shared.settings import Settings, infos
 from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError
@@ -28,7 +29,7 @@ def check_files(paths: Sequence[str]) -> None:
         place = find_place(path)
         if place is not None:
             raise InputError(place.message)
-        if not os.path.lexists(path):
+        if path != STDIN and not os.path.lexists(path):
             raise InputError(f"{path or quoted(path)}: no such file")
 
 

@@ -4,7 +4,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb, words
-from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.option import SOURCE, Option
 from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, SLICE, WITH
 from tgospa_eval.errors import ExitStatus
 
@@ -82,8 +82,8 @@ class Files(Verb):
         ),
     ],
 )
-@click.argument("truth", type=PATH)
-@click.argument("estimate", type=PATH)
+@click.argument("truth", type=SOURCE)
+@click.argument("estimate", type=SOURCE)
 @click.pass_context
 def command(
     ctx: click.Context, /, truth: str, estimate: str, sweep: tuple[str, ...], **options: object

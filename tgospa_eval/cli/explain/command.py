@@ -4,7 +4,7 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option, option
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import CONFIG_FILE, EVALUATION, QUIET, VERBOSE, format_option
 from tgospa_eval.errors import ExitStatus
 
@@ -53,8 +53,8 @@ LEFT_ASIDE = ("by", "preprocess")
         VERBOSE,
     ],
 )
-@click.argument("truth", type=PATH)
-@click.argument("estimate", type=PATH)
+@click.argument("truth", type=SOURCE)
+@click.argument("estimate", type=SOURCE)
 @click.pass_context
 def command(ctx: click.Context, /, truth: str, estimate: str, **options: object) -> None:
     """Show which single repairs of ESTIMATE would save most of the cost, proven.

@@ -3,7 +3,7 @@
 import click
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
 from tgospa_eval.cli.shared.options import GATE_OPTIONS, format_option
 from tgospa_eval.cli.verbs import TYPED
 
@@ -36,8 +36,8 @@ class Gate(Verb):
         format_option("table", "json", "markdown"),
     ],
 )
-@click.argument("truth", type=PATH, required=False)
-@click.argument("estimate", type=PATH, required=False)
+@click.argument("truth", type=SOURCE, required=False)
+@click.argument("estimate", type=SOURCE, required=False)
 @click.pass_context
 def command(
     ctx: click.Context, /, truth: str | None, estimate: str | None, **options: object

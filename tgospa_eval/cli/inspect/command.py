@@ -4,13 +4,13 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH
+from tgospa_eval.cli.shared.option import SOURCE
 from tgospa_eval.cli.shared.options import READING, format_option
 
 
 @click.command("inspect", cls=Verb, params=[*READING, format_option("table", "json")])
-@click.argument("truth", type=PATH)
-@click.argument("estimate", type=PATH, required=False)
+@click.argument("truth", type=SOURCE)
+@click.argument("estimate", type=SOURCE, required=False)
 @click.pass_context
 def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: object) -> None:
     """Show what is in TRUTH, and how well ESTIMATE fits it in time and space.

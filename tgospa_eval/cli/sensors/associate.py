@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option, option
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import (
     EVALUATION,
     FILE_FORMATS,
@@ -75,8 +75,8 @@ _output = partial(Option, section="Output")
         ),
     ],
 )
-@click.argument("a", type=PATH)
-@click.argument("b", type=PATH)
+@click.argument("a", type=SOURCE)
+@click.argument("b", type=SOURCE)
 def command(a: str, b: str, **options: Any) -> None:
     """Associate the states of two sensors, A and B, at every step.
 

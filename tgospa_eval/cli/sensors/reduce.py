@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import PATH, Option, option
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option, option
 from tgospa_eval.cli.shared.options import FILE_FORMATS, chosen_options, format_option
 from tgospa_eval.cli.shared.state_options import REDUCTION
 
@@ -37,7 +37,7 @@ from tgospa_eval.cli.shared.state_options import REDUCTION
         ),
     ],
 )
-@click.argument("source", metavar="IN", type=PATH)
+@click.argument("source", metavar="IN", type=SOURCE)
 @click.argument("target", metavar="OUT", type=PATH)
 def command(source: str, target: str, **options: Any) -> None:
     """Reduce the particle clouds of IN to N particles each, and write them to OUT.

@@ -7,11 +7,29 @@ import click
 
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import config
+from tgospa_eval.common.files import STDIN
 
 if TYPE_CHECKING:
     from click.types import OptionHelpExtra
 
 PATH = click.Path(readable=False)
+
+
+class Source(click.Path):
+    """A file that is read, or - for the standard input, which can be one of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path, or the name of the standard input."""
+        if value != "-":
+            return super().convert(value, param, ctx)
+        if ctx is not None:
+            if STDIN in ctx.meta:
+                self.fail("- is the standard input, which can be one file only", param, ctx)
+            ctx.meta[STDIN] = param
+        return STDIN
+
+
+SOURCE = Source(readable=False)
 KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
 

@@ -5,11 +5,13 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import product
 
+from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.unpack import plain_name
 from tgospa_eval.text import listed
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".npz")
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz")
 ASIDE = {"det", "img1", "seqmaps"}
 """Folders of MOTChallenge without tracks."""
 
@@ -45,7 +47,7 @@ def check_places(paths: Sequence[str]) -> None:
         messages = [
             f"{path}: no such file" if place is None else place.message
             for path, place in zip(paths, places, strict=True)
-            if place is not None or not os.path.lexists(path)
+            if place is not None or not (path == STDIN or os.path.lexists(path))
         ]
         raise InputError(*messages, *_advice(paths, places))
 
@@ -85,7 +87,7 @@ def _files(folder: str) -> Iterator[str]:
         )
         count += len(files)
         for name in sorted(files):
-            if name.casefold().endswith(SUFFIXES):
+            if plain_name(name).endswith(SUFFIXES):
                 yield name if inner == "." else f"{inner}/{name}"
         if count > FILES_SEEN:
             return

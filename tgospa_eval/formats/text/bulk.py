@@ -5,16 +5,20 @@ short, a text that is no number) is left to the reader of the format, which repo
 and where.
 """
 
+import io
+import os
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.formats.attributes import attribute_of
 from tgospa_eval.formats.columns.roles import Roles
@@ -32,6 +36,9 @@ Columns = dict[int, "pd.Series"]
 
 BULK_BYTES = 4_000_000
 """Bytes from which importing pandas pays."""
+
+CHECKED = 1 << 12
+"""Bytes by which a file is known to hold what was read."""
 
 BYTES_TOGETHER = 1 << 24
 """Bytes that are looked at together."""
@@ -59,6 +66,8 @@ class Layout:
     header : bool
         Tables may quote their fields. Rows without a header have no quotes, and blanks around
         fields mean nothing.
+    on_disk : bool
+        The file is what is read, not its unpacked content.
     """
 
     path: str
@@ -66,6 +75,7 @@ class Layout:
     delimiter: str
     width: int
     header: bool = True
+    on_disk: bool = True
 
 
 class IrregularError(Exception):
@@ -101,8 +111,9 @@ def read_bulk(
     klass = () if roles.klass is None else (roles.klass,)
     text_columns = tuple(dict.fromkeys((*texts, *klass, *roles.texts)))
     used = [roles.id, roles.time, *roles.numbers, *text_columns]
-    if len(set(used)) < len(used) or not Path(layout.path).is_file():
+    if len(set(used)) < len(used):
         return None
+    layout = replace(layout, on_disk=_is_on_disk(layout.path, data))
     try:
         start = _first_byte(data, layout)
         if not _is_plain(data, start, layout):
@@ -135,6 +146,14 @@ def read_bulk(
     return answer, {column: coded[column] for column in texts}
 
 
+def _is_on_disk(path: str, data: bytes) -> bool:
+    """Whether a file has this very content: not a pipe, nor what it was unpacked from."""
+    if path == STDIN or not Path(path).is_file():
+        return False
+    with open(path, "rb") as file:
+        return os.fstat(file.fileno()).st_size == len(data) and data.startswith(file.read(CHECKED))
+
+
 def _first_byte(data: bytes, layout: Layout) -> int:
     """Where the first row begins."""
     start = 0
@@ -162,13 +181,13 @@ def _columns(
     columns = None
     if roles.id == 0:
         with suppress(IrregularError):
-            columns = _parse(layout, kinds | {roles.id: "int64"}, roles, decimal)
+            columns = _parse(data, layout, kinds | {roles.id: "int64"}, roles, decimal)
         if columns is not None and not _are_plain_integers(
             data, start, columns[0], layout.delimiter
         ):
             columns = None
     if columns is None:
-        columns = _parse(layout, kinds | {roles.id: object}, roles, decimal)
+        columns = _parse(data, layout, kinds | {roles.id: object}, roles, decimal)
     if len(columns[roles.time]) != data.count(b"\n", start) + (not data.endswith(b"\n")):
         raise IrregularError
     if roles.time not in kinds and columns[roles.time].dtype not in (np.int64, np.float64):
@@ -291,7 +310,9 @@ def _are_plain_integers(data: bytes, start: int, column: "pd.Series", delimiter:
     return row == len(values)
 
 
-def _parse(layout: Layout, kinds: dict[int, type | str], roles: Roles, decimal: str) -> Columns:
+def _parse(
+    data: bytes, layout: Layout, kinds: dict[int, type | str], roles: Roles, decimal: str
+) -> Columns:
     """The table with numbered columns."""
     import pandas as pd  # here: small files do without it
 
@@ -301,7 +322,7 @@ def _parse(layout: Layout, kinds: dict[int, type | str], roles: Roles, decimal: 
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             frame: pd.DataFrame = pd.read_csv(  # type: ignore[call-overload]
-                layout.path,
+                layout.path if layout.on_disk else io.BytesIO(data),
                 skiprows=layout.first - 1,
                 sep=layout.delimiter,
                 decimal=decimal,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from tgospa_eval.common.files import SETTINGS, named, read_bytes
+from tgospa_eval.common.files import SETTINGS, STDIN, named, read_bytes
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import InputError
@@ -22,13 +22,11 @@ LETTERS_TOGETHER = 1 << 17
 """Letters of text that are turned into fields at a time."""
 
 COMPRESSED = {
-    b"\x1f\x8b": "gzip",
     b"PK\x03\x04": "zip",
     b"BZh": "bzip2",
     b"\xfd7zXZ\0": "xz",
-    b"\x28\xb5\x2f\xfd": "zstd",
 }
-"""How compressed files begin."""
+"""How compressed files begin that are not unpacked here; `formats.unpack` unpacks others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +71,8 @@ def load(path: str, most: int = SETTINGS) -> bytes:
 
 def _is_endless(path: str) -> bool:
     """Whether it is a device such as /dev/zero; a terminal ends when its user ends it."""
+    if path == STDIN:
+        return False
     mode = os.stat(path).st_mode
     if stat.S_ISBLK(mode):
         return True
@@ -97,7 +97,7 @@ def check_text(data: bytes, path: str) -> None:
         )
     for magic, program in COMPRESSED.items():
         if data.startswith(magic):
-            raise InputError(f"{path}: compressed by {program}; unpack it first")
+            raise InputError(f"{path}: compressed by {program}; unpack it, or use gzip or zstd")
     if data[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         raise InputError(f"{path}, line 1: UTF-32 text; save the file as UTF-8")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):

@@ -3,6 +3,7 @@
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.text.convert import check_text, decode, load
+from tgospa_eval.formats.unpack import unpack
 from tgospa_eval.text import quoted
 
 MATRIX_DELIMITERS = ";\t,"
@@ -16,7 +17,7 @@ def read_matrix(path: str, decimal: str) -> list[list[float]]:
     InputError
         The file is missing or unreadable, a field is no number, the matrix is not square.
     """
-    data = load(path)
+    data = unpack(load(path), path)
     if data:
         check_text(data, path)
     text = decode(data, path)

@@ -11,6 +11,7 @@ from tgospa_eval.formats.columns.headers import FIRST_ALIASES
 from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.text.convert import check_text, decode, load, numbers
 from tgospa_eval.formats.times import TimeError, parse_times
+from tgospa_eval.formats.unpack import unpack
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.step_weights import WeightsByTime, repeated
 from tgospa_eval.tracks.trajectories import Floats
@@ -26,7 +27,7 @@ def read_step_weights(path: str, decimal: str = ".") -> WeightsByTime:
     InputError
         The file is missing, has other columns, a row is wrong, or a time is there twice.
     """
-    data = load(path)
+    data = unpack(load(path), path)
     check_text(data, path)
     text = decode(data, path)
     head = text.lstrip("\n").partition("\n")[0]
