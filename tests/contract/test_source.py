@@ -40,6 +40,7 @@ SAME: dict[str, set[str]] = {
     )
 } | {
     "SCENARIOS": {"cli/simulate/command.py", "simulation/scenarios.py"},
+    "INTERPOLATED": {"cli/shared/clock_options.py", "tracks/alignment.py"},
     "LAYOUTS": {"cli/batch/command.py", "batches/jobs.py"},
     "_HOME": {"__init__.py", "distances/__init__.py"},
     "SCHEMA": {

@@ -22,3 +22,8 @@ def number(value: float, digits: int = 6) -> str:
     if 10.0**digits <= abs(value) < THOUSANDS:
         return f"{value:,.0f}"
     return f"{value:,.{digits}g}"
+
+
+def plain(value: float) -> int | float:
+    """A number to type, without a decimal point where it is whole."""
+    return int(value) if value.is_integer() else value

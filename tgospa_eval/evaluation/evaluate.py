@@ -17,8 +17,14 @@ from tgospa_eval.evaluation.localisation import split_localisation
 from tgospa_eval.evaluation.prepare import Fitted, Prepared, Source, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.evaluation.rounding import rounded_coordinates, within_rounding
-from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
+from tgospa_eval.evaluation.sides import (
+    TrajectoriesLike,
+    as_distance,
+    as_sides,
+    as_solver,
+)
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
+from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.compiled import KERNEL
 from tgospa_eval.problem.sliding import Sliding
@@ -52,6 +58,11 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     unit: str | None = None,
     time_tolerance: float = 0.0,
     grid: str = "union",
+    interpolate: str | None = None,
+    max_gap: float | None = None,
+    time_offset: float = 0.0,
+    time_scale: float = 1.0,
+    unit_scale: float = 1.0,
     curve: bool = False,
     window: int | None = None,
     every: int | None = None,
@@ -95,6 +106,15 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
         of the truth.
     grid : {"union", "truth", "estimate", "common"}
         Steps that count. Rows at other steps are left out, and counted in `Result.input`.
+    interpolate : {"estimate", "truth"}, optional
+        Brings this side to the stamps of the other one: states on the straight line between two of
+        a track that are at most `max_gap` apart, in the unit of the stamps, seconds for ISO times.
+    max_gap : float, optional
+        Needed by `interpolate`.
+    time_offset, time_scale, unit_scale : float
+        The stamps of the estimate are multiplied by `time_scale`, then `time_offset` is added, in
+        seconds for ISO times; its states, with covariances and particles, are multiplied by
+        `unit_scale`, but for periodic ones.
     curve : bool
         Whether to evaluate the steps up to each step as well, for `Result.curve`.
     window : int, optional
@@ -156,17 +176,26 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     with stopwatch.span("read"):
         if existence == "use":
             columns = (*columns, EXISTENCE)
-        sides = as_sides(truth, estimate, base, columns, mapping)
+        sides, recorded = in_units_of_truth(
+            as_sides(truth, estimate, base, columns, mapping),
+            base,
+            time_offset,
+            time_scale,
+            unit_scale,
+        )
     parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
     request = EvaluationRequest(
         parameters=parameters,
         distance=base,
         solver=as_solver(solver),
-        time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
+        time_matching=TimeMatching(
+            tolerance=time_tolerance, grid=grid, interpolate=interpolate, max_gap=max_gap
+        ),
         unit=unit,
         curve=curve,
         sliding=Sliding.asked(window, every),
         with_=chosen_metrics(with_),
+        recorded=recorded,
         defaults=defaults,
         slices=asked,
         step_weights=as_step_weights(step_weights),

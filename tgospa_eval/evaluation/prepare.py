@@ -25,6 +25,7 @@ from tgospa_eval.tracks.existence import EXISTENCE, existence_of, expected
 from tgospa_eval.tracks.trajectories import Trajectories
 
 if TYPE_CHECKING:
+    from tgospa_eval.tracks.interpolation import Interpolated
     from tgospa_eval.tracks.step_weights import WeightsByTime
 
 
@@ -35,16 +36,22 @@ class Fitted:
     Parameters
     ----------
     read : pair of Trajectories
-        Truth and estimate, each on its own times.
+        Truth and estimate, each on its own times, or interpolated at those of the other.
     alignment : Alignment
         The same on one grid.
     distance : Distance
         Base distance with what it takes from the data.
+    interpolated : Interpolated, optional
+        Which side was interpolated, and what that took.
+    digested : pair of Trajectories, optional
+        What `read` was before.
     """
 
     read: tuple[Trajectories, Trajectories]
     alignment: Alignment
     distance: Distance
+    interpolated: "Interpolated | None" = None
+    digested: tuple[Trajectories, Trajectories] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -196,10 +203,10 @@ def measure(
     distance, aligned, time_matching = sides.distance, sides.alignment, request.time_matching
     # What is digested is what counts.
     with stopwatch.span("report"):
-        infos = files or [FileInfo(rows=len(side.step)) for side in sides.read]
+        infos = files or [FileInfo(rows=len(side.step)) for side in sides.digested or sides.read]
         digests = [
             digest(side.seen_as(distance.kinds), existence=request.probabilistic)
-            for side in sides.read
+            for side in sides.digested or sides.read
         ]
     with stopwatch.span("distances"):
         truth, estimate = (
@@ -223,8 +230,7 @@ def measure(
             "distance": distance.name,
             **distance.settings(truth.columns),
             "columns": list(truth.columns),
-            "grid": time_matching.grid,
-            "time_tolerance": time_matching.tolerance,
+            **time_matching.recorded,
             "unit": request.unit,
             **_recorded_weights(request.step_weights),
             **({EXISTENCE: request.existence} if request.probabilistic else {}),
@@ -276,6 +282,11 @@ def fit(
     check_states(truth, estimate, distance, names)
     if request.probabilistic:
         truth, estimate = expected(truth, estimate, names)
+    digested, made = (truth, estimate), None
+    if time_matching.interpolate:
+        from tgospa_eval.evaluation.interpolation import interpolate  # here: few want it
+
+        (truth, estimate), made = interpolate(digested, time_matching, distance, names)
     aligned = align(truth, estimate, time_matching, names)
     if aligned.union and not len(aligned.truth.times):
         raise ConfigError(
@@ -283,7 +294,13 @@ def fit(
             "the clocks differ, see --time-tolerance"
         )
     fitted = distance.fitted((aligned.truth, aligned.estimate))
-    return Fitted(read=(truth, estimate), alignment=aligned, distance=fitted)
+    return Fitted(
+        read=(truth, estimate),
+        alignment=aligned,
+        distance=fitted,
+        interpolated=made,
+        digested=digested,
+    )
 
 
 def _scene(truth: Trajectories, estimate: Trajectories) -> Scene:

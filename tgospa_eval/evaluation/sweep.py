@@ -21,8 +21,14 @@ from tgospa_eval.errors import ConfigError, TgospaWarning
 from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
 from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
-from tgospa_eval.evaluation.sides import TrajectoriesLike, as_distance, as_sides, as_solver
+from tgospa_eval.evaluation.sides import (
+    TrajectoriesLike,
+    as_distance,
+    as_sides,
+    as_solver,
+)
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
+from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats
@@ -64,6 +70,11 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     unit: str | None = None,
     time_tolerance: float = 0.0,
     grid: str = "union",
+    interpolate: str | None = None,
+    max_gap: float | None = None,
+    time_offset: float = 0.0,
+    time_scale: float = 1.0,
+    unit_scale: float = 1.0,
     step_weights: "StepWeightsLike | None" = None,
     existence: str = "ignore",
     mapping: "Components | None" = None,
@@ -80,8 +91,10 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         As for `evaluate`.
     cutoff, order, switch_penalty, rho : float or sequence of float
         One of them is a sequence, in any order, without repetitions.
-    distance, solver, unit, time_tolerance, grid, step_weights, existence, mapping
+    distance, solver, unit, time_tolerance, grid, interpolate, max_gap, time_offset, time_scale
         As for `evaluate`; a time limit holds for each point.
+    unit_scale, step_weights, existence, mapping
+        Likewise.
 
     Returns
     -------
@@ -102,7 +115,13 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     chosen = as_distance(distance)
     with stopwatch.span("read"):
         columns = (EXISTENCE,) if existence == "use" else ()
-        sides = as_sides(truth, estimate, chosen, columns, mapping)
+        sides, recorded = in_units_of_truth(
+            as_sides(truth, estimate, chosen, columns, mapping),
+            chosen,
+            time_offset,
+            time_scale,
+            unit_scale,
+        )
     given: dict[str, Any] = {
         "cutoff": chosen.defaults[0] if cutoff is None else cutoff,
         "order": order,
@@ -121,7 +140,10 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
         parameters=parameters[len(parameters) // 2],
         distance=chosen,
         solver=as_solver(solver),
-        time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
+        time_matching=TimeMatching(
+            tolerance=time_tolerance, grid=grid, interpolate=interpolate, max_gap=max_gap
+        ),
+        recorded=recorded,
         unit=unit,
         step_weights=as_step_weights(step_weights),
         existence=existence,

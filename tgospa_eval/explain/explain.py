@@ -7,6 +7,7 @@ import numpy as np
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.interpolation import as_interpolated, periods_of
 from tgospa_eval.evaluation.prepare import Source
 from tgospa_eval.explain import candidates as found
 from tgospa_eval.explain import motion
@@ -27,9 +28,6 @@ TOP = 10
 
 TRIED = 2
 """Repairs that are tried for each that is listed at most."""
-
-TURN = 360.0
-"""Degrees of longitude all round."""
 
 
 def explain(
@@ -65,7 +63,7 @@ def explain(
     stopwatch = stopwatch or Stopwatch()
     begin = stopwatch.elapsed()
     with stopwatch.span("explain"):
-        sides, request = source.sides, source.request
+        sides, request = source.sides, as_interpolated(source.request)
         assigned = Assigned(result.proof.states, result.proof.weights)
         able = [
             candidate
@@ -116,10 +114,7 @@ def _candidates(
 def _places(result: Result, source: Source) -> Places:
     sides = source.sides
     columns = sides.read[0].columns
-    settings = sides.distance.settings(columns)
-    periods = dict(settings.get("periodic", {}))
-    if sides.distance.name == "haversine":
-        periods["lon"] = TURN
+    periods = periods_of(sides.distance, columns)
     return Places(
         truth=sides.alignment.truth,
         estimate=sides.alignment.estimate,

@@ -14,6 +14,7 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.conversion import scaled, scaled_spread
 from tgospa_eval.tracks.trajectories import Floats, Ints, TimeArray, Trajectories
 
 if TYPE_CHECKING:
@@ -38,6 +39,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     """
     roles = rows.roles
     state = roles.mixed(rows.numbers, roles.state)
+    factors = options.conversion.factors(roles.names)
+    if factors is not None:
+        state = scaled(state, factors, rows.name)
     choice = _Choice(len(state))
     for rule, (apart, sentence) in rows.apart.items():
         choice.keep(~apart, rule, sentence)
@@ -73,6 +77,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     covariance = None
     if roles.spread is not None and clouds is None:
         covariance = _covariances(rows, taken, roles.spread, options, choice)
+        if factors is not None:
+            covariance = scaled_spread(covariance, factors, rows.name)
     trajectories = Trajectories(
         step=step,
         track=track,
@@ -150,6 +156,7 @@ def _grid(rows: Rows, options: ReadOptions, choice: _Choice) -> _Grid:
     if times.text is not None:
         labels = np.empty(len(moments), dtype=object)
         labels[step[::-1]] = np.array([text.strip() for text in times.text], dtype=object)[::-1]
+    moments, labels = options.conversion.times(moments, times.clock, labels, rows.name)
     if options.moments is None:
         return _Grid(moments, step, labels)
     inside = options.moments.inside(moments, times.clock, rows.name)
@@ -183,7 +190,10 @@ def _keep_region(
     if particles is not None:
         values = particles.means(values)
     inside = np.ones(len(values), bool)
-    for column, (low, high) in zip(values.T, options.ranges.values(), strict=True):
+    factors = options.conversion.factors(rows.roles.names)
+    scale = {} if factors is None else dict(zip(rows.roles.names, factors.tolist(), strict=True))
+    for column, (name, (low, high)) in zip(values.T, options.ranges.items(), strict=True):
+        column = column * scale[name] if name in scale else column
         inside &= (column >= low) & (column <= high)
     choice.keep(inside, "region", "left out by --region")
 

@@ -12,6 +12,7 @@ from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.options import ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 FORMATS = {
@@ -110,6 +111,9 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     missing_covariance: str = "error",
     clouds: bool = False,
     attributes: tuple[str, ...] = (),
+    time_offset: float = 0.0,
+    time_scale: float = 1.0,
+    unit_scale: float = 1.0,
     max_input: float | None = None,
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge and others.
@@ -132,6 +136,10 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     attributes : tuple of str
         Headers of further columns to read into `Trajectories.attributes`, as far as they are
         there.
+    time_offset, time_scale, unit_scale : float
+        The stamps of the file are multiplied by `time_scale`, then `time_offset` is added, in
+        seconds for ISO times, which have no scale; state columns, with covariances and particles,
+        are multiplied by `unit_scale`. `time` and `region` are in the new units.
     columns, decimal, on_duplicate, boxes, time, classes, region
         As in `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input
@@ -157,6 +165,9 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         missing_covariance=missing_covariance,
         clouds=clouds,
         attributes=attributes,
+        conversion=Conversion(
+            time_offset=time_offset, time_scale=time_scale, unit_scale=unit_scale
+        ),
         max_input=max_input,
     )
     return read(path, options, role, format).warn()

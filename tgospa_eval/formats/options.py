@@ -1,11 +1,13 @@
 """How to read a file, and which rows of it. Knows no format."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import field
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
 from tgospa_eval.text import quoted
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Floats
 
 
@@ -48,6 +50,9 @@ class ReadOptions:
         what is wrong with it.
     attributes : tuple of str
         Further columns to read, as far as the file has them: see `Trajectories.attributes`.
+    conversion : Conversion
+        From the stamps and states of the file to those that take part; `time` and `region` are in
+        the units of these.
     max_input : float, optional
         GB of memory that reading may take, 0 for any; by default 4, or what is available.
     shared : tuple of str
@@ -77,6 +82,7 @@ class ReadOptions:
     clouds: bool = False
     fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
     attributes: tuple[str, ...] = ()
+    conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None
     shared: tuple[str, ...] = ()
     option: str = "columns"

@@ -1,6 +1,6 @@
 """Two sides on one time grid: which stamps are one step, and which steps count.
 
-Nothing is interpolated. Knows no file and no metric.
+Knows no file and no metric.
 """
 
 import math
@@ -16,6 +16,7 @@ from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import CLOCKS, Ints, Trajectories
 
 GRIDS = ("union", "truth", "estimate", "common")
+INTERPOLATED = ("estimate", "truth")
 SECOND = 1_000_000_000
 """Nanoseconds, in which ISO times are counted."""
 
@@ -34,15 +35,22 @@ class TimeMatching:
         are at most so far apart are one step, where each is the other's nearest.
     grid : {"union", "truth", "estimate", "common"}
         Steps that count: those of either side, of one side, of both.
+    interpolate : {"estimate", "truth"}, optional
+        Which side is brought to the stamps of the other one before, see `tracks.interpolation`.
+    max_gap : float, optional
+        The longest time between two states of a track to interpolate across; as `tolerance`.
 
     Raises
     ------
     ConfigError
-        The tolerance is negative or not finite, or the grid is unknown.
+        The tolerance is negative or not finite, the grid is unknown, or one of the last two is
+        wrong, or given without the other.
     """
 
     tolerance: float = 0.0
     grid: str = "union"
+    interpolate: str | None = None
+    max_gap: float | None = None
 
     def __post_init__(self) -> None:
         tolerance = real_number("time tolerance", self.tolerance)
@@ -52,6 +60,30 @@ class TimeMatching:
         if self.grid not in GRIDS:
             allowed = ", ".join(f'"{name}"' for name in GRIDS)
             raise ConfigError(f"grid is {quoted(self.grid)}: must be one of {allowed}")
+        if self.interpolate not in (None, *INTERPOLATED):
+            raise ConfigError(
+                f'interpolate is {quoted(str(self.interpolate))}: must be "estimate" or "truth"'
+            )
+        if self.max_gap is not None:
+            gap = real_number("max-gap", self.max_gap)
+            if not 0 < gap < math.inf:
+                raise ConfigError(f"max-gap is {gap:g}: must be finite and > 0")
+            object.__setattr__(self, "max_gap", gap)
+        if self.interpolate and self.max_gap is None:
+            raise ConfigError(
+                f"--interpolate {self.interpolate} needs --max-gap, the longest time between two "
+                "states of a track to interpolate across"
+            )
+        if self.max_gap is not None and not self.interpolate:
+            raise ConfigError("--max-gap is for --interpolate; say which side, or leave it out")
+
+    @property
+    def recorded(self) -> dict[str, object]:
+        """What changes the number, by the names of the JSON."""
+        found: dict[str, object] = {"grid": self.grid, "time_tolerance": self.tolerance}
+        if self.interpolate:
+            found |= {"interpolate": self.interpolate, "max_gap": self.max_gap}
+        return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,7 +144,7 @@ def align(
         The kinds of time differ, or integer stamps cannot be compared with decimal ones exactly.
     """
     matching = matching or TimeMatching()
-    first, second = _comparable(truth, estimate, names)
+    first, second = comparable(truth, estimate, names)
     clock = truth.clock if len(truth.times) else estimate.clock
     if first.dtype == second.dtype and np.array_equal(first, second) and len(first):
         steps = len(first)
@@ -177,10 +209,16 @@ def within(
     return np.asarray(apart <= tolerance + _spacing(*sides))
 
 
-def _comparable(
+def comparable(
     truth: Trajectories, estimate: Trajectories, names: tuple[str, str]
 ) -> tuple[Times, Times]:
-    """The stamps of both, where they can be compared exactly."""
+    """The stamps of both, where they can be compared exactly; `names` are for messages.
+
+    Raises
+    ------
+    InputError
+        They cannot.
+    """
     if truth.clock != estimate.clock and len(truth.times) and len(estimate.times):
         remedy = "write both as ISO times or both as numbers, such as Unix seconds"
         if "number" not in (truth.clock, estimate.clock):

@@ -18,7 +18,7 @@ from tgospa_eval.evaluation.diagnosis.clock import find_shift
 from tgospa_eval.evaluation.diagnosis.costs import step_costs
 from tgospa_eval.evaluation.diagnosis.sample import StepRows
 from tgospa_eval.problem.tgospa import Parameters
-from tgospa_eval.tracks.alignment import GRIDS, TimeMatching, align, nearest
+from tgospa_eval.tracks.alignment import GRIDS, INTERPOLATED, TimeMatching, align, nearest
 from tgospa_eval.tracks.trajectories import Trajectories
 
 Run = Callable[..., Any]
@@ -111,9 +111,10 @@ def test_bad_values(options: dict) -> None:
 
 
 def test_grids_are_spelled_alike() -> None:
-    from tgospa_eval.cli.shared import options
+    from tgospa_eval.cli.shared import clock_options, options
 
     assert options.GRIDS == GRIDS
+    assert clock_options.INTERPOLATED == INTERPOLATED
 
 
 # --- warnings -------------------------------------------------------------------------------------

@@ -93,8 +93,7 @@ def _association(found: Association, distance: Distance, settings: Settings) -> 
             "distance": distance.name,
             **distance.settings(columns),
             "columns": list(columns),
-            "grid": settings.time_matching.grid,
-            "time_tolerance": settings.time_matching.tolerance,
+            **settings.time_matching.recorded,
             **settings.recorded,
         },
         "counts": {

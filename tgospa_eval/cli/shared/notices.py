@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from tgospa_eval.cli.shared.distance import notices
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.notices import Notice
-from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
+from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose, interpolation_notice
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -55,6 +55,8 @@ def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> 
             yield Notice(text=text)
     if pixels:
         yield from unit_notices(request.unit)
+    if sides.interpolated is not None:
+        yield interpolation_notice(sides.interpolated, request.time_matching)
     for text in alignment_notices(aligned, request.time_matching):
         yield Notice(text=text)
     found = diagnose(sides.read, aligned, request.time_matching, parameters, distance)

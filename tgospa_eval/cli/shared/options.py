@@ -5,6 +5,7 @@ from functools import partial
 
 import click
 
+from tgospa_eval.cli.shared.clock_options import CLOCK_AND_UNIT
 from tgospa_eval.cli.shared.option import PATH, Option, load_config, option
 from tgospa_eval.cli.shared.state_options import COUNT, GAUSSIANS, PARTICLES
 
@@ -227,7 +228,16 @@ SOLVER = (
 
 UNIT = _output("--unit TEXT", "Unit of the states, printed beside values: m. No number changes.")
 
-EVALUATION = (*METRIC, *FILE_OPTIONS, *FILTERS, UNIT, *SOLVER, *GAUSSIANS, *PARTICLES)
+EVALUATION = (
+    *METRIC,
+    *FILE_OPTIONS,
+    *CLOCK_AND_UNIT,
+    *FILTERS,
+    UNIT,
+    *SOLVER,
+    *GAUSSIANS,
+    *PARTICLES,
+)
 BY_KEY = {item.key: item for item in EVALUATION}
 KNOWN = {key: item.is_flag for key, item in BY_KEY.items()}
 """Options of an evaluation by their names in a configuration file, and whether they are flags."""

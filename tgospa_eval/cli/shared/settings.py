@@ -21,6 +21,7 @@ from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
 from tgospa_eval.tracks.step_weights import WeightsByTime
 
@@ -98,6 +99,7 @@ class Settings:
                 if options.classes and options.classes != self.reading.classes
             },
             **dict(self.reading.covariances()),
+            **self.each[1].conversion.recorded,
             **({"preprocess": self.preprocess} if self.preprocess else {}),
         }
 
@@ -299,7 +301,12 @@ def _settings(options: EvaluationOptions) -> Settings:
         parameters=parameters,
         defaults=defaults,
         measure=measure,
-        time_matching=TimeMatching(tolerance=options.time_tolerance, grid=options.grid),
+        time_matching=TimeMatching(
+            tolerance=options.time_tolerance,
+            grid=options.grid,
+            interpolate=options.interpolate,
+            max_gap=options.max_gap,
+        ),
         reading=reading,
         each=each,
         formats=(options.truth_format, options.estimate_format),
@@ -342,7 +349,7 @@ def _each(
         (options.sides[1], _list(options.estimate_columns), _list(options.estimate_class)),
     )
     columns_of = columns_of_each(_list(options.columns), *(columns for _, columns, _ in own))
-    first, second = (
+    truth, estimate = (
         replace(
             reading,
             columns=measure.columns(columns),
@@ -352,7 +359,13 @@ def _each(
         )
         for (side, _, classes), (columns, shared) in zip(own, columns_of, strict=True)
     )
-    return first, second
+    conversion = Conversion(
+        time_offset=options.time_offset,
+        time_scale=options.time_scale,
+        unit_scale=options.unit_scale,
+        angles=tuple(measure.period),
+    )
+    return truth, replace(estimate, conversion=conversion)
 
 
 def _list(text: str | None) -> tuple[str, ...] | None:

@@ -50,6 +50,11 @@ class EvaluationOptions(Values):
     estimate_format: str | None = None
     time_tolerance: float = 0.0
     grid: str = "union"
+    interpolate: str | None = None
+    max_gap: float | None = None
+    time_offset: float = 0.0
+    time_scale: float = 1.0
+    unit_scale: float = 1.0
     on_duplicate: str = "error"
     decimal: str = "."
     max_input: float | None = None

@@ -25,6 +25,7 @@ Files = tuple[str, str]
 
 ROW_OPTIONS = (
     *("columns", "truth_columns", "estimate_columns", "time_tolerance", "grid", "on_duplicate"),
+    *("interpolate", "max_gap", "time_offset", "time_scale", "unit_scale"),
     *("time", "class_", "truth_class", "estimate_class", "region"),
 )
 """Options that say which rows and columns of the files are in the tables: part of a verdict."""

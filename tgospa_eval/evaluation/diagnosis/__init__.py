@@ -16,6 +16,7 @@ from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
+from tgospa_eval.tracks.interpolation import Interpolated
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
@@ -52,6 +53,18 @@ def diagnose(
     if not any(notice.code in ("clock-shift", "stamps-near") for notice in clock):
         found += state_warnings(sampler, spell)
     return found
+
+
+def interpolation_notice(made: Interpolated, matching: TimeMatching) -> Notice:
+    """What was interpolated, and what was not used for it."""
+    side = str(matching.interpolate)
+    other = "truth" if side == "estimate" else "estimate"
+    unused = f", {made.unused:,} at stamps that the {other} does not have are not compared"
+    return Notice(
+        text=f"{side} interpolated at the stamps of the {other}: "
+        f"{counted(made.between, 'state')} between two that are at most {matching.max_gap:.15g} "
+        f"apart, {made.own:,} as they were{unused if made.unused else ''}"
+    )
 
 
 def alignment_notices(

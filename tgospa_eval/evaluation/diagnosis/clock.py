@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import median
-from tgospa_eval.common.figures import number, shortest
+from tgospa_eval.common.figures import number, plain, shortest
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling
 from tgospa_eval.common.words import counted
@@ -96,9 +96,9 @@ def clock_warnings(
         shift = find_shift(aligned, sampler.parameters, sampler.distance)
         clock = _find_clock(sides, aligned, sampler)
         if clock is not None and (shift is None or clock.saving > shift.saving + MORE):
-            found.append(_clock_warning(clock, aligned.truth.clock))
+            found.append(_clock_warning(clock, sides, spell))
         elif shift is not None:
-            found.append(_shift_warning(shift, aligned.truth))
+            found.append(_shift_warning(shift, aligned.truth, spell))
     return [notice for notice in found if notice]
 
 
@@ -117,7 +117,8 @@ def _few_common(
     return Notice(
         code="steps-unmatched",
         text=f"only {share} of the steps are in both files, and {meaning}",
-        remedy=f"if the clocks differ, see {spell('time_tolerance', '')} and {spell('grid', '')}",
+        remedy=f"if the clocks differ, see {spell('time_tolerance', '')}, "
+        f"{spell('time_offset', '')}, {spell('interpolate', '')} and {spell('grid', '')}",
     )
 
 
@@ -173,20 +174,23 @@ def _rounded_up(value: float) -> str:
     return f"{float(rounded):.15g}"
 
 
-def _shift_warning(shift: Shift, truth: Trajectories) -> Notice:
+def _shift_warning(shift: Shift, truth: Trajectories, spell: Spelling) -> Notice:
     way, cure, where = (
         ("late", "earlier", "backward") if shift.late else ("early", "later", "forward")
     )
     step = median_step(truth.times)
-    size = "" if step is None else f" ({_step_text(step, truth.clock, truth.times)})"
+    long = "" if step is None else _step_text(step, truth.clock, truth.times)
+    size = f" ({long})" if long else ""
+    offset = spell("time_offset", plain(float(f"{'-' * shift.late}{long or 1}".replace(",", ""))))
     of_tracks = ", of tracks that are there before and after, without what is missed or false"
     return Notice(
         code="clock-shift",
         text=f"the estimate seems {way} by a step{size} or more: with its states one step {cure} "
         + falls(shift.saving, shift.steps)
         + of_tracks * shift.of_tracks,
-        remedy="check from where the two files count their steps, and what moment a stamp means; a "
-        f"constant offset {where} in the direction of travel looks the same",
+        remedy="check from where the two files count their steps, and what moment a stamp means: "
+        f"{offset} moves the estimate by such a step; a constant offset {where} in the direction "
+        "of travel looks the same",
     )
 
 
@@ -253,14 +257,33 @@ class Clock:
     steps: int = 0
 
 
-def _clock_warning(clock: Clock, kind: str) -> Notice:
+def _clock_warning(
+    clock: Clock, sides: tuple[Trajectories, Trajectories], spell: Spelling
+) -> Notice:
+    kind = sides[0].clock
     return Notice(
         code="clock-shift",
         text=f"the clock of the estimate seems to {_clock_text(clock, kind)}: without that "
         + falls(clock.saving, clock.steps),
-        remedy="write the stamps of both files by one clock; a latency of the tracker is "
-        "rightly an error",
+        remedy=f"write the stamps of both files by one clock{_cure(clock, sides, spell)}; "
+        "a latency of the tracker is rightly an error",
     )
+
+
+def _cure(clock: Clock, sides: tuple[Trajectories, Trajectories], spell: Spelling) -> str:
+    """The settings that make the stamps of the estimate those of the truth."""
+    from fractions import Fraction  # here: as in `_clocks`
+
+    truth, estimate = sides
+    unit = 1 if truth.clock == "number" else SECOND
+    starts = (Fraction(side.times[0].item()) for side in (truth, estimate))
+    factor = Fraction(f"{clock.factor:.12g}")  # a power of ten, not the double next to it
+    offset = next(starts) + Fraction(clock.offset) - factor * next(starts)
+    step = median_step(truth.times) or 0.0
+    cures = [] if factor == 1 else [spell("time_scale", plain(float(factor)))]
+    if abs(offset) > SAME * step:
+        cures.append(spell("time_offset", plain(float(f"{float(offset / unit):.12g}"))))
+    return f", or use {' '.join(cures)}" if cures else ""
 
 
 def _find_clock(

@@ -11,6 +11,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from tgospa_eval.common.figures import plain
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling, as_option
 from tgospa_eval.evaluation.diagnosis.costs import (
@@ -207,13 +208,21 @@ def _linear(sample: _Sample) -> Iterator[_Change]:
                 text=f"coordinates of the estimate seem {factor:.6g} times too {far} for those "
                 f"of the truth, like {own} beside {other}: with {named} of the estimate times "
                 f"{by:.6g}",
-                remedy=lambda _: "write both files in one unit",
+                remedy=_one_unit(by, degrees="degrees" in units),
                 order=same,
                 factor=np.where(straight, by, 1.0),
                 offset=none,
             )
     for order, signs in _turns(columns):
         yield _turned(columns, order, signs)
+
+
+def _one_unit(by: float, *, degrees: bool) -> Callable[[Spelling], str]:
+    """What to do about another unit, which an option multiplies; angles have none."""
+    written = "write both files in one unit"
+    if degrees:
+        return lambda _: written
+    return lambda spell: f"{written}, or use {spell('unit_scale', plain(float(f'{by:.15g}')))}"
 
 
 def _turns(columns: tuple[str, ...]) -> Iterator[tuple[tuple[int, ...], Floats]]:

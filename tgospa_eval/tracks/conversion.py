@@ -1,0 +1,185 @@
+"""Stamps and states in other units: another clock, another unit of length. Knows no file.
+
+Stamps are converted as decimals, so that what is written 100.5 ms becomes what is written 0.1005 s,
+the same double; whole numbers stay exact.
+"""
+
+import math
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from decimal import Context, Decimal, Overflow
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import ConfigError, real_number
+from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajectories
+
+NANO = 1_000_000_000
+EXACT_INTEGERS = 2.0**53
+PRECISE = Context(prec=60, traps=[Overflow])
+"""More than a stamp, a factor and an offset have together."""
+
+ANGULAR = ("lat", "lon")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conversion:
+    """From the stamps and states of one side to those that are compared.
+
+    Parameters
+    ----------
+    time_offset : float
+        Added to the stamps, after they were scaled; in seconds for ISO times.
+    time_scale : float
+        > 0; stamps are multiplied by it. ISO times have none.
+    unit_scale : float
+        > 0; lengths are multiplied by it: the state columns but for `angles`, with their
+        covariances and particles.
+    angles : tuple of str
+        State columns that are no lengths.
+
+    Raises
+    ------
+    ConfigError
+        A number is not finite, or a factor is not positive.
+    """
+
+    time_offset: float = 0.0
+    time_scale: float = 1.0
+    unit_scale: float = 1.0
+    angles: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("time_offset", "time_scale", "unit_scale"):
+            option = f"--{name.replace('_', '-')}"
+            value = real_number(option, getattr(self, name))
+            if not math.isfinite(value):
+                raise ConfigError(f"{option} is {value:g}: must be finite")
+            if name != "time_offset" and value <= 0:
+                raise ConfigError(f"{option} is {value:g}: must be > 0")
+            object.__setattr__(self, name, value + 0.0)
+
+    @property
+    def recorded(self) -> dict[str, float]:
+        """What changes something, by the names of the JSON."""
+        neutral = {"time_offset": 0.0, "time_scale": 1.0, "unit_scale": 1.0}
+        values = {name: getattr(self, name) for name in neutral}
+        return {name: value for name, value in values.items() if value != neutral[name]}
+
+    def times(
+        self, times: TimeArray, clock: str, labels: NDArray[np.object_] | None, name: str
+    ) -> tuple[TimeArray, NDArray[np.object_] | None]:
+        """Stamps (T,) that increase strictly, and as they are shown, on the other clock.
+
+        Raises
+        ------
+        ConfigError
+            ISO times are scaled, or what comes out cannot be held.
+        """
+        if not len(times) or (self.time_offset == 0 and self.time_scale == 1):
+            return times, labels
+        if clock != "number":
+            moved = self._calendar(times, clock, name)
+            texts = np.empty(len(moved), dtype=object)
+            texts[:] = [_iso(moment, clock) for moment in moved.tolist()]
+            return moved, texts
+        factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
+        try:
+            found = [PRECISE.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
+        except Overflow:
+            raise ConfigError(_beyond(name)) from None
+        size = max(abs(found[0]), abs(found[-1]))
+        whole = all(value == value.to_integral_value() for value in found)
+        converted: TimeArray
+        if whole and size < 2**63 and (times.dtype.kind == "i" or size >= EXACT_INTEGERS):
+            converted = np.array([int(value) for value in found], np.int64)
+        else:
+            converted = np.array([float(value) for value in found]) + 0.0
+        if not np.isfinite(converted[[0, -1]].astype(float)).all():
+            raise ConfigError(_beyond(name))
+        same = np.flatnonzero(converted[1:] <= converted[:-1])
+        if len(same):
+            k = int(same[0])
+            raise ConfigError(
+                f"--time-offset, --time-scale: the times {times[k]} and {times[k + 1]} of {name} "
+                f"would both become {converted[k]}; a double has no more digits"
+            )
+        return converted, None
+
+    def _calendar(self, times: TimeArray, clock: str, name: str) -> TimeArray:
+        if self.time_scale != 1:
+            raise ConfigError(
+                f"--time-scale is for times that are numbers; {name} has {CLOCKS[clock]}"
+            )
+        by = int((Decimal(repr(self.time_offset)) * NANO).to_integral_value())
+        if not all(-(2**63) <= int(end) + by < 2**63 for end in (times[0], times[-1])):
+            raise ConfigError(_beyond(name))
+        return cast(TimeArray, times + np.int64(by))
+
+    def factors(self, columns: tuple[str, ...]) -> Floats | None:
+        """What each state column is multiplied by; None if nothing changes.
+
+        Raises
+        ------
+        ConfigError
+            Columns are latitudes and longitudes.
+        """
+        if self.unit_scale == 1:
+            return None
+        if any(column in ANGULAR for column in columns):
+            raise ConfigError("--unit-scale is for lengths, and lat,lon are degrees; leave it out")
+        return np.array([1.0 if name in self.angles else self.unit_scale for name in columns])
+
+    def __call__(self, side: Trajectories, name: str) -> Trajectories:
+        """The side in the other units; `name` is for messages."""
+        times, labels = self.times(side.times, side.clock, side.labels, name)
+        moved = side if times is side.times else replace(side, times=times, labels=labels)
+        factors = self.factors(side.columns)
+        if factors is None:
+            return moved
+        if side.clouds is not None:
+            return moved.with_clouds(side.clouds.moved(scaled(side.clouds.points, factors, name)))
+        covariance = side.covariance
+        return replace(
+            moved,
+            state=scaled(side.state, factors, name),
+            covariance=None if covariance is None else scaled_spread(covariance, factors, name),
+        )
+
+
+def scaled(state: Floats, factors: Floats, name: str) -> Floats:
+    """States (R, d), each column times its factor.
+
+    Raises
+    ------
+    ConfigError
+        One is too large for a number.
+    """
+    with np.errstate(over="ignore"):
+        found = state * factors
+    if np.isinf(found).any():
+        raise ConfigError(f"--unit-scale: a state of {name} becomes too large for a number")
+    return found
+
+
+def scaled_spread(packed: Floats, factors: Floats, name: str) -> Floats:
+    """Covariances as lower triangles (R, d (d + 1) / 2), of states times the factors."""
+    row, column = np.tril_indices(len(factors))
+    with np.errstate(over="ignore"):
+        squares = factors[row] * factors[column]
+    return scaled(packed, squares, name)
+
+
+def _beyond(name: str) -> str:
+    return f"--time-offset, --time-scale: times of {name} become too large"
+
+
+def _iso(nanoseconds: int, clock: str) -> str:
+    """A moment as ISO-8601, in UTC where it has a zone, with the digits that it needs."""
+    seconds, rest = divmod(nanoseconds, NANO)
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
+    fraction = f".{rest:09d}".rstrip("0") if rest else ""
+    return f"{moment:%Y-%m-%dT%H:%M:%S}{fraction}{'Z' if clock == 'zoned' else ''}"

@@ -1,0 +1,174 @@
+"""One side at the stamps of the other: linear between the own states of each track."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tgospa_eval.common.arrays import concatenated
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.tracks.alignment import Times, comparable, nearest, within
+from tgospa_eval.tracks.attributes import chosen
+from tgospa_eval.tracks.trajectories import Floats, Ints, Trajectories
+
+HALF_TURN = 180.0
+"""Largest longitude."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Interpolated:
+    """A side at the stamps of the other one, and what that took.
+
+    Parameters
+    ----------
+    side : Trajectories
+        At those stamps.
+    between : int
+        States that are between two of a track.
+    own : int
+        States that were there.
+    unused : int
+        States at stamps that the other side does not have.
+    """
+
+    side: Trajectories
+    between: int
+    own: int
+    unused: int
+
+
+def interpolated(
+    side: Trajectories,
+    other: Trajectories,
+    *,
+    max_gap: float,
+    tolerance: float = 0.0,
+    periods: dict[str, float] | None = None,
+    names: tuple[str, str] = ("estimate", "truth"),
+) -> Interpolated:
+    """A side at the stamps of the other one; a side without stamps, on either hand, changes none.
+
+    A state of a track at a stamp stays as it is. Where two consecutive states of a track are at
+    most `max_gap` apart, the stamps between them get states on the straight line, covariances
+    too; attributes are those of the state that is nearer in time, the earlier one of a tie. A
+    track is not continued before its first or after its last state.
+
+    Parameters
+    ----------
+    side, other : Trajectories
+        What is interpolated, and what has the stamps.
+    max_gap : float
+        In the unit of the stamps, seconds for ISO times.
+    tolerance : float
+        Stamps of both that are at most so far apart, each the nearest of the other, are one.
+    periods : dict of str to float, optional
+        Of columns that wrap around: these go along the shorter way.
+    names : pair of str
+        Of the two, for messages.
+
+    Raises
+    ------
+    ConfigError
+        States are clouds of particles.
+    InputError
+        The stamps cannot be compared.
+    """
+    mine, theirs = comparable(side, other, names)
+    rows = len(side.step)
+    if not rows or not len(theirs):
+        return Interpolated(side=side, between=0, own=rows, unused=0)
+    if side.clouds is not None:
+        raise ConfigError(
+            f"--interpolate: {names[0]} has clouds of particles, which are not interpolated; leave "
+            "it out, or compare means with another --distance"
+        )
+    mine = _joined(mine, theirs, tolerance, side.clock)
+    at = np.searchsorted(theirs, mine).clip(max=len(theirs) - 1)
+    there = theirs[at] == mine  # which own stamps are stamps of the other
+    own = np.flatnonzero(there[side.step])
+    before, after, step, share = _between(side, mine, theirs, max_gap)
+    nearer = np.where(share <= 0.5, before, after)
+    source = np.concatenate((own, nearer))
+    steps = np.concatenate((at[side.step[own]], step))
+    order = np.lexsort((side.track[source], steps))
+    state = np.concatenate((side.state[own], _states(side, before, after, share, periods or {})))
+    covariance = side.covariance
+    if covariance is not None:
+        mixed = _mixed(covariance[before], covariance[after], share)
+        covariance = np.concatenate((covariance[own], mixed))[order]
+    found = replace(
+        side,
+        step=steps[order],
+        track=side.track[source[order]],
+        state=state[order],
+        covariance=covariance,
+        attributes=chosen(side.attributes, source[order]),
+        times=theirs,
+        labels=other.labels,
+    )
+    kept = found.chosen(np.arange(len(order)), found.step, theirs)
+    return Interpolated(
+        side=replace(kept, labels=other.labels),
+        between=len(step),
+        own=len(own),
+        unused=rows - len(own),
+    )
+
+
+def _joined(mine: Times, theirs: Times, tolerance: float, clock: str) -> Times:
+    """Own stamps, those of the other where they are the same but for the tolerance or rounding."""
+    pairs = nearest(mine, theirs)
+    same = (pairs.apart > 0) & within(pairs.apart, tolerance, (mine, theirs), clock)
+    joined = mine.astype(np.result_type(mine, theirs))
+    joined[pairs.first[same]] = theirs[pairs.second[same]]
+    return joined
+
+
+def _between(
+    side: Trajectories, mine: Times, theirs: Times, max_gap: float
+) -> tuple[Ints, Ints, Ints, Floats]:
+    """Rows before and after, the stamp between them, and its share of the way, for each new row."""
+    order = np.argsort(side.track, kind="stable")  # rows are in the order of time
+    track, time = side.track[order], mine[side.step[order]]
+    gap = _apart(time[1:], time[:-1])
+    narrow = (track[1:] == track[:-1]) & within(gap, max_gap, (mine, theirs), side.clock)
+    first = np.flatnonzero(narrow)
+    begin = np.searchsorted(theirs, time[first], side="right")
+    count = np.searchsorted(theirs, time[first + 1], side="left") - begin
+    inside = count > 0
+    first, begin, count = first[inside], begin[inside], count[inside]
+    step = concatenated(begin, count)
+    first = np.repeat(first, count)
+    share = _apart(theirs[step], time[first]).astype(np.float64) / gap[first].astype(np.float64)
+    return order[first], order[first + 1], step, share
+
+
+def _apart(later: Times, earlier: Times) -> Times:
+    """Distances of stamps; of integers exactly, as uint64."""
+    if later.dtype.kind == earlier.dtype.kind == "i":
+        return np.asarray(later.view(np.uint64) - earlier.view(np.uint64))
+    return np.asarray(np.subtract(later, earlier, dtype=np.float64))
+
+
+def _states(
+    side: Trajectories, before: Ints, after: Ints, share: Floats, periods: dict[str, float]
+) -> Floats:
+    first, second = side.state[before], side.state[after]
+    found = _mixed(first, second, share)
+    for k, column in enumerate(side.columns):
+        period = periods.get(column)
+        if period is None:
+            continue
+        way = second[:, k] - first[:, k]
+        way -= period * np.round(way / period)
+        found[:, k] = first[:, k] + share * way
+        if column == "lon":  # which has to stay what it is
+            beyond = np.abs(found[:, k]) > HALF_TURN
+            found[beyond, k] -= np.copysign(2 * HALF_TURN, found[beyond, k])
+    return found
+
+
+def _mixed(first: Floats, second: Floats, share: Floats) -> Floats:
+    """On the straight line from one to the other, without overflow."""
+    share = share[:, None]
+    return np.asarray((1 - share) * first + share * second)
