@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from tgospa_eval._version import __version__
 
 if TYPE_CHECKING:
+    from tgospa_eval.cli.batch.call import batch
+    from tgospa_eval.comparison.compare import compare
     from tgospa_eval.errors import (
         ConfigError,
         InputError,
@@ -19,9 +21,12 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.recorder import Recorder
     from tgospa_eval.evaluation.sweep import sweep
     from tgospa_eval.formats import read_trajectories
+    from tgospa_eval.proof.check import verify
+    from tgospa_eval.regression.run import gate
     from tgospa_eval.results.explanation import Explanation
     from tgospa_eval.results.result import Result
     from tgospa_eval.results.sweep import Sweep
+    from tgospa_eval.simulation.usual import simulate
     from tgospa_eval.solvers.certified import Certified
     from tgospa_eval.solvers.exact import Exact
     from tgospa_eval.solvers.sinkhorn import Sinkhorn
@@ -41,9 +46,14 @@ _HOME = {
     "TgospaError": "errors",
     "TgospaWarning": "errors",
     "Trajectories": "tracks.trajectories",
+    "batch": "cli.batch.call",
+    "compare": "comparison.compare",
     "evaluate": "evaluation.evaluate",
+    "gate": "regression.run",
     "read_trajectories": "formats",
+    "simulate": "simulation.usual",
     "sweep": "evaluation.sweep",
+    "verify": "proof.check",
 }
 
 __all__ = [
@@ -61,9 +71,14 @@ __all__ = [
     "TgospaWarning",
     "Trajectories",
     "__version__",
+    "batch",
+    "compare",
     "evaluate",
+    "gate",
     "read_trajectories",
+    "simulate",
     "sweep",
+    "verify",
 ]
 
 

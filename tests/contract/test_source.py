@@ -25,6 +25,8 @@ WIDE = {
     "evaluate": "tgospa_eval",
     "read_trajectories": "tgospa_eval",
     "sweep": "tgospa_eval",
+    "compare": "tgospa_eval",
+    "batch": "tgospa_eval",
     "reduce_cloud": "tgospa_eval.distances",
     "tgospa_problem": "tgospa_eval.problem.tgospa",
 }

@@ -30,6 +30,9 @@ from tgospa_eval.reports.records import (
 )
 from tgospa_eval.results.records import PARTS, Part
 
+OWN_STEPS = ("estimate", "common")
+"""Grids that depend on the estimate. With the others every row of the truth counts for all."""
+
 RANKED = "normalised.tgospa"
 """The field of an estimate by which estimates are ranked."""
 

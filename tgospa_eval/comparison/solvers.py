@@ -16,6 +16,9 @@ from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.reports.records import Metric, SolverRun, SolversRecord
 from tgospa_eval.solvers import Solver
 
+ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
+"""What is done once for all solvers, and the span of the stopwatch that has its time."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:

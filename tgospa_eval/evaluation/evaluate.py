@@ -47,8 +47,8 @@ GAP = 1e-9
 
 @spoken_in_python(reads=False)
 def evaluate(  # noqa: PLR0913  (public: settings are keywords)
-    truth: TrajectoriesLike,
-    estimate: TrajectoriesLike,
+    truth: "TrajectoriesLike",
+    estimate: "TrajectoriesLike",
     cutoff: float | None = None,
     order: float = 2,
     switch_penalty: float | None = None,

@@ -58,13 +58,13 @@ Values = float | Sequence[float] | Floats
 
 @spoken_in_python(reads=False)
 def sweep(  # noqa: PLR0913  (public: settings are keywords)
-    truth: TrajectoriesLike,
-    estimate: TrajectoriesLike,
-    cutoff: Values | None = None,
-    order: Values = 2,
-    switch_penalty: Values | None = None,
+    truth: "TrajectoriesLike",
+    estimate: "TrajectoriesLike",
+    cutoff: "Values | None" = None,
+    order: "Values" = 2,
+    switch_penalty: "Values | None" = None,
     *,
-    rho: Values = 0.5,
+    rho: "Values" = 0.5,
     distance: str | Distance = "euclidean",
     solver: str | Solver = "certified",
     unit: str | None = None,

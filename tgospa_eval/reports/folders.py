@@ -69,8 +69,6 @@ RESULT = Kind(
     opens=("report.html",),
     options=" --pictures {0}",
 )
-PROOF_FOLDER = "proof"
-"""In a result folder."""
 
 PROOF_FILES = ("proof.json", "truth.csv", "estimate.csv", "distances.csv")
 PROOF = Kind(name="proof", document="proof.json", names=PROOF_FILES)

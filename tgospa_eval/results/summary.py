@@ -40,7 +40,8 @@ PUBLIC = (
     *("timings", "input", "version", "warnings", "files", "results"),
     *("per_step", "switches", "assignments", "per_truth", "per_estimate", "curve"),
     *("windows", "with_", "slices"),
-    *("metrics", "similarity", "gradient", "to_dict", "to_json", "to_html", "save", "explain"),
+    *("metrics", "similarity", "gradient", "proof", "explain"),
+    *("to_dict", "to_json", "to_html", "save"),
     *("plot_costs", "plot_cumulative", "plot_lanes", "plot_plane", "plot_windows"),
     "plot_worst",
 )

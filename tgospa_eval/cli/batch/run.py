@@ -37,6 +37,7 @@ from tgospa_eval.cli.batch.worker import (
 )
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
@@ -54,6 +55,31 @@ MOST_HELD = 200_000
 """Steps that are kept in memory until they are written, about 30 MB."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Worked:
+    """What came of the jobs.
+
+    Parameters
+    ----------
+    store : Store
+        Where it is stored.
+    rows : DataFrame
+        Of all jobs that were asked for, also of those that were done before.
+    faults : sequence of Row
+        Those of this run that failed.
+    new : bool
+        Whether there was something to do.
+    tables : BatchTables
+        Sums and order.
+    """
+
+    store: Store
+    rows: "pd.DataFrame"
+    faults: Sequence[Row]
+    new: bool
+    tables: BatchTables
+
+
 def run_batch(
     ctx: click.Context,
     paths: tuple[str, ...],
@@ -62,6 +88,28 @@ def run_batch(
     output: OutputOptions,
 ) -> int:
     """Do what is not done yet, and print the table; the exit status.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options, the manifest or the store; no job is begun then.
+    """
+    worked = work_batch(ctx, paths, batch, options, output)
+    emit(BATCH_REPORTS[output.format_](worked.tables), output.format_)
+    told, status = finish_batch(worked, batch, output)
+    for text in told:
+        print_notice(text)
+    return status
+
+
+def work_batch(
+    ctx: click.Context,
+    paths: tuple[str, ...],
+    batch: BatchOptions,
+    options: EvaluationOptions,
+    output: OutputOptions,
+) -> Worked:
+    """Do what is not done yet.
 
     Raises
     ------
@@ -108,17 +156,23 @@ def run_batch(
     wanted = {task.key for task in tasks}
     rows = rows[rows["key"].isin(wanted)] if len(rows) else rows
     tables = _tables(store, rows, batch)
-    emit(BATCH_REPORTS[output.format_](tables), output.format_)
+    return Worked(store=store, rows=rows, faults=faults, new=bool(left), tables=tables)
+
+
+def finish_batch(
+    worked: Worked, batch: BatchOptions, output: OutputOptions
+) -> tuple[list[str], int]:
+    """Write the page and the curves; what is wrong with jobs, and the exit status."""
+    rows = worked.rows
     # Of shards more is to come; where nothing is new, the page is there.
-    if shard == (1, 1) and (left or batch.by or not is_written(store)):
-        write_batch(store, tables, output, lenient=True)
-    told = list(_faults(rows, faults, written=batch.reports))
-    for text in told:
-        print_notice(text)
+    whole = shard_of(batch.shard) == (1, 1)
+    if whole and (worked.new or batch.by or not is_written(worked.store)):
+        write_batch(worked.store, worked.tables, output, lenient=True)
+    told = list(_faults(rows, worked.faults, written=batch.reports))
     if told:
-        return 5
+        return told, 5
     opened = len(rows) and (rows["status"] == "open").any()
-    return ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
+    return told, ExitStatus.NOT_REACHED if opened else ExitStatus.DONE
 
 
 def _faults(rows: "pd.DataFrame", faults: Sequence[Row], *, written: bool) -> Iterator[str]:

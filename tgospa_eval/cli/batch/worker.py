@@ -21,7 +21,7 @@ from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
-from tgospa_eval.reports.folders import PROOF_FOLDER
+from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
 from tgospa_eval.text import as_unicode

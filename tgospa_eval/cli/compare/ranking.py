@@ -12,7 +12,7 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, Outcome, outcome
-from tgospa_eval.comparison.ranking import document
+from tgospa_eval.comparison.ranking import OWN_STEPS, document
 from tgospa_eval.comparison.steps import StepCosts, steps_columns, steps_costs
 from tgospa_eval.distances import Effort
 from tgospa_eval.errors import ConfigError
@@ -24,9 +24,6 @@ from tgospa_eval.reports.ranking import opposed, pairs_columns
 from tgospa_eval.reports.records import Metric, RankingRecord
 from tgospa_eval.solvers import Solver
 from tgospa_eval.solvers.sinkhorn import Sinkhorn
-
-OWN_STEPS = ("estimate", "common")
-"""Grids that depend on the estimate. With the others every row of the truth counts for all."""
 
 Ranked = tuple[RankingRecord, dict[str, str], StepCosts]
 """The document, tables by the names of their files, and the costs of the steps."""

@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from typing import cast
 
 from tgospa_eval.cli.compare.files import short_names
-from tgospa_eval.cli.compare.ranking import OWN_STEPS, ranked, show_ranking
+from tgospa_eval.cli.compare.ranking import ranked, show_ranking
 from tgospa_eval.cli.compare.runs import expand, first_file, is_pattern
 from tgospa_eval.cli.compare.values import CompareOptions
 from tgospa_eval.cli.shared.notices import notifier
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison.entrants import Entrant, Outcome
+from tgospa_eval.comparison.ranking import OWN_STEPS
 from tgospa_eval.comparison.saved import other_parameters, other_truth, outcomes, shared_metrics
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.records import Metric

@@ -7,13 +7,10 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.runs import name_of, takes_long
-from tgospa_eval.comparison.solvers import compare_solvers, document
+from tgospa_eval.comparison.solvers import ONCE, compare_solvers, document
 from tgospa_eval.plots.comparison import solver_pictures
 from tgospa_eval.reports.records import SolversRecord
 from tgospa_eval.solvers import SOLVERS
-
-ONCE = {"read": "read", "distances": "distances", "preparation": "solve/preparation"}
-"""What is done once for all solvers, and the span of the stopwatch that has its time."""
 
 
 def compare_files(truth: str, estimate: str, options: CompareOptions) -> bool:

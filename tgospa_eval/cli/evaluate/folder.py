@@ -9,8 +9,9 @@ from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import Files, write_output
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.reports.files import result_texts
-from tgospa_eval.reports.folders import PROOF_FILES, PROOF_FOLDER, RESULT, probe_folder
+from tgospa_eval.reports.folders import PROOF_FILES, RESULT, probe_folder
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:

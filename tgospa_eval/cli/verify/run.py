@@ -3,10 +3,8 @@
 import inspect
 import json
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from tgospa_eval.cli.shared.progress import run
@@ -14,12 +12,12 @@ from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.timing import Stopwatch
-from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.proof import verify_tgospa
+from tgospa_eval.proof.check import Claim, check, check_folders
 from tgospa_eval.proof.tables import difference, proof_tables
 from tgospa_eval.proof.write import proof_parameters
-from tgospa_eval.reports.folders import PROOF_FOLDER
 
 Files = tuple[str, str]
 
@@ -51,72 +49,22 @@ def verify_folder(folder: str, files: Files | None) -> bool:
     InputError
         It is no proof folder, or a file is missing or damaged.
     """
-    folders = _folders(folder)
-    verdicts = [*_missing_classes(folder, folders), *(_verdict(path, files) for path in folders)]
-    for text, holds in verdicts:
-        (emit if holds else print_notice)(f"{text}\n" if holds else text)
-    return all(holds for _, holds in verdicts)
 
+    def judge(path: str) -> Claim:
+        stopwatch = Stopwatch()
+        stopwatch.stage = "verify"
 
-def _folders(folder: str) -> list[str]:
-    """The folders that have a proof: the one that was named, or those of classes in it."""
-    for path in (folder, os.path.join(folder, PROOF_FOLDER)):
-        found = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
-        if found:
-            return found
-    raise InputError(
-        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes one"
-    )
+        def follows() -> str:
+            if files is None:
+                return ""
+            return f"; the tables follow from the files{_check_tables(path, files, stopwatch)}"
 
+        return run(lambda: check(path, follows), stopwatch, show=True)
 
-def _missing_classes(folder: str, folders: list[str]) -> Iterator[tuple[str, bool]]:
-    """A line for each class that has no proof of its own, where classes were proven apart."""
-    if folders == [folder]:
-        return
-    there, needed = set(), set()
-    for path in folders:
-        with suppress(OSError, ValueError), open(os.path.join(path, "proof.json"), "rb") as file:
-            document = json.load(file)
-            there.add(document.get("class"))
-            needed.update(document.get("classes", ()))
-    for name in sorted(needed - there):
-        yield f"{folder}: there is no proof of the class {name!r}", False
-
-
-def _has_proof(path: str) -> bool:
-    return os.path.isfile(os.path.join(path, "proof.json"))
-
-
-def _below(path: str) -> Iterator[str]:
-    try:
-        yield from (os.path.join(path, name) for name in sorted(os.listdir(path)))
-    except NotADirectoryError:
-        raise InputError(f"{path}: is a file; name the folder that it is in") from None
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-
-
-def _verdict(folder: str, files: Files | None) -> tuple[str, bool]:
-    """One line about a folder, and whether its claim holds."""
-    stopwatch = Stopwatch()
-    stopwatch.stage = "verify"
-
-    def read(name: str) -> bytes:
-        return Path(folder, name).read_bytes()
-
-    try:
-        found = run(lambda: str(verify_tgospa.verify(read)), stopwatch, show=True)
-        if files is not None:
-            found += f"; the tables follow from the files{_check_tables(folder, files, stopwatch)}"
-    except verify_tgospa.Wrong as error:
-        return f"{folder}: {error}", False
-    except verify_tgospa.DAMAGED as error:
-        if isinstance(error, (ConfigError, InputError, MemoryError)):
-            raise
-        raise InputError(f"{folder}: no whole proof: {type(error).__name__}: {error}") from None
-    return f"{folder}: {found}", True
+    found = check_folders(folder, judge)
+    for claim in found.claims:
+        (emit if claim.holds else print_notice)(f"{claim}\n" if claim.holds else str(claim))
+    return found.holds
 
 
 def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
@@ -136,7 +84,7 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
             f"{folder}: does not say how the files were read, as it was saved from Python; name no "
             "files, or write it with --proof"
         )
-    prepared = run(lambda: _prepared(files, proof, stopwatch), stopwatch, show=True)
+    prepared = _prepared(files, proof, stopwatch)
     compared, parameters = prepared.compared, prepared.parameters
     options, proven = proof_parameters(compared, parameters), proof["parameters"]
     for name in sorted({*options, *proven}):

@@ -1,0 +1,190 @@
+"""The verbs as functions: what they give is what the command prints and writes."""
+
+import inspect
+import json
+import os
+import pkgutil
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from runs import write_runs
+
+import tgospa_eval
+from tgospa_eval import (
+    ConfigError,
+    InputError,
+    TgospaWarning,
+    batch,
+    compare,
+    evaluate,
+    gate,
+    simulate,
+    verify,
+)
+from tgospa_eval.cli.batch.plan import BatchOptions
+from tgospa_eval.cli.simulate.values import SceneOptions
+from tgospa_eval.comparison import solvers
+from tgospa_eval.comparison.runs import Run, run_here
+from tgospa_eval.evaluation.prepare import Prepared
+from tgospa_eval.simulation.usual import USUAL_ERRORS, usual_tracker
+from tgospa_eval.solvers import Solver
+
+METRIC = ("-c", "10", "-g", "5")
+GIVEN = {"cutoff": 10.0, "switch_penalty": 5.0}
+
+
+def test_no_folder_takes_the_name_of_a_function() -> None:
+    """It would, as soon as something in it is imported."""
+    modules = {module.name for module in pkgutil.iter_modules(tgospa_eval.__path__)}
+    assert not modules & set(tgospa_eval.__all__)
+    functions = [getattr(tgospa_eval, name) for name in tgospa_eval.__all__ if name.islower()]
+    for function in filter(inspect.isroutine, functions):
+        described = inspect.getdoc(function) or ""
+        named = [n.rstrip("_") for n in inspect.signature(function).parameters]
+        assert [name for name in named if name not in described] == []
+
+
+def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
+    truth, estimate = quickstart
+    shifted = np.asarray(tgospa_eval.read_trajectories(estimate).dense()) + 3.0
+    with pytest.warns(TgospaWarning):  # of the empty one, by its name
+        found = compare(truth, {"far": {}, "near": estimate}, **GIVEN)
+    assert found.table["name"].tolist() == ["near", "far"]
+    assert found.table["total"][0] == pytest.approx(evaluate(*quickstart, **GIVEN).total)
+    assert found.pairs["verdict"].tolist() == ["less"]
+    assert "Proven order by TGOSPA per step, best first: near, far" in str(found)
+    assert "tgospa-eval" not in repr(found)
+    assert json.loads(found.to_json()) == json.loads(json.dumps(found.to_dict()))
+    times = tgospa_eval.read_trajectories(estimate).times
+    three = compare(truth, {"a": estimate, "b": (times, shifted), "c": {}}, **GIVEN)
+    assert {notice["code"] for notice in three.document["warnings"]} >= {"offset", "empty-side"}
+    assert len(three.pairs) == 3
+    for name, by in (("b", 3.0), ("c", 6.0)):
+        rows = pd.read_csv(estimate).assign(x=lambda table, by=by: table["x"] + by)
+        rows.to_csv(f"{name}.csv", index=False)
+    shown = invoke("compare", truth, estimate, "b.csv", "c.csv", *METRIC, "--format", "json")
+    theirs, ours = json.loads(shown.out), compare(truth, [estimate, "b.csv", "c.csv"], **GIVEN)
+    for item, own in zip(theirs["estimates"], ours.to_dict()["estimates"], strict=True):
+        assert {**own, "name": item["name"], "runs": item["runs"]} == item
+    assert [pair["per_step"] for pair in theirs["pairs"]] == [
+        pair["per_step"] for pair in ours.to_dict()["pairs"]
+    ]
+
+
+def test_compare_solvers(quickstart: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def here(prepared: Prepared, solver: Solver, progress: object) -> Run:
+        return run_here(prepared, solver)
+
+    monkeypatch.setattr(solvers, "run_apart", here)  # a process for each would take longer
+    found = compare(*quickstart, **GIVEN, solvers=["certified", "sinkhorn"])
+    assert found.table["name"].tolist() == ["certified", "sinkhorn 0.03"]
+    assert found.document["agree"]
+    assert not len(found.pairs)
+    assert "Both brackets overlap" in str(found)
+
+
+def test_gate_and_the_command_know_each_other(
+    invoke, quickstart: tuple[str, str], tmp_path: Path
+) -> None:
+    ours, theirs = str(tmp_path / "ours.json"), str(tmp_path / "theirs.json")
+    none = gate(*quickstart, ours, **GIVEN)
+    assert (none.verdict, bool(none)) == ("not comparable", False)
+    assert gate(*quickstart, ours, update_baseline=True, **GIVEN).verdict == "updated"
+    made = invoke("gate", *quickstart, *METRIC, "--baseline", theirs, "--update-baseline")
+    assert made.status == 0
+    for baseline in (ours, theirs):  # cutoff and penalty are those of the baseline
+        passed = gate(*quickstart, baseline, limits={"tgospa": 43.0}, warn_on="switch:+1")
+        assert passed
+        assert passed.findings["verdict"].tolist() == ["pass"] * 3
+        assert passed.result.total == evaluate(*quickstart, **GIVEN).total
+        assert invoke("gate", *quickstart, "--baseline", baseline).status == 0
+    failed = gate(quickstart[0], {}, Path(theirs))
+    assert failed.verdict == "fail"
+    assert any("total is at least 9,750, proven" in note for note in failed.notes)
+    other = gate(*quickstart, theirs, cutoff=9.0)
+    assert other.notes == ("cutoff is 9.0, in the baseline 10.0",)
+    assert str(other).startswith("gate: not comparable")
+    undecided = gate(
+        *quickstart, theirs, solver=tgospa_eval.Sinkhorn(epsilon=0.5, gap=0.9), fail_on="total:+1%"
+    )
+    assert undecided.verdict in ("undecided", "pass")
+    assert not any("--" in note for note in undecided.notes)
+    with pytest.raises(ConfigError, match='fail_on "total": must be'):
+        gate(*quickstart, theirs, fail_on="total")
+    with pytest.raises(ConfigError, match="is no baseline"):
+        gate(*quickstart, quickstart[0])
+
+
+def test_verify(quickstart: tuple[str, str], tmp_path: Path) -> None:
+    folder = tmp_path / "proof"
+    evaluate(*quickstart, **GIVEN).proof.save(folder)
+    found = verify(folder)
+    assert found
+    assert verify(tmp_path).claims == found.claims  # the folder that it is in
+    assert str(found).startswith(f"{folder}: verified: 42.535")
+    document = json.loads((folder / "proof.json").read_text())
+    document["upper_bound"] = "1.0"
+    (folder / "proof.json").write_text(json.dumps(document))
+    assert not verify(folder)
+    with pytest.raises(InputError, match=r"no proof.json in it"):
+        verify(quickstart[0].rpartition("/")[0])
+
+
+def test_simulate_as_the_command(invoke, tmp_path: Path) -> None:
+    assert {name: getattr(SceneOptions, name) for name in USUAL_ERRORS} == USUAL_ERRORS
+    usual = usual_tracker(200.0, {})
+    for name in ("confirmation", "merges", "lost", "latency", "false_length"):
+        assert getattr(usual, name) == getattr(SceneOptions, name)
+    folder = str(tmp_path / "scene")
+    assert invoke("simulate", folder, "--targets", "4", "--seed", "3").status == 0
+    files = [os.path.join(folder, name) for name in ("truth.csv", "estimate.csv")]
+    made = simulate(targets=4, seed=3)
+    assert evaluate(*made, **GIVEN).total == pytest.approx(evaluate(*files, **GIVEN).total)
+    with pytest.raises(ConfigError, match="no error of a tracker 'noize'; there are noise, "):
+        simulate(noize=1.0)
+
+
+class Here:
+    """An engine without processes."""
+
+    @contextmanager
+    def open(self, _: int) -> Iterator["Here"]:
+        yield self  # for any number of jobs
+
+    def workers(self) -> int:
+        return 1
+
+    def submit(self, function: Callable, *arguments: object) -> Future:
+        done: Future = Future()
+        done.set_result(function(*arguments))
+        return done
+
+    def answer(self, future: Future) -> object:
+        return future.result()
+
+    def look(self) -> None:
+        raise AssertionError("everything is ready")
+
+
+def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("pyarrow")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(BatchOptions, "engine", Here())
+    write_runs(2)
+    patterns = {"truth": "gt/{run}.csv", "estimate": "out/{tracker}/{run}.csv"}
+    found = batch(**patterns, output="store", cutoff=10.0, by="tracker", workers=1)
+    assert found.rows["total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
+    assert found.groups["total"].tolist() == pytest.approx([10.0, 40.0])
+    assert not found.faults
+    assert "tracker" in str(found)
+    Path("out/b/1.csv").write_text("id,t,x,y\n1,0,0,oops\n", encoding="utf-8")
+    again = batch(**patterns, output="store", cutoff=10.0, workers=1)
+    assert len(again.faults) == 1
+    assert "oops" in again.faults[0]
+    with pytest.raises(ConfigError, match='unknown key "cutof"; did you mean cutoff'):
+        batch(**patterns, output="store", cutof=10.0)

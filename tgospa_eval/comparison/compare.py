@@ -1,0 +1,263 @@
+"""``compare`` of Python: estimates of one truth in proven order, or solvers on one estimate."""
+
+import os
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import PurePath
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice, spoken_in_python
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.comparison.entrants import Entrant, outcome
+from tgospa_eval.comparison.ranking import OWN_STEPS
+from tgospa_eval.comparison.ranking import document as ranking_document
+from tgospa_eval.comparison.runs import check_solvers
+from tgospa_eval.comparison.solvers import ONCE, compare_solvers
+from tgospa_eval.comparison.solvers import document as solvers_document
+from tgospa_eval.distances import Distance
+from tgospa_eval.errors import ConfigError, TgospaWarning
+from tgospa_eval.evaluation.evaluate import look, solve
+from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
+from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
+from tgospa_eval.evaluation.sides import (
+    TrajectoriesLike,
+    as_distance,
+    as_sides,
+    as_solver,
+    as_trajectories,
+)
+from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
+from tgospa_eval.reports.comparison import render
+from tgospa_eval.reports.ranking import estimates_columns, pairs_columns
+from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
+from tgospa_eval.reports.solvers import solvers_columns
+from tgospa_eval.results.records import json_text
+from tgospa_eval.solvers import Solver
+from tgospa_eval.tracks.alignment import TimeMatching
+from tgospa_eval.tracks.existence import EXISTENCE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tgospa_eval.evaluation.objects import Components
+
+
+COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"
+"""What the table of the command says of another command."""
+
+Estimates: TypeAlias = "Mapping[str, TrajectoriesLike] | Sequence[str | os.PathLike[str]]"
+"""Several by name, or paths."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Compared:
+    """What `compare` found; printed it is the table of the command.
+
+    Parameters
+    ----------
+    document : dict
+        The document of ``--format json``.
+    """
+
+    document: RankingRecord | SolversRecord
+
+    @cached_property
+    def table(self) -> "pd.DataFrame":
+        """A row for each estimate, the best first, or for each solver."""
+        import pandas as pd  # here: slow to import
+
+        if self.document["kind"] == "estimates":
+            return pd.DataFrame(estimates_columns(self.document))
+        return pd.DataFrame(solvers_columns(self.document))
+
+    @cached_property
+    def pairs(self) -> "pd.DataFrame":
+        """A row for each pair of estimates: the proven order, and the second less the first."""
+        import pandas as pd  # here: slow to import
+
+        if self.document["kind"] != "estimates" or not self.document["pairs"]:
+            return pd.DataFrame()
+        return pd.DataFrame(pairs_columns(self.document))
+
+    def to_dict(self) -> RankingRecord | SolversRecord:
+        """The document as plain Python values."""
+        return self.document
+
+    def to_json(self) -> str:
+        """The document: sorted keys, no NaN, full doubles."""
+        return json_text(self.document)
+
+    def __str__(self) -> str:
+        return re.sub(COMMAND, "", render(self.document, "table"))
+
+    __repr__ = __str__
+
+
+@spoken_in_python(reads=False)
+def compare(  # noqa: PLR0913  (public: settings are keywords)
+    truth: "TrajectoriesLike",
+    estimates: "Estimates | TrajectoriesLike",
+    cutoff: float | None = None,
+    order: float = 2,
+    switch_penalty: float | None = None,
+    *,
+    solvers: Sequence[str | Solver] = (),
+    rho: float = 0.5,
+    distance: str | Distance = "euclidean",
+    solver: str | Solver = "certified",
+    unit: str | None = None,
+    time_tolerance: float = 0.0,
+    grid: str = "union",
+    step_weights: "StepWeightsLike | None" = None,
+    existence: str = "ignore",
+    mapping: "Components | None" = None,
+) -> Compared:
+    """Rank several estimates of a truth by proven order, or compare solvers on one estimate.
+
+    Parameters
+    ----------
+    truth : path, Trajectories, DataFrame, array, mapping or set of tracks
+        As for `evaluate`.
+    estimates : mapping from name to estimate, or list of paths
+        Estimates to rank, each as for `evaluate`; files are called by their paths. With `solvers`
+        a single estimate.
+    cutoff, order, switch_penalty, rho, distance, unit, time_tolerance, step_weights, existence
+        As for `evaluate`.
+    solvers : sequence of str or solver record
+        Solvers to compare on one estimate, each in a process of its own.
+    solver : str or solver record
+        The solver of a ranking.
+    grid : {"union", "truth"}
+        Steps that count; with `solvers` also ``"estimate"`` and ``"common"``.
+    mapping : sequence of int, or pair of such, optional
+        As for `evaluate`.
+
+    Returns
+    -------
+    Compared
+        Prints as the table of ``tgospa-eval compare``; `Compared.table` is a DataFrame.
+
+    Warns
+    -----
+    TgospaWarning
+        As `evaluate`.
+
+    Raises
+    ------
+    ConfigError, InputError
+        As for `evaluate`; there is no estimate, or a solver is there twice.
+    """
+    base = as_distance(distance)
+    parameters, defaults = chosen_parameters(base, order, cutoff, switch_penalty, rho)
+    request = EvaluationRequest(
+        parameters=parameters,
+        distance=base,
+        solver=as_solver(solver),
+        time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
+        unit=unit,
+        defaults=defaults,
+        step_weights=as_step_weights(step_weights),
+        existence=existence,
+    )
+    pairs = _Pairs(request, mapping)
+    if solvers:
+        chosen = [as_solver(item) for item in solvers]
+        check_solvers(chosen)
+        found: RankingRecord | SolversRecord = _of_solvers(
+            pairs, truth, cast("TrajectoriesLike", estimates), chosen
+        )
+    else:
+        found = _ranked(pairs, truth, _named(estimates))
+    for notice in pairs.notices:
+        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
+    return Compared(document=found)
+
+
+class _Pairs:
+    """Pairs of sides, made problems of; what looks wrong with them, each once."""
+
+    def __init__(self, request: EvaluationRequest, mapping: "Components | None") -> None:
+        self.request, self.mapping = request, mapping
+        self.notices: list[Notice] = []
+        self.stopwatch = Stopwatch()
+
+    def prepared(
+        self, truth: TrajectoriesLike, estimate: TrajectoriesLike, name: str = ""
+    ) -> Prepared:
+        """The problem of two sides; its warnings name the estimate, where there are several."""
+        request = self.request
+        attributes = (EXISTENCE,) if request.probabilistic else ()
+        with self.stopwatch.span("read"):
+            sides = as_sides(truth, estimate, request.distance, attributes, self.mapping)
+        fitted = fit(*sides, request)
+        for notice in look(fitted, request):
+            told = notice.about(name) if name and notice.code != "default-parameters" else notice
+            if told not in self.notices:
+                self.notices.append(told)
+        return prepare(fitted, request, stopwatch=self.stopwatch)
+
+
+def _named(
+    estimates: object,
+) -> "Mapping[str, TrajectoriesLike]":
+    """Estimates by name.
+
+    Raises
+    ------
+    ConfigError
+        They are none.
+    """
+    found: Mapping[str, TrajectoriesLike] | None = None
+    if isinstance(estimates, Mapping):
+        found = {str(name): estimate for name, estimate in estimates.items()}
+    elif isinstance(estimates, (list, tuple)):
+        paths = [os.fspath(p) for p in estimates if isinstance(p, (str, PurePath))]
+        if len(set(paths)) == len(estimates):
+            found = {path: path for path in paths}
+    if not found:
+        raise ConfigError(
+            "estimates must be a mapping from name to estimate, or a list of different paths, at "
+            "least one; of a single estimate solvers are compared, solvers=('certified', 'exact')"
+        )
+    return found
+
+
+def _ranked(
+    pairs: _Pairs, truth: TrajectoriesLike, estimates: "Mapping[str, TrajectoriesLike]"
+) -> RankingRecord:
+    """The document of a ranking."""
+    request = pairs.request
+    if len(estimates) > 1 and request.time_matching.grid in OWN_STEPS:
+        raise ConfigError(
+            f"grid={request.time_matching.grid!r} gives each estimate steps of its own, and one "
+            "that stops early leaves out what it misses; to rank estimates choose 'truth' or "
+            "'union'"
+        )
+    path = os.fspath(truth) if isinstance(truth, (str, os.PathLike)) else "truth"
+    if isinstance(truth, (str, os.PathLike)):
+        attributes = (EXISTENCE,) if request.probabilistic else ()
+        truth = as_trajectories(truth, "truth", request.distance, attributes)
+    entrants = []
+    for name, estimate in estimates.items():
+        prepared = pairs.prepared(truth, estimate, name if len(estimates) > 1 else "")
+        result = solve(prepared, request.solver, pairs.stopwatch)
+        made = outcome(result, prepared.moments, per_step=False)
+        entrants.append(Entrant(name=name, paths=[name], outcomes=[made]))
+    warned = [notice.record() for notice in pairs.notices]
+    return ranking_document(entrants, [path], cast("Metric", result.settings), warned)
+
+
+def _of_solvers(
+    pairs: _Pairs, truth: TrajectoriesLike, estimate: TrajectoriesLike, solvers: list[Solver]
+) -> SolversRecord:
+    """The document of solvers on one problem."""
+    pairs.request = replace(pairs.request, solver=solvers[0])
+    prepared = pairs.prepared(truth, estimate)
+    found = compare_solvers(prepared, solvers)
+    once = {name: pairs.stopwatch.spans.get(span, 0.0) for name, span in ONCE.items()}
+    warned = [notice.record() for notice in pairs.notices]
+    return solvers_document(found, prepared, {}, once, warned)

@@ -1,0 +1,163 @@
+"""Proof folders, checked in exact integers: of each the claim, and whether it holds."""
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.proof import PROOF_FOLDER, verify_tgospa
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """What became of one proof.
+
+    Parameters
+    ----------
+    folder : str
+        Where it is.
+    holds : bool
+        Whether it proves what it claims.
+    text : str
+        The bounds that were found, or what is wrong.
+    """
+
+    folder: str
+    holds: bool
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.folder}: {self.text}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verification:
+    """What became of the proofs of a folder; true if all hold.
+
+    Parameters
+    ----------
+    claims : tuple of Claim
+        One, or one for each class.
+    """
+
+    claims: tuple[Claim, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether all claims hold."""
+        return all(claim.holds for claim in self.claims)
+
+    def __bool__(self) -> bool:
+        return self.holds
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.claims))
+
+
+def verify(folder: "str | os.PathLike[str]") -> Verification:
+    """Check the proof in a folder, or one for each class.
+
+    Both bounds are computed again, in exact integers, by a program of one file that shares nothing
+    with the solver: as the command ``tgospa-eval verify``, which also checks that the tables follow
+    from files.
+
+    Parameters
+    ----------
+    folder : str or path
+        A proof folder, as `Result.proof` saves it, or a result folder with one in it.
+
+    Returns
+    -------
+    Verification
+        The claims; it is true where all hold.
+
+    Raises
+    ------
+    InputError
+        It is no proof folder, or a file is missing or damaged.
+    """
+    return check_folders(os.fspath(folder), check)
+
+
+def check_folders(folder: str, judge: Callable[[str], Claim]) -> Verification:
+    """All proofs of a folder, each judged.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    folders = _folders(folder)
+    missing = () if folders == [folder] else _missing_classes(folder, folders)
+    return Verification(claims=(*missing, *map(judge, folders)))
+
+
+def check(folder: str, more: Callable[[], str] = str) -> Claim:
+    """Whether the proof in one folder holds.
+
+    Parameters
+    ----------
+    folder : str
+        The folder itself.
+    more : callable
+        What else must hold: it raises `Wrong`, or says in words what was found.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged.
+    """
+
+    def read(name: str) -> bytes:
+        return Path(folder, name).read_bytes()
+
+    try:
+        return Claim(folder=folder, holds=True, text=f"{verify_tgospa.verify(read)}{more()}")
+    except verify_tgospa.Wrong as error:
+        return Claim(folder=folder, holds=False, text=str(error))
+    except verify_tgospa.DAMAGED as error:
+        if isinstance(error, (ConfigError, InputError, MemoryError)):
+            raise
+        raise InputError(f"{folder}: no whole proof: {type(error).__name__}: {error}") from None
+
+
+def _folders(folder: str) -> list[str]:
+    """The folders that have a proof: the one that was named, or those of classes in it."""
+    for path in (folder, os.path.join(folder, PROOF_FOLDER)):
+        found = [path] if _has_proof(path) else list(filter(_has_proof, _below(path)))
+        if found:
+            return found
+    raise InputError(
+        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes one"
+    )
+
+
+def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
+    """Each class that has no proof of its own, where classes were proven apart."""
+    there, needed = set(), set()
+    for path in folders:
+        with suppress(OSError, ValueError), open(os.path.join(path, "proof.json"), "rb") as file:
+            document = json.load(file)
+            there.add(document.get("class"))
+            needed.update(document.get("classes", ()))
+    for name in sorted(needed - there):
+        text = f"there is no proof of the class {name!r}"
+        yield Claim(folder=folder, holds=False, text=text)
+
+
+def _has_proof(path: str) -> bool:
+    return os.path.isfile(os.path.join(path, "proof.json"))
+
+
+def _below(path: str) -> Iterator[str]:
+    try:
+        yield from (os.path.join(path, name) for name in sorted(os.listdir(path)))
+    except NotADirectoryError:
+        raise InputError(f"{path}: is a file; name the folder that it is in") from None
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
