@@ -3,7 +3,9 @@
 One small scene, in metres, as trackers of several fields find it on their disks.
 """
 
+import hashlib
 import io
+import json
 import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -45,6 +47,8 @@ def main(folder: Path) -> None:
         write(folder / f"{name}.csv", ["id,t,x,y,class", *lines])
     mat_5(folder / "run.mat", {"X": structure(truth), "Y": structure(estimate)})
     mat_73(folder / "truth73.mat", structure(truth))
+    nuscenes_tables(folder / "v1.0-mini", truth)
+    write_json(folder / "nuscenes_results.json", nuscenes_results(estimate))
     write(folder / "ais.csv", ais(truth))
     write(folder / "vessel_tracks.csv", vessel_tracks(estimate))
     write(folder / "adsb.csv", adsb(truth))
@@ -145,6 +149,84 @@ def mat_73(path: Path, fields: dict[str, np.ndarray]) -> None:
     head = text.ljust(116) + bytes(8) + b"\x00\x02IM"
     data = path.read_bytes()
     path.write_bytes(head + data[len(head) :])
+
+
+CATEGORIES = {
+    "car": "vehicle.car",
+    "pedestrian": "human.pedestrian.adult",
+    "truck": "vehicle.truck",
+    "barrier": "movable_object.barrier",
+}
+
+
+def token(*parts: object) -> str:
+    """A token as those of nuScenes."""
+    return hashlib.md5(" ".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
+
+
+def nuscenes_tables(folder: Path, truth: list[Row]) -> None:
+    """Annotations twice a second; a barrier is not tracked, and a car had no point of a sensor."""
+    stamp = int(START.timestamp()) * 1_000_000
+    barrier = Row(90, 3, 5.0, 5.0, "barrier")
+    unseen = Row(91, 3, 150.0, 10.0, "car")
+    objects = {r.number: r for r in (*truth, barrier, unseen)}
+    tables = {
+        "scene": [{"token": token("scene"), "name": "scene-0061", "nbr_samples": SCENE.steps}],
+        "sample": [
+            {
+                "token": token("sample", step),
+                "timestamp": stamp + 500_000 * step,
+                "scene_token": token("scene"),
+            }
+            for step in range(1, SCENE.steps + 1)
+        ],
+        "category": [{"token": token(name), "name": name} for name in CATEGORIES.values()],
+        "instance": [
+            {"token": token("instance", r.number), "category_token": token(CATEGORIES[r.klass])}
+            for r in objects.values()
+        ],
+        "sample_annotation": [
+            {
+                "token": token("annotation", r.number, r.step),
+                "sample_token": token("sample", r.step),
+                "instance_token": token("instance", r.number),
+                "translation": [r.x, r.y, 1.0],
+                "size": [1.9, 4.5, 1.7],
+                "rotation": [1.0, 0.0, 0.0, 0.0],
+                "num_lidar_pts": 0 if r is unseen else 7,
+                "num_radar_pts": 0,
+            }
+            for r in (*truth, barrier, unseen)
+        ],
+    }
+    for name, rows in tables.items():
+        write_json(folder / f"{name}.json", rows)
+
+
+def nuscenes_results(estimate: list[Row]) -> dict[str, object]:
+    """A submission to the tracking task; its samples are in no order."""
+    results: dict[str, list[object]] = {
+        token("sample", step): [] for step in range(SCENE.steps, 0, -1)
+    }
+    for r in estimate:
+        results[token("sample", r.step)].append(
+            {
+                "sample_token": token("sample", r.step),
+                "translation": [r.x, r.y, 0.9],
+                "size": [1.9, 4.5, 1.7],
+                "rotation": [1.0, 0.0, 0.0, 0.0],
+                "velocity": [0.0, 0.0],
+                "tracking_id": str(r.number),
+                "tracking_name": r.klass,
+                "tracking_score": 0.9,
+            }
+        )
+    return {"meta": {"use_camera": False, "use_lidar": True}, "results": results}
+
+
+def write_json(path: Path, document: object) -> None:
+    """A file of JSON."""
+    write(path, [json.dumps(document, separators=(",", ":"))])
 
 
 def write(path: Path, lines) -> None:

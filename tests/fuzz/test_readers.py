@@ -40,7 +40,7 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
-BINARY = ("parquet", "feather", "npz", "mat")
+BINARY = ("parquet", "feather", "npz", "mat", "nuscenes")
 PIECES = [
     *(
         b"",
@@ -121,6 +121,8 @@ def seed_of(name: str) -> bytes:
         return SEEDS[name].encode()
     if name == "mat":
         return (SAMPLES / "formats" / "run.mat").read_bytes()
+    if name == "nuscenes":
+        return (SAMPLES / "formats" / "nuscenes_results.json").read_bytes()
     import io
 
     import pandas as pd
@@ -230,7 +232,7 @@ CASES = [
     (name, edited)
     for name in (*FORMATS, "quoted")
     for edited in (False, True)
-    if not (name in ("parquet", "feather", "mat") and edited)  # as frames, below
+    if not (name in ("parquet", "feather", "mat", "nuscenes") and edited)  # as frames, below
 ]
 
 

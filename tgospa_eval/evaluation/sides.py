@@ -66,9 +66,10 @@ def as_sides(
         raise ConfigError("mapping is for tracks with state vectors, as those of Stone Soup")
     found: dict[str, Trajectories] = {}
     counted: dict[str, int] = {}
+    paths = tuple(os.fsdecode(s) for s in given.values() if isinstance(s, (str, os.PathLike)))
     for name, side in given.items():
         if not _is_empty(side):
-            found[name], counts = _as_side(side, name, distance, attributes, chosen[name])
+            found[name], counts = _as_side(side, name, distance, attributes, chosen[name], paths)
             if counts:
                 counted[name] = len(found[name].times)
     if len(set(counted.values())) > 1:
@@ -143,6 +144,7 @@ def _as_side(
     distance: Distance | None,
     attributes: tuple[str, ...],
     mapping: "Sequence[int] | None",
+    beside: tuple[str, ...] = (),
 ) -> tuple[Trajectories, bool]:
     """A side as Trajectories, and whether its times are only numbers of steps."""
     columns = None if distance is None else distance.columns
@@ -160,6 +162,7 @@ def _as_side(
             covariance=bool(kinds),
             clouds="cloud" in kinds,
             attributes=attributes,
+            beside=beside,
         ), False
     frame = as_frame(side, name)
     if frame is not None:

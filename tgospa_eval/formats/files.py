@@ -24,10 +24,11 @@ FORMATS = {
     "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
     "mat": ("tgospa_eval.formats.matlab", "read_mat"),
+    "nuscenes": ("tgospa_eval.formats.nuscenes", "read_nuscenes"),
 }
 """Module and function that read each format; imported when used."""
 
-PACKED = ("parquet", "feather", "npz", "mat")
+PACKED = ("parquet", "feather", "npz", "mat", "nuscenes")
 """Formats whose readers know what a file unpacks to."""
 
 ROLES = ("truth", "estimate")
@@ -60,7 +61,7 @@ def read(
         An option is none of those allowed, or the package that reads the format is missing.
     """
     from tgospa_eval.formats.assemble import assemble
-    from tgospa_eval.formats.guess import file_of, guess
+    from tgospa_eval.formats.guess import file_of, guess, is_table_folder
     from tgospa_eval.formats.room import TEXT, check_room, most_bytes, most_unpacked
     from tgospa_eval.formats.text.convert import load
     from tgospa_eval.formats.unpack import unpack
@@ -76,9 +77,10 @@ def read(
         raise ConfigError(f"path is of the type {kind}: must be a path{tables}") from None
     options = options or ReadOptions()
     file = file_of(name)
-    data = load(file, most_bytes(options.max_input, file))
+    of_tables = format in (None, "nuscenes") and is_table_folder(file)
+    data = b"" if of_tables else load(file, most_bytes(options.max_input, file))
     data = unpack(data, file, most_unpacked(options.max_input, len(data)))
-    chosen = format or guess(file, data)
+    chosen = format or ("nuscenes" if of_tables else guess(file, data))
     if chosen not in PACKED:
         size = len(data)
         check_room(name, TEXT * size, size, options.max_input, f"{size:,} bytes of text")
@@ -115,6 +117,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     time_scale: float = 1.0,
     unit_scale: float = 1.0,
     max_input: float | None = None,
+    beside: tuple[str, ...] = (),
 ) -> Trajectories:
     """Read a file of trajectories: CSV ``id,t,x[,y[,z]]``, Parquet, MOTChallenge and others.
 
@@ -142,7 +145,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         are multiplied by `unit_scale`. `time` and `region` are in the new units.
     columns, decimal, on_duplicate, boxes, time, classes, region
         As in `formats.ReadOptions`.
-    fix_covariance, missing_covariance, clouds, max_input
+    fix_covariance, missing_covariance, clouds, max_input, beside
         Likewise.
 
     Raises
@@ -169,5 +172,6 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
             time_offset=time_offset, time_scale=time_scale, unit_scale=unit_scale
         ),
         max_input=max_input,
+        beside=beside,
     )
     return read(path, options, role, format).warn()

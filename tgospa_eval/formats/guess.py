@@ -34,6 +34,11 @@ GUESSED_FROM = 1 << 12
 VISDRONE_CLASSES = tuple(map(str, range(1, 12)))
 """Of objects; 0 is for regions that are not considered."""
 
+SAMPLES = "sample.json"
+"""The table of nuScenes that has the times."""
+RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
+"""How results of nuScenes begin; what is before is short."""
+
 VARIABLE = re.compile(r"(.+\.mat):([A-Za-z]\w*)", re.IGNORECASE | re.DOTALL)
 """A file of MATLAB and one of its variables."""
 
@@ -42,6 +47,11 @@ def file_of(path: str) -> str:
     """The file itself of ``FILE.mat:VARIABLE``; any other path is one."""
     named = VARIABLE.fullmatch(path)
     return named[1] if named and not os.path.lexists(path) else path
+
+
+def is_table_folder(path: str) -> bool:
+    """Whether a path is a folder with the tables of nuScenes."""
+    return os.path.isfile(os.path.join(path, SAMPLES))
 
 
 def guess(path: str, data: bytes) -> str:
@@ -58,6 +68,8 @@ def guess(path: str, data: bytes) -> str:
     if suffix and suffix[0] in ENDINGS:
         return ENDINGS[suffix[0]]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
+    if re.match(RESULTS, head):
+        return "nuscenes"
     lines = re.split(r"[\r\n]+", head)
     line = lines[0]
     fields = split(line)

@@ -58,6 +58,8 @@ class ReadOptions:
     shared : tuple of str
         Names in `columns`, or ``"class"``, that were given for several files: where one lacks the
         header, it is read by the usual names, and without a filter by class.
+    beside : tuple of str
+        Paths of the files of the same evaluation: one may have what another needs.
     option : str
         What messages call `columns`, see `formats.columns.asked.ask`.
 
@@ -85,6 +87,7 @@ class ReadOptions:
     conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None
     shared: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
     option: str = "columns"
 
     def __post_init__(self) -> None:

@@ -93,11 +93,11 @@ class Pairs:
 
     def prepared(self, truth: str, estimate: str, *, named: bool = False) -> Prepared:
         """The problem of two files; `named` notices name the estimate they are about."""
+        settings, paths = self.settings, (truth, estimate)
         with self.stopwatch.span("read"):
             if self.last is None or self.last[0] != truth:
-                self.last = truth, self._read(truth, 0)
-            sides: tuple[Reading, ...] = (self.last[1], self._read(estimate, 1))
-        settings, paths = self.settings, (truth, estimate)
+                self.last = truth, self._read(truth, 0, paths)
+            sides: tuple[Reading, ...] = (self.last[1], self._read(estimate, 1, paths))
         settings.check(sides, paths)
         if settings.preprocess:
             sides = settings.preprocessed(sides, paths)
@@ -110,8 +110,8 @@ class Pairs:
             self._notify_once(notice.about(estimate) if named and not is_default else notice)
         return prepare(fitted, request, files=infos(sides), stopwatch=self.stopwatch)
 
-    def _read(self, path: str, side: int) -> Reading:
-        found = self.settings.read_side(path, side, ROLES[side])
+    def _read(self, path: str, side: int, paths: tuple[str, str]) -> Reading:
+        found = self.settings.read_side(path, side, ROLES[side], paths)
         for notice in about(path, found):
             self._notify_once(notice)
         return found

@@ -24,7 +24,17 @@ SOLVERS = ("certified", "exact", "sinkhorn")
 EXISTENCES = ("ignore", "use")
 GRIDS = ("union", "truth", "estimate", "common")
 REPORT_FORMATS = ("table", "json", "csv", "markdown", "latex")
-FILE_FORMATS = ("csv", "parquet", "feather", "motchallenge", "visdrone", "kitti", "npz", "mat")
+FILE_FORMATS = (
+    "csv",
+    "parquet",
+    "feather",
+    "motchallenge",
+    "visdrone",
+    "kitti",
+    "npz",
+    "mat",
+    "nuscenes",
+)
 NAMED_FORMATS = f"{', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}"
 
 _metric = partial(option, section="Metric")

@@ -8,6 +8,7 @@ from itertools import product
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.guess import is_table_folder
 from tgospa_eval.formats.unpack import plain_name
 from tgospa_eval.text import listed
 
@@ -54,7 +55,7 @@ def check_places(paths: Sequence[str]) -> None:
 
 def find_place(path: str) -> Place | None:
     """What is at a path, unless it is a file or nothing."""
-    if os.path.isdir(path):
+    if os.path.isdir(path) and not is_table_folder(path):
         files = tuple(_files(path))
         inside = f"in it: {listed(files, FILES_SHOWN)}" if files else "no table is in it"
         return Place(path, files, f"{path}: is a folder, not a file; {inside}")

@@ -118,7 +118,7 @@ class Settings:
         sides, faults = [], []
         for side, (path, role) in enumerate(zip(paths, roles, strict=False)):
             try:
-                sides.append(self.read_side(path, side, role, single=len(paths) == 1))
+                sides.append(self.read_side(path, side, role, paths))
             except (InputError, ConfigError) as error:
                 faults.append(error)
         if faults:
@@ -144,15 +144,17 @@ class Settings:
         everything = read(paths[0], self.each[0], "estimate", self.formats[0])
         return preprocessed(sides, everything, (paths[0], paths[1]))
 
-    def read_side(self, path: str, side: int, role: str, *, single: bool = False) -> Reading:
-        """One file, the first or second; `single`: there is no other.
+    def read_side(self, path: str, side: int, role: str, paths: tuple[str, ...] = ()) -> Reading:
+        """One file, the first or second; `paths` are all that are read together.
 
         Raises
         ------
         InputError
             The file cannot be read, or has a row that is wrong.
         """
-        options = replace(self.each[side], option="--columns") if single else self.each[side]
+        options = replace(self.each[side], beside=paths)
+        if len(paths) == 1:
+            options = replace(options, option="--columns")
         return read(path, options, role, self.formats[side])
 
     def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:

@@ -1,0 +1,248 @@
+"""nuScenes: annotations as the tables of a folder, results as the JSON of a tracking submission.
+
+Results name samples by tokens; when these were, and of which scene, is in the tables alone.
+"""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.guess import SAMPLES, is_table_folder
+from tgospa_eval.formats.nuscenes_tables import Samples, load_json, read_samples, table
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.rows import Rows, number_ids
+from tgospa_eval.formats.times import Times
+from tgospa_eval.text import quoted
+from tgospa_eval.tracks.trajectories import Floats
+
+TRACKED = {
+    "vehicle.bicycle": "bicycle",
+    "vehicle.bus.bendy": "bus",
+    "vehicle.bus.rigid": "bus",
+    "vehicle.car": "car",
+    "vehicle.motorcycle": "motorcycle",
+    "human.pedestrian.adult": "pedestrian",
+    "human.pedestrian.child": "pedestrian",
+    "human.pedestrian.construction_worker": "pedestrian",
+    "human.pedestrian.police_officer": "pedestrian",
+    "vehicle.trailer": "trailer",
+    "vehicle.truck": "truck",
+}
+"""Class of the tracking task for each category that takes part in it."""
+
+PLACE = ("x", "y", "z")
+NUMERIC_COLUMNS = (*PLACE, "size_width", "size_length", "size_height", "score")
+NUSCENES_COLUMNS = ("id", "t", "class", *NUMERIC_COLUMNS)
+
+LARGEST_PLACE = 1e300
+
+NO_POINTS = "without a lidar or radar point left out, as by the rules of nuScenes"
+NOT_TRACKED = "of categories that are not tracked left out"
+NO_OBJECT = "for samples without an object, which are steps all the same"
+
+
+class _Object(NamedTuple):
+    """What is said of an object in a sample; nothing where a sample has none."""
+
+    sample: str
+    number: int = 0
+    id: str = ""
+    klass: str = ""
+    numbers: tuple[float, ...] = (np.nan,) * len(NUMERIC_COLUMNS)
+    apart: str = ""
+
+
+def read_nuscenes(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of a folder of tables, or of results in JSON, the same in either role.
+
+    Raises
+    ------
+    InputError
+        A table is missing or damaged, or an object is not as the format has it.
+    """
+    if os.path.isdir(path):
+        samples = read_samples(path, options)
+        found = list(_annotations(path, samples, options))
+    else:
+        results = _results(path, data, options)
+        samples = read_samples(_folder_for(path, options), options)
+        found = list(_tracks(path, results, samples))
+    return _rows(path, found, samples, options)
+
+
+def _folder_for(path: str, options: ReadOptions) -> str:
+    """The folder with the tables: the other side, or where either file is."""
+    places = [*options.beside, *(os.path.dirname(other) or "." for other in options.beside)]
+    for folder in (*places, os.path.dirname(path) or "."):
+        if is_table_folder(folder):
+            return folder
+    raise InputError(
+        f"{path}: names samples by tokens, whose times are in the tables of nuScenes: evaluate it "
+        f"against their folder (v1.0-...), or put {SAMPLES} and scene.json beside it"
+    )
+
+
+def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
+    """Objects by sample."""
+    document = load_json(path, data, options)
+    results = document.get("results") if isinstance(document, dict) else None
+    if not isinstance(results, dict):
+        raise InputError(
+            f'{path}: no results of nuScenes; they are {{"meta": ..., "results": {{sample token: '
+            "[objects]}}"
+        )
+    return results
+
+
+def _tracks(path: str, results: Mapping[str, Any], samples: Samples) -> Iterator[_Object]:
+    """Objects of results, and samples that have none."""
+    scenes: dict[str, set[str]] = {}
+    found: list[_Object] = []
+    for token, objects in results.items():
+        if token not in samples.time:
+            raise InputError(
+                f"{path}: sample {quoted(token)} is not in {samples.path}; the tables must be of "
+                "the version that was tracked"
+            )
+        if not isinstance(objects, list):
+            raise InputError(f"{path}, sample {quoted(token)}: no list of objects")
+        if not objects:
+            found.append(_Object(token, apart=NO_OBJECT))
+        scene = samples.scene[token]
+        for k, item in enumerate(objects, start=1):
+            try:
+                if "tracking_id" not in item and "detection_name" in item:
+                    raise ValueError("a detection; TGOSPA compares tracks, with a tracking_id")
+                name, klass = _text(item, "tracking_id"), _text(item, "tracking_name")
+                score = _numbers(item, "tracking_score", [item.get("tracking_score", np.nan)])
+                numbers = (*_vectors(item), *score)
+            except (ValueError, TypeError) as error:
+                place = _Object(token, k)
+                raise InputError(f"{_where(path, place)}: {error}") from None
+            scenes.setdefault(name, set()).add(scene)
+            found.append(_Object(token, k, name, klass, numbers))
+    several = {name for name, those in scenes.items() if len(those) > 1}
+    for item in found:  # an id is one track in each scene
+        if item.id in several:
+            yield item._replace(id=f"{samples.scene[item.sample]}/{item.id}")
+        else:
+            yield item
+
+
+def _annotations(path: str, samples: Samples, options: ReadOptions) -> Iterator[_Object]:
+    """Objects of the tables, and samples that have none."""
+    categories = {row["token"]: row["name"] for row in table(path, "category", options, "name")}
+    kinds = {
+        row["token"]: categories.get(row["category_token"], "")
+        for row in table(path, "instance", options, "category_token")
+    }
+    empty = dict.fromkeys(samples.time)
+    tracked = set(TRACKED.values())
+    rows = table(path, "sample_annotation", options, "sample_token", "instance_token")
+    for k, item in enumerate(rows, start=1):
+        sample, name = item["sample_token"], item["instance_token"]
+        try:
+            if sample not in samples.time:
+                raise ValueError(f"sample {quoted(sample)} is not in {samples.path}")
+            if name not in kinds:
+                raise ValueError(f"instance {quoted(name)} is not in instance.json")
+            numbers = (*_vectors(item), np.nan)
+        except ValueError as error:
+            raise InputError(f"{_where(path, _Object(sample, k))}: {error}") from None
+        empty.pop(sample, None)
+        klass = TRACKED.get(kinds[name], kinds[name])
+        apart = "" if klass in tracked else NOT_TRACKED
+        if not apart and item.get("num_lidar_pts") == item.get("num_radar_pts") == 0:
+            apart = NO_POINTS
+        yield _Object(sample, k, name, klass, numbers, apart)
+    for sample in empty:
+        yield _Object(sample, apart=NO_OBJECT)
+
+
+def _where(path: str, item: _Object) -> str:
+    """Where an object is, for messages."""
+    if os.path.isdir(path):
+        return f"{os.path.join(path, 'sample_annotation.json')}, row {item.number}"
+    return f"{path}, sample {quoted(item.sample)}, object {item.number}"
+
+
+def _text(item: Mapping[str, Any], key: str) -> str:
+    """An id or a class, which some write as a number."""
+    value = item.get(key)
+    if type(value) not in (str, int) or not str(value).strip():
+        raise ValueError(f"{_lack(item, key)}; it must be a text")
+    return str(value).strip()
+
+
+def _lack(item: Mapping[str, Any], key: str) -> str:
+    return f"{key} is {quoted(item[key])}" if key in item else f"no {key}"
+
+
+UNKNOWN_SIZE = [np.nan] * 3
+
+
+def _vectors(item: Mapping[str, Any]) -> tuple[float, ...]:
+    """Place and size; NaN where a size is not said."""
+    place: Any = item.get("translation")
+    size: Any = item.get("size", UNKNOWN_SIZE)
+    for key, values in (("translation", place), ("size", size)):
+        if type(values) is not list or len(values) != 3:
+            raise ValueError(f"{_lack(item, key)}; it must be three numbers")
+    return (*_numbers(item, "translation", place), *_numbers(item, "size", size))
+
+
+def _numbers(item: Mapping[str, Any], key: str, values: list[Any]) -> list[Any]:
+    """The same numbers; NaN is one, of what is not known."""
+    for value in values:
+        if type(value) not in (float, int) or abs(value) > LARGEST_PLACE:
+            raise ValueError(f"{_lack(item, key)}; it must have finite numbers")
+    return values
+
+
+def _rows(path: str, found: Sequence[_Object], samples: Samples, options: ReadOptions) -> Rows:
+    """The rows of objects, in the order of the file."""
+    asked = options
+    if options.columns is None and not options.boxes:
+        asked = replace(options, columns=PLACE[:2])
+    roles = replace(find_roles(NUSCENES_COLUMNS, asked, path, fixed=True), unused=())
+    # Of a sample without an object: names that are there already, so that none is new.
+    named = [item for item in found if item.apart is not NO_OBJECT]
+    first = named[0] if named else _Object("")
+    ids = number_ids([item.id or first.id for item in found])
+    values = np.array([item.numbers for item in found]).reshape(-1, len(NUMERIC_COLUMNS))
+
+    def component(column: int) -> Floats:
+        return np.asarray(values[:, column - 3])
+
+    numbers = np.empty((len(found), len(roles.numbers)), order="F")
+    for k, column in enumerate(roles.numbers):
+        numbers[:, k] = component(column)
+    return Rows(
+        name=path,
+        roles=roles,
+        ids=ids,
+        times=Times(
+            value=np.array([samples.time[item.sample] for item in found], np.int64),
+            clock="number",
+            text=None,
+        ),
+        numbers=numbers,
+        where=lambda row: _where(path, found[row]),
+        classes=number_ids([item.klass or first.klass for item in found])
+        if roles.klass is not None
+        else None,
+        attributes={column: component(column) for column in roles.texts},
+        apart={
+            rule: (np.array([item.apart == text for item in found], bool), text)
+            for rule, text in (
+                ("no object", NO_OBJECT),
+                ("not tracked", NOT_TRACKED),
+                ("no points", NO_POINTS),
+            )
+        },
+    )
