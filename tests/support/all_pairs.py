@@ -1,12 +1,14 @@
 """Near pairs against all pairs, and the ways in which the search is made to go."""
 
 import numpy as np
+import pytest
 
-from tgospa_eval.distances import Distance, near_pairs
+from tgospa_eval.distances import Distance, gating, near_pairs, points, search
 from tgospa_eval.tracks.trajectories import Trajectories
 
 WAYS = {
     "as it is": {},
+    "search": {},
     "small pieces": {"ROWS_TOGETHER": 11, "CANDIDATES_TOGETHER": 30},
     "all axes": {"FEW_CANDIDATES": 0, "ROWS_TOGETHER": 50, "CANDIDATES_TOGETHER": 64},
     "trees": {"FEW_CANDIDATES": 0, "MANY_CANDIDATES": 1e-9, "CANDIDATES_TOGETHER": 30},
@@ -17,6 +19,14 @@ WAYS = {
         "EQUAL_REACHES": 1.001,
     },
 }
+
+
+def go(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the search go one of the ways; as it is, few pairs are compared without one."""
+    if way != "as it is":
+        monkeypatch.setattr(points, "MOST_PAIRS", 0)
+    for name, value in WAYS[way].items():
+        monkeypatch.setattr(gating if name == "ROWS_TOGETHER" else search, name, value)
 
 
 def table(step: np.ndarray, state: np.ndarray, steps: int) -> Trajectories:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import index_type
 from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
+from tgospa_eval.distances.points import near_points
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
@@ -40,6 +41,10 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
     truth, estimate = sides
     horizon = distance.horizon(sides, cutoff)
     starts = _starts(truth), _starts(estimate)
+    rows = tuple(np.stack((at[:-1], at[1:])) for at in starts)
+    found = near_points(sides, (rows[0], rows[1]), horizon, distance)
+    if found is not None:
+        return found
     kind = index_type(max(len(truth.step), len(estimate.step)))
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
     for begin, end in _together(starts[0] + starts[1]):

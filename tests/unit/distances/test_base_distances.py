@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from all_pairs import WAYS, assert_as_by_brute_force, table
+from all_pairs import WAYS, assert_as_by_brute_force, go, table
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +19,6 @@ from tgospa_eval.distances import (
     IoU,
     Mahalanobis,
     Norm,
-    gating,
     near_pairs,
     search,
 )
@@ -145,8 +144,7 @@ def test_it_is_a_metric(name: str, seed: int, spread: float) -> None:
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", METRICS)
 def test_near_pairs(name: str, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for setting, value in WAYS[way].items():
-        monkeypatch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
+    go(way, monkeypatch)
     distance = METRICS[name]
     rng = np.random.default_rng([list(METRICS).index(name), len(way)])
     for spread in (1e-6, 0.1, 3.0, 60.0, 1e4):
@@ -212,8 +210,7 @@ def test_near_boxes_of_all_sizes(
         every = IoU()(truth.state[:, None], estimate.state[None])
         cutoff = float(np.nextafter(max(rng.choice(every.ravel()), 1e-9), edge * 9))
     with pytest.MonkeyPatch.context() as patch:
-        for setting, value in WAYS[way].items():
-            patch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
+        go(way, patch)
         assert_as_by_brute_force(truth, estimate, cutoff, IoU())
 
 
@@ -251,8 +248,7 @@ def test_near_points_of_correlated_columns(
     y[rng.random(25) < 0.1] = 1.7e308
     truth, estimate = (table(np.zeros(25, int), side, 1) for side in (x, y))
     with pytest.MonkeyPatch.context() as patch:
-        for setting, value in WAYS[way].items():
-            patch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
+        go(way, patch)
         assert_as_by_brute_force(truth, estimate, cutoff, distance)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from all_pairs import WAYS
+from all_pairs import WAYS, go
 from checkout import SAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,10 +20,8 @@ from tgospa_eval import ConfigError, InputError, Trajectories, evaluate, read_tr
 from tgospa_eval.distances import (
     DISTANCES,
     GaussianWasserstein,
-    gating,
     gaussian_wasserstein,
     near_pairs,
-    search,
 )
 from tgospa_eval.evaluation.prepare import digest
 from tgospa_eval.formats import ReadOptions, read
@@ -376,8 +374,7 @@ def table(rng: np.random.Generator, count: int, d: int, spread: float) -> Trajec
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_near_pairs(d: int, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for setting, value in WAYS[way].items():
-        monkeypatch.setattr(gating if setting == "ROWS_TOGETHER" else search, setting, value)
+    go(way, monkeypatch)
     rng = np.random.default_rng([d, len(way)])
     period = (5.0, *[math.inf] * (d - 1))
     for distance in (W2, GaussianWasserstein(period=period, scale=(0.5,) * d)):

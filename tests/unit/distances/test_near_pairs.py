@@ -5,11 +5,10 @@ import sys
 
 import numpy as np
 import pytest
-from all_pairs import WAYS, assert_as_by_brute_force, table
+from all_pairs import WAYS, assert_as_by_brute_force, go, table
 
-from tgospa_eval.distances import DISTANCES, gating, near_pairs, search
+from tgospa_eval.distances import DISTANCES, near_pairs, points
 from tgospa_eval.distances.vector import Norm
-from tgospa_eval.evaluation.diagnosis import points
 from tgospa_eval.evaluation.diagnosis.points import median_nearest
 from tgospa_eval.problem.compiled import kernels
 
@@ -52,8 +51,7 @@ KINDS += ["negative", "huge", "overflow", "outlier", "tiny"]
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("kind", KINDS)
 def test_near_pairs(kind: str, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in WAYS[way].items():
-        monkeypatch.setattr(gating if name == "ROWS_TOGETHER" else search, name, value)
+    go(way, monkeypatch)
     rng = np.random.default_rng([KINDS.index(kind), len(way)])
     for size in (1, 2, 3, 4):
         count = int(rng.integers(30, 60))
@@ -66,8 +64,9 @@ def test_near_pairs(kind: str, way: str, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("order", ["as drawn", "by row"])
-def test_many_at_a_step(order: str) -> None:
-    """Enough rows for cells along two axes without any patch."""
+def test_many_at_a_step(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Enough rows for cells along two axes without any other patch."""
+    go("search", monkeypatch)
     rng = np.random.default_rng(3)
     state = rng.uniform(0, 60, (2, 700, 2))
     if order == "by row":
@@ -128,7 +127,9 @@ def test_points_without_a_search(kind: str, monkeypatch: pytest.MonkeyPatch) -> 
         every = np.arange(5)
         rows = tuple(points.rows_at(side, every) for side in sides)
         found = points.near_points(sides, rows, 5.0, distance)
-        searched = near_pairs(*sides, 5.0, distance)
+        with monkeypatch.context() as patch:
+            patch.setattr(points, "kernels", None)
+            searched = near_pairs(*sides, 5.0, distance)
         for name in ("truth_row", "estimate_row", "distance"):
             assert getattr(found, name).tobytes() == getattr(searched, name).tobytes()
         near = median_nearest(*sides, distance)

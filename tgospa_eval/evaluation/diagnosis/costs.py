@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
+from tgospa_eval.distances.points import near_points
 from tgospa_eval.evaluation.diagnosis.pairing import (
     in_both,
     largest_gains,
@@ -22,7 +23,6 @@ from tgospa_eval.evaluation.diagnosis.pairing import (
     pair_off,
     ranked,
 )
-from tgospa_eval.evaluation.diagnosis.points import near_points
 from tgospa_eval.evaluation.diagnosis.sample import FEWEST_STEPS, StepRows
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.problem.tgospa import Parameters

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.evaluation.diagnosis.points import rows_at
+from tgospa_eval.distances.points import rows_at
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
