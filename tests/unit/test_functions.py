@@ -103,7 +103,9 @@ def test_gate_and_the_command_know_each_other(
         assert passed.findings["verdict"].tolist() == ["pass"] * 3
         assert passed.result.total == evaluate(*quickstart, **GIVEN).total
         assert invoke("gate", *quickstart, "--baseline", baseline).status == 0
-    failed = gate(quickstart[0], {}, Path(theirs))
+    with pytest.warns(TgospaWarning) as told:
+        failed = gate(quickstart[0], {}, Path(theirs))
+    assert {warning.filename for warning in told} == {__file__}  # where the user can do something
     assert failed.verdict == "fail"
     assert any("total is at least 9,750, proven" in note for note in failed.notes)
     other = gate(*quickstart, theirs, cutoff=9.0)

@@ -1,11 +1,13 @@
 """What the user should know beside the numbers: notices, and warnings as data that travel."""
 
 import re
-from collections.abc import Callable, Iterator
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.errors import TgospaError
+from tgospa_eval.errors import TgospaError, TgospaWarning
 from tgospa_eval.text import visible
 
 Spelling = Callable[[str, object], str]
@@ -66,6 +68,19 @@ def as_option(name: str, value: object = "") -> str:
 def as_argument(name: str, value: object = "") -> str:
     """A setting as Python takes it."""
     return f"{name}={value!r}" if value != "" else name
+
+
+NOT_OF_THE_USER = ("tgospa_eval", "contextlib")
+"""Packages whose frames are between a warning and the line of the user."""
+
+
+def warn_user(notices: Iterable[Notice], spoken: Callable[[str], str] = str) -> None:
+    """A Python warning for each, at the line of the user that led to it."""
+    level, frame = 2, sys._getframe(1).f_back
+    while frame and str(frame.f_globals.get("__name__")).partition(".")[0] in NOT_OF_THE_USER:
+        level, frame = level + 1, frame.f_back
+    for notice in notices:
+        warnings.warn(spoken(notice.sentence), TgospaWarning, stacklevel=level + 1)
 
 
 RENAMED = {

@@ -2,7 +2,6 @@
 
 import os
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -10,7 +9,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, spoken_in_python
+from tgospa_eval.common.notices import Notice, spoken_in_python, warn_user
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.comparison.entrants import Entrant, outcome
 from tgospa_eval.comparison.ranking import OWN_STEPS
@@ -19,7 +18,7 @@ from tgospa_eval.comparison.runs import check_solvers
 from tgospa_eval.comparison.solvers import ONCE, compare_solvers
 from tgospa_eval.comparison.solvers import document as solvers_document
 from tgospa_eval.distances import Distance
-from tgospa_eval.errors import ConfigError, TgospaWarning
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import look, solve
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_parameters
@@ -172,8 +171,7 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
         )
     else:
         found = _ranked(pairs, truth, _named(estimates))
-    for notice in pairs.notices:
-        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
+    warn_user(pairs.notices)
     return Compared(document=found)
 
 

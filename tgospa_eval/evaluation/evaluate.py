@@ -1,16 +1,14 @@
 """The line itself: trajectories -> near pairs -> problem -> solution -> proof -> result."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python
+from tgospa_eval.common.notices import Notice, as_argument, spoken_in_python, warn_user
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Effort
-from tgospa_eval.errors import TgospaWarning
 from tgospa_eval.evaluation.diagnosis import diagnose
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained
 from tgospa_eval.evaluation.localisation import split_localisation
@@ -205,8 +203,7 @@ def evaluate(  # noqa: PLR0913  (public: settings are keywords)
     found = look(fitted, request)
     result = evaluate_fitted(fitted, request, stopwatch=stopwatch)
     result = replace(result, warnings=(*found, *result.warnings))
-    for notice in result.warnings:
-        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
+    warn_user(result.warnings)
     return result
 
 

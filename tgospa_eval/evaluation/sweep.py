@@ -5,7 +5,6 @@ the middle between two solved values, and so on: each starts from its neighbours
 (`solvers.warm_start`), and is proven by itself.
 """
 
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -14,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.common.notices import spoken_in_python, warn_user
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Pairs
-from tgospa_eval.errors import ConfigError, TgospaWarning
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import look, prove, solver_settings
 from tgospa_eval.evaluation.prepare import Fitted, Measured, fit, measure
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -151,8 +150,7 @@ def sweep(  # noqa: PLR0913  (public: settings are keywords)
     fitted = fit(*sides, request)
     found = look(fitted, request)
     made = sweep_fitted(fitted, request, name, parameters, stopwatch=stopwatch)
-    for notice in found:
-        warnings.warn(notice.sentence, TgospaWarning, stacklevel=3)
+    warn_user(found)
     return replace(made, warnings=tuple(found))
 
 

@@ -1,13 +1,11 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
-import warnings
 from dataclasses import field, replace
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice, in_python
-from tgospa_eval.errors import TgospaWarning
+from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 
@@ -58,8 +56,7 @@ class Reading:
 
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each of its own."""
-        for notice in self.warnings:
-            warnings.warn(in_python(notice.sentence), TgospaWarning, stacklevel=4)
+        warn_user(self.warnings, in_python)
         return self.trajectories
 
     def of_class(self, name: str) -> Trajectories:
