@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import sys
+import uuid
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import NamedTuple
 
 import h5py
 import numpy as np
+import pandas as pd
 import scipy.io
 
 from tgospa_eval.simulation import Scene, Tracker, simulate
@@ -47,6 +49,8 @@ def main(folder: Path) -> None:
         write(folder / f"{name}.csv", ["id,t,x,y,class", *lines])
     mat_5(folder / "run.mat", {"X": structure(truth), "Y": structure(estimate)})
     mat_73(folder / "truth73.mat", structure(truth))
+    argoverse(folder / "annotations.feather", truth, {"num_interior_pts": 12})
+    argoverse(folder / "argoverse_tracks.feather", estimate, {"score": 0.9})
     nuscenes_tables(folder / "v1.0-mini", truth)
     write_json(folder / "nuscenes_results.json", nuscenes_results(estimate))
     write(folder / "ais.csv", ais(truth))
@@ -149,6 +153,33 @@ def mat_73(path: Path, fields: dict[str, np.ndarray]) -> None:
     head = text.ljust(116) + bytes(8) + b"\x00\x02IM"
     data = path.read_bytes()
     path.write_bytes(head + data[len(head) :])
+
+
+AV2_CATEGORIES = {"car": "REGULAR_VEHICLE", "pedestrian": "PEDESTRIAN", "truck": "BOX_TRUCK"}
+
+
+def argoverse(path: Path, side: list[Row], more: dict[str, object]) -> None:
+    """Boxes ten times a second, around a car; stamps of nanoseconds."""
+    start = 315_967_376_959_702_000
+    frame = pd.DataFrame(
+        {
+            "timestamp_ns": [start + 99_999_951 * r.step for r in side],
+            "track_uuid": [str(uuid.UUID(token("track", r.number))) for r in side],
+            "category": [AV2_CATEGORIES[r.klass] for r in side],
+            "length_m": 4.5,
+            "width_m": 1.9,
+            "height_m": 1.7,
+            "qw": 1.0,
+            "qx": 0.0,
+            "qy": 0.0,
+            "qz": 0.0,
+            "tx_m": [r.x for r in side],
+            "ty_m": [r.y for r in side],
+            "tz_m": 0.6,
+            **more,
+        }
+    )
+    frame.to_feather(path)
 
 
 CATEGORIES = {

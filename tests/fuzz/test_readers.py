@@ -40,7 +40,7 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
-BINARY = ("parquet", "feather", "npz", "mat", "nuscenes")
+BINARY = ("parquet", "feather", "npz", "mat", "nuscenes", "argoverse")
 PIECES = [
     *(
         b"",
@@ -123,6 +123,9 @@ def seed_of(name: str) -> bytes:
         return (SAMPLES / "formats" / "run.mat").read_bytes()
     if name == "nuscenes":
         return (SAMPLES / "formats" / "nuscenes_results.json").read_bytes()
+    if name == "argoverse":
+        pytest.importorskip("pyarrow")
+        return (SAMPLES / "formats" / "annotations.feather").read_bytes()
     import io
 
     import pandas as pd
@@ -232,7 +235,7 @@ CASES = [
     (name, edited)
     for name in (*FORMATS, "quoted")
     for edited in (False, True)
-    if not (name in ("parquet", "feather", "mat", "nuscenes") and edited)  # as frames, below
+    if not (name in BINARY and name != "npz" and edited)  # tables as frames, below
 ]
 
 

@@ -25,10 +25,11 @@ FORMATS = {
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
     "mat": ("tgospa_eval.formats.matlab", "read_mat"),
     "nuscenes": ("tgospa_eval.formats.nuscenes", "read_nuscenes"),
+    "argoverse": ("tgospa_eval.formats.argoverse", "read_argoverse"),
 }
 """Module and function that read each format; imported when used."""
 
-PACKED = ("parquet", "feather", "npz", "mat", "nuscenes")
+PACKED = ("parquet", "feather", "npz", "mat", "nuscenes", "argoverse")
 """Formats whose readers know what a file unpacks to."""
 
 ROLES = ("truth", "estimate")

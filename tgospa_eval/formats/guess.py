@@ -39,6 +39,11 @@ SAMPLES = "sample.json"
 RESULTS = r'\{(?s:.*?)"results"\s*:\s*\{'
 """How results of nuScenes begin; what is before is short."""
 
+ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
+"""Columns of Argoverse 2, in Feather files."""
+SCHEMA_BYTES = 1 << 14
+"""Bytes of a Feather file in which the names of its columns are."""
+
 VARIABLE = re.compile(r"(.+\.mat):([A-Za-z]\w*)", re.IGNORECASE | re.DOTALL)
 """A file of MATLAB and one of its variables."""
 
@@ -63,7 +68,8 @@ def guess(path: str, data: bytes) -> str:
     """
     for magic, format in MAGIC.items():
         if data.startswith(magic):
-            return format
+            named = all(name in data[:SCHEMA_BYTES] for name in ARGOVERSE)
+            return "argoverse" if format == "feather" and named else format
     suffix = re.search(r"\.[^./\\]*$", plain_name(path))
     if suffix and suffix[0] in ENDINGS:
         return ENDINGS[suffix[0]]

@@ -12,11 +12,12 @@ import pytest
 from checkout import SAMPLES
 
 from tgospa_eval import evaluate, read_trajectories
+from tgospa_eval.errors import InputError
 from tgospa_eval.formats import ReadOptions, read
 
 Invoke = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
-BY_LIBRARIES = (".mat",)
+BY_LIBRARIES = (".mat", ".feather")
 """Files whose bytes depend on the versions of libraries."""
 
 
@@ -39,6 +40,8 @@ def scene() -> Any:
 
 
 def test_the_script_makes_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for library in ("h5py", "pyarrow"):
+        pytest.importorskip(library)
     monkeypatch.setattr(sys, "argv", ["make.py", str(tmp_path)])
     runpy.run_path(str(FOLDER / "make.py"), run_name="__main__")
     made = {path.relative_to(tmp_path) for path in tmp_path.rglob("*.*") if path.is_file()}
@@ -102,3 +105,56 @@ def test_only_latitude_91_with_longitude_181_is_unknown(write: Callable[..., str
     path = write("a.csv", "MMSI,t,lat,lon\n1,0,91,181\n1,1,90,181\n1,2,91,180\n1,3,0,181\n")
     assert read(path).left_out == {"no place": 1}
     assert read(path, ReadOptions(columns=("x=lon", "y=lat"))).left_out == {}
+
+
+@pytest.mark.parametrize("format_", [None, "argoverse"])
+def test_argoverse(scene: Any, invoke: Invoke, format_: str | None) -> None:
+    pytest.importorskip("pyarrow")
+    files = [str(FOLDER / f"{name}.feather") for name in ("annotations", "argoverse_tracks")]
+    assert evaluate(*files, 10, 2, 5).total == scene.total
+    given = ["--truth-format", format_, "--estimate-format", format_] if format_ else []
+    asked = ("-c", "10", "-g", "5", "--format", "csv", *given)
+    answer = invoke(*files, *asked)
+    plainly = invoke(str(FOLDER / "truth.csv"), str(FOLDER / "estimate.csv"), *asked[:6])
+    start, step = 315_967_376_959_702_000, 99_999_951
+    rows = [line.split(",") for line in answer.out.splitlines()[1:]]
+    want = [line.split(",") for line in plainly.out.splitlines()[1:]]
+    assert [row[0] for row in rows] == [str(start + step * int(row[0])) for row in want]
+    assert [row[1:] for row in rows] == [row[1:] for row in want]
+    options = ReadOptions(by_class=True, attributes=("num_interior_pts",))
+    reading = read(files[0], options, format=format_)
+    assert (reading.format, reading.trajectories.columns) == ("argoverse", ("x", "y"))
+    assert reading.headers["x"] == "tx_m"
+    assert reading.classes == ("BOX_TRUCK", "PEDESTRIAN", "REGULAR_VEHICLE")
+    assert set(reading.trajectories.attributes["num_interior_pts"]) == {12}
+    assert all(len(name) == 36 for name in reading.trajectories.ids)
+    space = read(files[1], ReadOptions(columns=("x", "y", "z"))).trajectories
+    assert set(space.state[:, 2]) == {0.6}
+    turned = read(files[1], ReadOptions(columns=("y", "x"))).trajectories
+    assert np.array_equal(turned.state, space.state[:, 1::-1])
+    answer = invoke(files[0], files[1], *asked[:4], "--region", "x=0:1", "-q")
+    assert answer.status == 2
+    mixed = invoke(str(FOLDER / "annotations.feather"), str(FOLDER / "estimate.csv"))
+    assert (mixed.status, "0 of 24 steps" in mixed.err) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tx_m": None}, "tx_m"),
+        ({"track_uuid": None}, "track_uuid"),
+        ({"timestamp_ns": 2.5}, "at t 2.5"),
+        ({"tx_m": "far"}, "not a number"),
+        ({"ty_m": np.inf}, "infinite"),
+    ],
+)
+def test_broken_argoverse(tmp_path: Path, change: dict[str, Any], message: str) -> None:
+    pd = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "annotations.feather"
+    frame = pd.read_feather(FOLDER / "annotations.feather")
+    for name, value in change.items():
+        frame = frame.drop(columns=name) if value is None else frame.assign(**{name: value})
+    frame.to_feather(path)
+    with pytest.raises(InputError, match=message):
+        read(path, format="argoverse")

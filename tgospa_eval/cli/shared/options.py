@@ -34,6 +34,7 @@ FILE_FORMATS = (
     "npz",
     "mat",
     "nuscenes",
+    "argoverse",
 )
 NAMED_FORMATS = f"{', '.join(FILE_FORMATS[:-1])} or {FILE_FORMATS[-1]}"
 
