@@ -41,6 +41,7 @@ SAME: dict[str, set[str]] = {
         ("SOLVERS", "solvers/__init__.py"),
     )
 } | {
+    "PUBLISHED": {"cli/simulate/command.py", "simulation/settings.py"},
     "SCENARIOS": {"cli/simulate/command.py", "simulation/scenarios.py"},
     "INTERPOLATED": {"cli/shared/clock_options.py", "tracks/alignment.py"},
     "LAYOUTS": {"cli/batch/command.py", "batches/jobs.py"},

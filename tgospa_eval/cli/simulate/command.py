@@ -3,6 +3,7 @@
 from functools import partial
 
 import click
+from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option
@@ -10,6 +11,10 @@ from tgospa_eval.cli.simulate.values import SceneOptions
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
+PUBLISHED = ("garcia-fernandez-2020", "xia-2019")
+BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
+"""Parameters that go with a setting of the literature."""
+
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
 
 
@@ -28,6 +33,12 @@ _output = partial(Option, section="Output")
 
 
 OPTIONS = (
+    _scene(
+        "--setting NAME",
+        "What a publication simulates, with the measurements for a tracker: garcia-fernandez-2020 "
+        "or xia-2019. Only --seed goes with it.",
+        type=click.Choice(PUBLISHED),
+    ),
     _scene(
         "--scenario NAME",
         "What the targets do: crossing, parallel, convoy, dense, births or manoeuvring.",
@@ -128,9 +139,22 @@ OPTIONS = (
 )
 
 
+def _check_alone(ctx: click.Context) -> None:
+    """Whether nothing is asked for that the setting says."""
+    given = [
+        item.opts[-1]
+        for item in ctx.command.params
+        if item.name not in BESIDE_SETTING
+        and ctx.get_parameter_source(str(item.name)) is not ParameterSource.DEFAULT
+    ]
+    if given:
+        raise click.UsageError(f"--setting says what is made: leave out {', '.join(given)}", ctx)
+
+
 @click.command("simulate", cls=Verb, params=[*OPTIONS])
 @click.argument("folder", metavar="DIR", type=PATH)
-def command(folder: str, **options: object) -> None:
+@click.pass_context
+def command(ctx: click.Context, /, folder: str, **options: object) -> None:
     """Make a ground truth and a tracker's estimate of it, to try things on.
 
     Two files are written to the folder DIR. What was made is printed, and the command
@@ -142,9 +166,16 @@ def command(folder: str, **options: object) -> None:
       tgospa-eval simulate demo
       tgospa-eval simulate crowd --scenario dense --targets 20 --steps 100
       tgospa-eval simulate late --latency 2 --detection 1 --seed 7
+      tgospa-eval simulate xia --setting xia-2019 --seed 1
 
     Exit status: 0 done, 2 wrong option, or a folder that cannot be written.
     """
+    if options["setting"] is not None:
+        _check_alone(ctx)
+        from tgospa_eval.cli.simulate.setting import make_setting
+
+        make_setting(folder, SceneOptions.of(options))
+        return
     from tgospa_eval.cli.simulate.run import make_scene
 
     make_scene(folder, SceneOptions.of(options))

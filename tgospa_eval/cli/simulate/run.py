@@ -49,8 +49,8 @@ def make_scene(folder: str, options: SceneOptions) -> None:
         return
     lines = (
         f"{folder}: {scene.scenario}, {counted(scene.steps, 'step')}; "
-        f"{_size(truth, 'truth')} in {names[0]}, "
-        f"{_size(estimate, 'estimate')} in {names[1]}",
+        f"{size_of(truth, 'truth')} in {names[0]}, "
+        f"{size_of(estimate, 'estimate')} in {names[1]}",
         _command(folder, names, options, tracker),
     )
     emit("".join(f"{visible(line)}\n" for line in lines))
@@ -79,7 +79,8 @@ def settings(options: SceneOptions) -> tuple[Scene, Tracker]:
     return scene, Tracker(**given)
 
 
-def _size(side: Trajectories, what: str) -> str:
+def size_of(side: Trajectories, what: str) -> str:
+    """How many tracks and rows, in words."""
     clouds = "" if side.clouds is None else f" of {counted(len(side.clouds.points), 'particle')}"
     return f"{counted(len(side.ids), what)} with {counted(len(side.step), 'row')}{clouds}"
 

@@ -8,6 +8,7 @@ from tgospa_eval.common.frozen import dataclass
 class SceneOptions(Values):
     """What to make; None where it depends on the others."""
 
+    setting: str | None = None
     scenario: str = "crossing"
     targets: int = 5
     steps: int = 60

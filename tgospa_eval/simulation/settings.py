@@ -1,0 +1,178 @@
+"""Settings of simulations in the literature, each named after its source. Knows no file.
+
+Targets nearly keep their velocity. They are drawn in the middle of the recording, near to each
+other, and from there forward and backward, so that all meet at half time.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.tracks.trajectories import Trajectories
+
+Floats = NDArray[np.float64]
+
+DECIMALS = 5
+"""Of positions: machines whose sums differ in the last digit still make the same files."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """What a source simulates, and by which parameters it evaluates.
+
+    Parameters
+    ----------
+    source : str
+        Publication and code.
+    cutoff, order, switch_penalty : float
+        Of the metric.
+    alive : tuple of (int, int)
+        First and last step of each target, from 1; the recording ends with the last of all, and
+        has an odd number of steps.
+    centre : float
+        Both coordinates of the place where the targets meet.
+    spread : float
+        Variance of positions and velocities there.
+    motion : float
+        Intensity q of the white acceleration: its covariance in a step of 1 s is
+        q (1/3, 1/2; 1/2, 1) in each coordinate.
+    noise : float
+        Variance of each coordinate of a measurement.
+    detection : float
+        Probability that a target is measured at a step.
+    clutter : float
+        Mean number of false measurements at a step, uniform in the square.
+    square : (float, float)
+        Least and largest coordinate of false measurements.
+    one_truth : bool
+        Whether all runs of the source have the same truth.
+    """
+
+    source: str
+    cutoff: float
+    order: float
+    switch_penalty: float
+    alive: tuple[tuple[int, int], ...]
+    centre: float
+    spread: float
+    motion: float
+    noise: float
+    detection: float
+    clutter: float
+    square: tuple[float, float]
+    one_truth: bool
+
+    @property
+    def steps(self) -> int:
+        """Of the recording."""
+        return max(last for _, last in self.alive)
+
+
+PUBLISHED = {
+    "garcia-fernandez-2020": Setting(
+        source="Garcia-Fernandez, Svensson, Williams, Xia, Granstrom, Trajectory Poisson "
+        "multi-Bernoulli filters, IEEE Trans. Signal Processing 2020; code: "
+        "github.com/Agarciafernandez/MTT, ScenarioWilliams15.m",
+        cutoff=10,
+        order=2,
+        switch_penalty=1,
+        alive=((1, 40), (1, 81), (1, 81), (1, 81)),
+        centre=150,
+        spread=0.1,
+        motion=0.01,
+        noise=1,
+        detection=0.9,
+        clutter=10,
+        square=(0, 300),
+        one_truth=True,
+    ),
+    "xia-2019": Setting(
+        source="Xia, Granstrom, Svensson, Garcia-Fernandez, Williams, Multi-scan implementation of "
+        "the trajectory Poisson multi-Bernoulli mixture filter, J. Advances in Information Fusion "
+        "2019; code: github.com/yuhsuansia/Multi-scan-trajectory-PMBM-filter, gentruth.m, case 2",
+        cutoff=10,
+        order=2,
+        switch_penalty=2,
+        alive=((1, 51), (11, 61), (21, 71), (31, 81)),
+        centre=0,
+        spread=1e-6,
+        motion=0.04,
+        noise=0.04,
+        detection=0.9,
+        clutter=10,
+        square=(-100, 100),
+        one_truth=False,
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """One run of a setting.
+
+    Parameters
+    ----------
+    truth : Trajectories
+        The targets.
+    estimate : Trajectories
+        The measurements of each target as a track of its own: what a tracker without clutter and
+        without errors of association has before it filters.
+    measurements : list of (M, 2) arrays
+        What a tracker gets at each step: those of targets and the false ones, shuffled.
+    """
+
+    truth: Trajectories
+    estimate: Trajectories
+    measurements: list[Floats]
+
+
+def run_setting(setting: Setting, seed: int) -> Run:
+    """One run; where all runs of the source have the same truth, so have all seeds.
+
+    The random numbers are not those of the source.
+    """
+    truth_rng, rng = (
+        np.random.default_rng(key) for key in (0 if setting.one_truth else [seed, 1], [seed, 2])
+    )
+    states = np.round(_paths(setting, truth_rng), DECIMALS)
+    exists = ~np.isnan(states[..., 0])
+    noisy = states + np.sqrt(setting.noise) * rng.standard_normal(states.shape)
+    noisy[rng.random(exists.shape) >= setting.detection] = np.nan
+    noisy = np.round(noisy, DECIMALS)
+    measurements = []
+    for step in noisy:
+        false = rng.uniform(*setting.square, size=(rng.poisson(setting.clutter), 2))
+        found = np.concatenate((step[~np.isnan(step[:, 0])], np.round(false, DECIMALS)))
+        measurements.append(rng.permutation(found))
+    return Run(truth=_named(states, 1), estimate=_named(noisy, 101), measurements=measurements)
+
+
+def _paths(setting: Setting, rng: np.random.Generator) -> Floats:
+    """Positions (T, m, 2), NaN where a target does not exist."""
+    count, middle = len(setting.alive), (setting.steps + 1) // 2
+    motion = np.array([[1.0, 1.0], [0.0, 1.0]])
+    back = np.linalg.inv(motion)
+    root = np.sqrt(setting.motion) * np.linalg.cholesky(np.array([[1 / 3, 1 / 2], [1 / 2, 1]]))
+
+    def drawn() -> Floats:
+        """Of each target and coordinate the change of position and velocity (m, 2, 2)."""
+        return np.asarray(rng.standard_normal((count, 2, 2)) @ root.T)
+
+    start = np.sqrt(setting.spread) * rng.standard_normal((count, 2, 2))
+    start[..., 0] += setting.centre
+    forward, backward = [start], [start]
+    for _ in range(setting.steps - middle):
+        forward.append(forward[-1] @ motion.T + drawn())
+        backward.append((backward[-1] + drawn()) @ back.T)
+    states: Floats = np.array(backward[:0:-1] + forward)[..., 0]
+    for target, (first, last) in enumerate(setting.alive):
+        states[: first - 1, target] = states[last:, target] = np.nan
+    return states
+
+
+def _named(states: Floats, first: int) -> Trajectories:
+    found = Trajectories.from_array(states)
+    ids = np.array([str(first + k) for k in range(states.shape[1])], dtype=object)
+    return replace(found, ids=ids, times=np.arange(1, len(states) + 1))
