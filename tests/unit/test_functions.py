@@ -61,6 +61,10 @@ def test_compare_ranks(invoke, quickstart: tuple[str, str]) -> None:
     assert "tgospa-eval" not in repr(found)
     assert json.loads(found.to_json()) == json.loads(json.dumps(found.to_dict()))
     times = tgospa_eval.read_trajectories(estimate).times
+    late = compare(truth, [estimate], **GIVEN, time_offset=1.0, interpolate="estimate", max_gap=2.0)
+    there = evaluate(*quickstart, **GIVEN, time_offset=1.0, interpolate="estimate", max_gap=2.0)
+    assert late.table["total"][0] == pytest.approx(there.total)
+    assert late.document["parameters"]["time_offset"] == 1.0
     three = compare(truth, {"a": estimate, "b": (times, shifted), "c": {}}, **GIVEN)
     assert {notice["code"] for notice in three.document["warnings"]} >= {"offset", "empty-side"}
     assert len(three.pairs) == 3

@@ -30,6 +30,7 @@ from tgospa_eval.evaluation.sides import (
     as_trajectories,
 )
 from tgospa_eval.evaluation.step_weights import StepWeightsLike, as_step_weights
+from tgospa_eval.evaluation.units import in_units_of_truth
 from tgospa_eval.reports.comparison import render
 from tgospa_eval.reports.ranking import estimates_columns, pairs_columns
 from tgospa_eval.reports.records import Metric, RankingRecord, SolversRecord
@@ -111,6 +112,11 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
     unit: str | None = None,
     time_tolerance: float = 0.0,
     grid: str = "union",
+    interpolate: str | None = None,
+    max_gap: float | None = None,
+    time_offset: float = 0.0,
+    time_scale: float = 1.0,
+    unit_scale: float = 1.0,
     step_weights: "StepWeightsLike | None" = None,
     existence: str = "ignore",
     mapping: "Components | None" = None,
@@ -132,8 +138,8 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
         The solver of a ranking.
     grid : {"union", "truth"}
         Steps that count; with `solvers` also ``"estimate"`` and ``"common"``.
-    mapping : sequence of int, or pair of such, optional
-        As for `evaluate`.
+    interpolate, max_gap, time_offset, time_scale, unit_scale, mapping
+        As for `evaluate`; of all estimates.
 
     Returns
     -------
@@ -156,13 +162,15 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
         parameters=parameters,
         distance=base,
         solver=as_solver(solver),
-        time_matching=TimeMatching(tolerance=time_tolerance, grid=grid),
+        time_matching=TimeMatching(
+            tolerance=time_tolerance, grid=grid, interpolate=interpolate, max_gap=max_gap
+        ),
         unit=unit,
         defaults=defaults,
         step_weights=as_step_weights(step_weights),
         existence=existence,
     )
-    pairs = _Pairs(request, mapping)
+    pairs = _Pairs(request, mapping, (time_offset, time_scale, unit_scale))
     if solvers:
         chosen = [as_solver(item) for item in solvers]
         check_solvers(chosen)
@@ -178,8 +186,13 @@ def compare(  # noqa: PLR0913  (public: settings are keywords)
 class _Pairs:
     """Pairs of sides, made problems of; what looks wrong with them, each once."""
 
-    def __init__(self, request: EvaluationRequest, mapping: "Components | None") -> None:
-        self.request, self.mapping = request, mapping
+    def __init__(
+        self,
+        request: EvaluationRequest,
+        mapping: "Components | None",
+        units: tuple[float, float, float],
+    ) -> None:
+        self.request, self.mapping, self.units = request, mapping, units
         self.notices: list[Notice] = []
         self.stopwatch = Stopwatch()
 
@@ -190,7 +203,9 @@ class _Pairs:
         request = self.request
         attributes = (EXISTENCE,) if request.probabilistic else ()
         with self.stopwatch.span("read"):
-            sides = as_sides(truth, estimate, request.distance, attributes, self.mapping)
+            read = as_sides(truth, estimate, request.distance, attributes, self.mapping)
+            sides, recorded = in_units_of_truth(read, request.distance, *self.units)
+        request = replace(request, recorded=recorded)
         fitted = fit(*sides, request)
         for notice in look(fitted, request):
             told = notice.about(name) if name and notice.code != "default-parameters" else notice

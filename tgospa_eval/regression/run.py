@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 INHERITED = (
     *("cutoff", "order", "switch-penalty", "rho", "distance", "grid", "time-tolerance"),
+    *("interpolate", "max-gap", "time-offset", "time-scale", "unit-scale"),
     *("unit", "existence", "solver"),
 )
 """Options of a baseline that `evaluate` has as arguments."""
