@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.evaluate import GAP
 from tgospa_eval.evaluation.prepare import Fitted, fit, measure, prepare
 from tgospa_eval.evaluation.request import EvaluationRequest
@@ -155,14 +156,18 @@ class Trials:
             if progress.stop.is_set():
                 break
             progress.again("repairs", done / len(candidates))
-            found[k] = self._whole(candidates[k].edit, stopwatch)
+            trial = self._whole(candidates[k].edit, stopwatch)
+            found |= {} if trial is None else {k: trial}
             done += 1
         return [(candidates[k], found[k]) for k in sorted(found)]
 
-    def _whole(self, edit: Edit, stopwatch: Stopwatch) -> Trial:
-        """The repaired estimate evaluated as any other."""
+    def _whole(self, edit: Edit, stopwatch: Stopwatch) -> Trial | None:
+        """The repaired estimate evaluated as any other; None if the grid then has no step."""
         estimate = edited(self.sides.alignment.estimate, edit)
-        sides = fit(self.sides.read[0], estimate, self.request)
+        try:
+            sides = fit(self.sides.read[0], estimate, self.request)
+        except ConfigError:  # what was evaluated had steps: those of the estimate are all gone
+            return None
         prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solution = self.request.solver(prepared.states, stopwatch)
         bounds, _, split = certify(prepared.states, solution, consume=solution.disposable)

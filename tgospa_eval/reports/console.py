@@ -268,7 +268,8 @@ def _others(result: Summary) -> Iterator[str]:
     found = other_table(result.with_)
     rows = [(*row, f"  {beside}") for *row, beside in found.rows]
     yield from map(clip, text_lines(replace(found, rows=rows)))
-    yield from wrap("".join(f"  {text}" for text in similarity(result.with_)), "  ")
+    for text in similarity(result.with_):
+        yield from wrap(f"  {text}", "  ")
 
 
 def _slices(result: Summary) -> Iterator[str]:

@@ -8,6 +8,7 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.reports.tables import INDENT, WIDTH, Row, Table, clip, text_lines
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.slices import Slice, Slicing, in_order
+from tgospa_eval.text import visible
 
 MOST_LISTED = 20
 """Slices of a table; of more the costliest are shown."""
@@ -72,16 +73,24 @@ def group_tables(
 
 
 def slices_lines(slicing: Slicing) -> Iterator[str]:
-    """The same for a terminal: names have what the numbers leave."""
+    """The same for a terminal: long names have lines of their own."""
     table = slices_table(slicing)
     by, *head = table.head
     columns = zip_longest(head, *(row[1:] for row in table.rows), fillvalue="")
     widths = [2 + max(len(cell or "") for cell in column) for column in columns]
     room = max(LEAST_NAME, WIDTH - len(INDENT) - sum(widths))
-    rows = [(clip(str(name), room), *cells) for name, *cells in table.rows]
-    name = min(room, max(len(row[0] or "") for row in [("slice",), *rows]))
+    names = [visible(str(name)) for name, *_ in table.rows]
+    rows = [
+        (name if len(name) <= room else "", *row[1:])
+        for name, row in zip(names, table.rows, strict=True)
+    ]
+    width = min(room, max(map(len, ("slice", *names))))
     yield clip(f"{INDENT}{by}")
-    yield from text_lines(replace(table, head=("slice", *head), rows=rows, widths=(name, *widths)))
+    table = replace(table, head=("slice", *head), rows=rows, widths=(width, *widths))
+    first, *lines = text_lines(table)
+    yield first
+    for name, line in zip(names, lines, strict=True):
+        yield from (line,) if len(name) <= room else (clip(f"{INDENT}{name}"), line)
 
 
 def slices_of_page(slicing: Slicing) -> dict[str, object]:

@@ -186,7 +186,11 @@ def test_every_output_has_them(
     Path("estimate.csv").write_text("id,t,x,class\nc,0,1,car\nd,1,70,<van>\n")
     call = ["truth.csv", "estimate.csv", "-c", "4", "-g", "1"]
     asked = ["--slice", "seen=weight", "--slice", "class * t", "-q"]
-    shown = invoke(*call, *asked).out
+    tiny = "1.2345678901234567e-100"
+    more = ("--with", "gospa", "--slice", f"class * range={tiny}")
+    shown = invoke(*call, *asked, *more).out
+    assert "\n\n\n" not in shown
+    assert f"\n  <van> * {tiny} and more\n                     " in shown
     assert "  by seen=weight\n  slice      states  total   share" in shown
     assert "  seen          1.2    8.2  32.8 %" in shown
     assert all(len(line) <= 80 for line in shown.splitlines())

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from strategies import scene
 
@@ -199,6 +200,15 @@ def test_steps_that_a_repair_takes_from_the_grid(grid: str) -> None:
         of_kind(found, "drop"),
         *{"truth": (50, 150), "estimate": (100, 0), "common": (100, 0)}[grid],
     )
+
+
+@pytest.mark.parametrize("grid", ["estimate", "common"])
+def test_a_repair_that_leaves_no_step_is_none(grid: str) -> None:
+    """The only track is false: without it no step counts, and there is nothing to evaluate."""
+    truth = pd.DataFrame({"id": "a", "t": [1.0, 2.0, 3.0], "x": 0.0})
+    false = pd.DataFrame({"id": "b", "t": [2.0, 3.0], "x": 500.0})
+    found = evaluate(truth, false, C, 2, GAMMA, grid=grid).explain()
+    assert all(repair.kind != "drop" for repair in found.repairs)
 
 
 def test_covariances_of_new_states_lie_between() -> None:
