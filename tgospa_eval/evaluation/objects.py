@@ -13,6 +13,7 @@ from tgospa_eval.tracks.trajectories import Trajectories, column_names
 
 if TYPE_CHECKING:
     from tgospa_eval.formats.times import Times
+    from tgospa_eval.tracks.clouds import Cloud, Clouds
     from tgospa_eval.tracks.trajectories import TimeArray
 
 
@@ -150,13 +151,13 @@ def of_tracks(
     name: str,
     columns: tuple[str, ...] | None,
     mapping: Sequence[int] | None,
-    *,
-    covariance: bool,
+    kinds: tuple[str, ...],
 ) -> Trajectories:
     """Tracks and ground-truth paths of Stone Soup, by their attributes.
 
     Of several states at one time the last counts, as of ``last_timestamp_generator`` there: an
-    update after its prediction.
+    update after its prediction. What `kinds` names of ``"gaussian"`` and ``"cloud"`` is read:
+    ``covar``, or the particles that are the columns of ``state_vector``, with their ``weight``.
 
     Raises
     ------
@@ -165,7 +166,7 @@ def of_tracks(
     InputError
         A state has no time, or is not of numbers; an id is there twice.
     """
-    ids, track, times, states, covariances = [], [], [], [], []
+    ids, track, times, states, covariances, clouds = [], [], [], [], [], []
     for number, path in enumerate(tracks):
         ids.append(getattr(path, "id", number))
         for moment, state in {state.timestamp: state for state in path.states}.items():
@@ -178,11 +179,16 @@ def of_tracks(
             track.append(number)
             times.append(moment)
             states.append(numbers_of(vector, where).ravel()[chosen])
-            spread = getattr(state, "covar", None) if covariance else None
+            if "cloud" in kinds:
+                clouds.append(_cloud(state, chosen, where))
+            spread = getattr(state, "covar", None) if "gaussian" in kinds else None
             if spread is not None:
                 covariances.append(numbers_of(spread, where)[np.ix_(chosen, chosen)])
     if covariances and len(covariances) < len(states):
         raise InputError(f"{name}: some states have a covariance and others not; all or none")
+    spreads: Floats | list[Cloud] | None = np.array(covariances) if covariances else None
+    if any(len(points) > 1 for points, _ in clouds):
+        spreads = clouds
     size = len(states[0]) if states else len(mapping or (0,))
     return from_rows(
         name,
@@ -191,7 +197,7 @@ def of_tracks(
         np.array(states, np.float64).reshape(-1, size),
         times_of(times, name),
         columns,
-        np.array(covariances) if covariances else None,
+        spreads,
     )
 
 
@@ -202,7 +208,7 @@ def from_rows(
     states: Floats,
     times: "Times",
     columns: tuple[str, ...] | None,
-    covariance: Floats | None = None,
+    spreads: "Floats | Sequence[Cloud] | None" = None,
 ) -> Trajectories:
     """Trajectories of rows in any order; those with NaN are absent, their times remain steps.
 
@@ -220,8 +226,8 @@ def from_rows(
         Every one of them is a step, and they may repeat.
     columns : tuple of str, optional
         Names of the d columns, where there are so many.
-    covariance : (R, d, d) array, optional
-        Covariances.
+    spreads : (R, d, d) array, or sequence of R clouds, optional
+        Covariances, or particles.
 
     Raises
     ------
@@ -251,14 +257,20 @@ def from_rows(
         )
     kept = order[~np.isnan(states[order]).any(axis=1)]
     size = states.shape[1]
+    clouds = covariance = None
+    if isinstance(spreads, np.ndarray):
+        covariance = spreads[kept]
+    elif spreads is not None and len(kept):
+        clouds = _joined([spreads[row] for row in kept])
     made = Trajectories(
         step=step[kept],
         track=track[kept],
-        state=states[kept],
+        state=states[kept] if clouds is None else clouds.means,
         ids=table,
         times=np.arange(len(moments)),
         columns=columns if columns is not None and len(columns) == size else column_names(size),
-        covariance=None if covariance is None else covariance[kept],
+        covariance=covariance,
+        clouds=clouds,
     )
     return _timed(made, times)
 
@@ -338,6 +350,31 @@ def numbers_of(value: object, where: str) -> Floats:
         return np.asarray(value, np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: a state holds numbers: {error}") from None
+
+
+def _cloud(state: Any, chosen: list[int], where: str) -> "Cloud":
+    """Particles of a state (N, d) and their weights; one where it is a point."""
+    points = numbers_of(state.state_vector, where)
+    points = points.reshape(len(points), -1)[chosen].T
+    weights = getattr(state, "weight", None)
+    if weights is None:
+        return points, np.full(len(points), 1 / len(points))
+    weights = numbers_of(weights, where).ravel()
+    if len(weights) != len(points) or not (weights >= 0).all() or not weights.sum() > 0:
+        raise InputError(
+            f"{where}: {len(points)} particles and {len(weights)} weights; one for each, >= 0 and "
+            "not all 0"
+        )
+    return points, weights / weights.sum()
+
+
+def _joined(clouds: Sequence["Cloud"]) -> "Clouds":
+    """Clouds one behind the other."""
+    from tgospa_eval.tracks.clouds import Clouds  # here: most states are points
+
+    points, weights = (np.concatenate(part) for part in zip(*clouds, strict=True))
+    first = np.cumsum([0, *(len(cloud[1]) for cloud in clouds)])
+    return Clouds(points=points, weights=weights, first=first)
 
 
 def _components(mapping: Sequence[int] | None, size: int, name: str) -> list[int]:

@@ -184,7 +184,7 @@ def _as_side(
         return of_mapping(side, name, columns)
     if _is_tracks(side):
         tracks = [side] if hasattr(side, "states") else cast("Iterable[TrackLike]", side)
-        return of_tracks(tracks, name, columns, mapping, covariance="gaussian" in kinds), False
+        return of_tracks(tracks, name, columns, mapping, kinds), False
     lazy = "call its collect() first; it " if type(side).__name__ == "LazyFrame" else ""
     raise ConfigError(
         f"{name} is of the type {type(side).__name__}: {lazy}must be Trajectories, a DataFrame "

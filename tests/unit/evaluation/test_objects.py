@@ -38,6 +38,8 @@ class State:
     timestamp: Any
     state_vector: np.ndarray
     covar: np.ndarray | None = None
+    mean: np.ndarray | None = None
+    weight: list[float] | None = None
 
 
 @dataclass(eq=False)
@@ -163,6 +165,24 @@ def test_tracks_of_stone_soup(arrays: tuple[np.ndarray, np.ndarray], expected: R
     )
     assert spread.total == pytest.approx(expected.total)  # the same covariance on both sides
     assert spread.localisation_spread == 0
+    cross = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+    given = {"mapping": (0, 1), "cutoff": 9.0, "distance": "cloud-wasserstein"}
+
+    def particles(shift: float, weight: list[float] | None = None) -> list[Track]:
+        """Four particles around each of three points, backwards."""
+        points = [np.array([[20.0 * k], [k + shift]]) for k in (2, 1, 0)]
+        states = [State(int(p[0, 0]), p + cross, None, p, weight) for p in points]
+        return [Track("a", states)]
+
+    pytest.importorskip("ot")
+    # Clouds that are moved: their distance is the shift; and from a point the spread is in it.
+    assert evaluate(particles(0), particles(2), **given).total == pytest.approx(3 * 2**2)
+    even = [Track("a", [State(20 * k, np.array([[20.0 * k], [k]])) for k in range(3)])]
+    assert evaluate(even, particles(0), **given).total == pytest.approx(3 * 1.0)
+    # Unnormalised: 1/2 of the weight on each of the two of the first axis.
+    assert evaluate(even, particles(0, [2, 2, 0, 0]), **given).total == pytest.approx(3 * 1.0)
+    with pytest.raises(InputError, match="4 particles and 1 weights"):
+        evaluate(even, particles(0, [1]), **given)
     for mapping in ((0, 4), (0, 0), (), "ab", 1):
         with pytest.raises(ConfigError, match="mapping is"):
             evaluate(truth, truth, **GIVEN, mapping=mapping)
