@@ -76,7 +76,9 @@ def guess(path: str, data: bytes) -> str:
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
     if re.match(RESULTS, head):
         return "nuscenes"
-    lines = re.split(r"[\r\n]+", head)
+    every = re.split(r"[\r\n]+", head)
+    # A file of comments so far is a table, or none.
+    lines = [line for line in every if not line.lstrip().startswith(COMMENTS)] or every
     line = lines[0]
     fields = split(line)
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
@@ -122,9 +124,11 @@ def foreign(line: str) -> str:
         )
     if line.startswith("<"):
         return "XML or HTML, not a table; write a CSV file with the header id,t,x,y"
-    for mark, marks in (("|", "vertical bars"), (None, "blanks")):
-        words = line.split(mark)
-        if len(words) > 2 and not any(other in line for other in ",;\t"):
-            also = ", and begin with id,t,x,y" if all(map(is_number, words)) else ""
-            return f"columns separated by {marks}; write commas instead{also}"
+    if any(other in line for other in ",;\t"):
+        return ""
+    if line.count("|") > 1:
+        return "columns separated by vertical bars; write commas instead"
+    words = line.split()
+    if len(words) > 2 and all(map(is_number, words)):
+        return "columns separated by blanks, without a header; begin with a line: id t x y"
     return ""

@@ -318,13 +318,14 @@ def test_two_parts_of_a_stamp(write: Write, header: str, remedy: str) -> None:
     [
         ("# my tracker, v1\n\n# end\n", "line 1: a comment where the header should be"),
         ("# my tracker, v1\na,b,c\n", "line 2: no column for id, t, position"),
-        ("id,t,x\n# start\na,1,2\n", "line 2: a comment, not a row"),
         ("id,t,x\na,1,2\n#b,1,2\n", "line 3: a comment, not a row"),
         ("id,t,x\n // b,1,2\na,1,2\n", "line 2: a comment, not a row"),
         ('id,t,x\na,1,2\n" %b",1,2\n', "line 3: a comment, not a row"),
         ("| id | t | x |\n|---|---|---|\n", "line 1: columns separated by vertical bars"),
-        ("id t x\na 1 2\n", "line 1: columns separated by blanks; write commas instead"),
-        ("0 1 2 3\n", "by blanks; write commas instead, and begin with id,t,x,y"),
+        ("0 1 2 3\n", "line 1: columns separated by blanks, without a header; begin with a line"),
+        ("id t x\na 1\n", "line 2: 2 fields, the header has 3"),
+        ("id t x\n#a 1 2\nb 1 2\n", "line 2: a comment, not a row, or an id"),
+        ("id,t,x\n#1,1,2\n#2,1\n", "line 3: 2 fields, the header has 3"),
         ("id|t|x\na|1|2\n", "line 1: columns separated by vertical bars"),
         ('[{"id": 0, "t": 0}, {"id": 1, "t": 0}]', "line 1: JSON, not a table"),
         ('{"id": 0, "t": 0, "x": 1}\n', "line 1: JSON, not a table"),
@@ -347,6 +348,62 @@ def test_comments_above_the_header(write: Write, above: str, header: str) -> Non
     assert [text for text in reading.notices if "comment" in text] == [passed] * bool(above)
     with pytest.raises(InputError, match=f"line {above.count(chr(10)) + 2}, column"):
         read(write("b.csv", f"{above}{header}\na,1,y\n"))
+
+
+@pytest.mark.parametrize("size", [bulk.BULK_BYTES, 0])
+def test_comments_between_rows(write: Write, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    monkeypatch.setattr(bulk, "BULK_BYTES", size)
+    text = 'id,t,x\n# start\na,1,2\n\n  // the "second" part: 2, 3, 4, 5\n{}"b",1,3\n% end'
+    reading = read(write("a.csv", text.format("")))
+    assert rows_of(reading.trajectories) == {("a", 1): (2.0,), ("b", 1): (3.0,)}
+    assert "3 lines of comments passed over" in reading.notices
+    with pytest.raises(InputError, match="line 6: a comment, not a row, or an id"):
+        read(write("a.csv", text.format("#")))
+    for name, row in (("motchallenge", "1,7,10,20,4,6,1"), ("kitti", KITTI)):
+        for where in ("# a, b\n{}\n", "{}\n#1,7\n", "# 1 2 3 4 5 6\n\n{}\n% b\n"):
+            reading = read(write("a.txt", where.format(row)))
+            assert (reading.format, reading.rows) == (name, 1)
+            assert any("of comments passed over" in text for text in reading.notices)
+
+
+KITTI = "0 1 Car 0 0 -1.8 100 50 140 80 2.0 1.8 4.4 -4.5 1.5 13.5 -2.1"
+
+TABLES_BY_BLANKS = (
+    "# id t x y\n1.0e+00 0.0e+00 2.5e+00 1\n1.0 1.0 3.5 2\n",  # numpy.savetxt
+    "id t x y\n1 0 2.5 1\n1 1 3.5 2\n",
+    "  id   t   x   y \n\t1  0 2.5\t 1\n\n  1 1   3.5 2",
+    '#t id "x" y\r\n0 "1" 2.5 1\r\n# a comment here now\r\n#\r\n1 1 3.5 2\r\n',
+    "// ran on Monday at noon, twice\n# the second run\n\n% id t x y\n1 0 2.5 1\n1 1 3.5 2\n",
+)
+
+
+@pytest.mark.parametrize("size", [bulk.BULK_BYTES, 0])
+@pytest.mark.parametrize("scanner", [scan.scanner, None])
+@pytest.mark.parametrize("text", TABLES_BY_BLANKS)
+def test_columns_separated_by_blanks(
+    write: Write, monkeypatch: pytest.MonkeyPatch, text: str, scanner: object, size: int
+) -> None:
+    monkeypatch.setattr(bulk, "BULK_BYTES", size)
+    monkeypatch.setattr(scan, "scanner", scanner)
+    reading = read(write("a.txt", text))
+    assert rows_of(reading.trajectories) == {("1", 0): (2.5, 1.0), ("1", 1): (3.5, 2.0)}
+    assert reading.format == "csv"
+    comma = text.replace("2.5", "2,5").replace("3.5", "3,5")
+    if "," not in text and "e" not in text:
+        found = read(write("a.txt", comma), ReadOptions(decimal=","))
+        assert rows_of(found.trajectories) == rows_of(reading.trajectories)
+
+
+def test_ids_of_tables_by_blanks(write: Write) -> None:
+    text = 'id t x class\n007 0 1 "small car"\n#5 0 2 van\n'
+    found = read(write("a.txt", text.replace("#", "")), ReadOptions(by_class=True))
+    assert found.trajectories.ids.tolist() == ["5", "007"]
+    assert found.classes == ("small car", "van")
+    marked = read(write("a.txt", text.replace("007", "#7")))
+    assert marked.trajectories.ids.tolist() == ["#5", "#7"]
+    # A comment that names columns above a table with commas.
+    above = write("a.csv", "# columns: frame id x y\nid,t,x\n1,0,2\n")
+    assert rows_of(read_trajectories(above)) == {("1", 0): (2.0,)}
 
 
 def test_all_ids_may_begin_like_comments(write: Write) -> None:

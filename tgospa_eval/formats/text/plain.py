@@ -12,10 +12,12 @@ from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.fields import Coded
+from tgospa_eval.formats.guess import COMMENTS
 from tgospa_eval.formats.guess import split as split_line
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
+from tgospa_eval.formats.text.comments import with_comments
 from tgospa_eval.formats.text.convert import (
     Block,
     Places,
@@ -108,8 +110,10 @@ def read_plain(
             return rows, coded, Places(path=path, lines=lines, names=names)
         text = decode(data, path)
     del data
-    blocks = _blocks(text, split, len(names), path, first)
+    comments: list[int] = []
+    blocks = _blocks(text, split, len(names), path, first, comments)
     fields = gather(blocks, roles, ".", wanted)
+    roles = with_comments(roles, len(comments))
     rows, places = convert(fields, roles, ".", path, names, name_id=plain_id)
     return rows, {column: fields.coded[column] for column in wanted}, places
 
@@ -121,7 +125,8 @@ def _first_of_many(data: bytes) -> str | None:
     line = data[: data.find(b"\n") + 1]
     # A return anywhere but before its end is the end of a line.
     has_return = b"\r" in line.removesuffix(b"\n").removesuffix(b"\r")
-    return line.decode() if line.strip() and not has_return else None
+    odd = not line.strip() or line.lstrip().startswith(tuple(map(str.encode, COMMENTS)))
+    return None if odd or has_return else line.decode()
 
 
 def _first_line(text: str) -> tuple[int, str]:
@@ -129,16 +134,24 @@ def _first_line(text: str) -> tuple[int, str]:
     number = 1
     for chunk in chunks(text):
         for line in chunk.split("\n"):
-            if line.strip():
+            if line.strip() and not line.lstrip().startswith(COMMENTS):
                 return number, line
             number += 1
     return 1, ""
 
 
 def _blocks(
-    text: str, split: Callable[[str], list[str]], width: int, path: str, first: int
+    text: str,
+    split: Callable[[str], list[str]],
+    width: int,
+    path: str,
+    first: int,
+    comments: list[int],
 ) -> Iterator[Block]:
-    """The lines that are not blank; all must have as many fields as the first."""
+    """The lines that are not blank; all must have as many fields as the first.
+
+    Those of comments are noted: no frame begins so.
+    """
     number = 0
     wrong: list[tuple[int, int]] = []
     for chunk in chunks(text):
@@ -146,7 +159,9 @@ def _blocks(
         rows: list[list[str]] = []
         for line in chunk.split("\n"):
             number += 1
-            if line.strip():
+            if line.lstrip().startswith(COMMENTS):
+                comments.append(number)
+            elif line.strip():
                 fields = split(line)
                 if len(fields) == width:
                     lines.append(number)

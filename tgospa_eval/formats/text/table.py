@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tgospa_eval.common.words import counted, more
+from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.known import known_roles
 from tgospa_eval.formats.columns.roles import Roles
@@ -24,6 +24,8 @@ from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
+from tgospa_eval.formats.text.by_blanks import header_by_blanks, rows_by_tabs
+from tgospa_eval.formats.text.comments import Oddities, with_comments
 from tgospa_eval.formats.text.convert import (
     Block,
     check_text,
@@ -32,6 +34,7 @@ from tgospa_eval.formats.text.convert import (
     decode,
     gather,
 )
+from tgospa_eval.formats.text.plain import plain_id
 from tgospa_eval.formats.text.scan import scanned
 
 DELIMITERS = ",;\t"
@@ -43,8 +46,8 @@ GROUPED_NUMBER = r"[+-]?[1-9]\d{0,2}[.,]\d{3}"
 HEADER_BYTES = 1 << 16
 """Bytes in which the header of a large file is looked for."""
 
-Wrong = tuple[int, int, bool]
-"""A row of the wrong length: its line, its length, whether it is a comment."""
+BLANKS = " "
+"""Delimiter of tables whose columns are separated by any number of blanks."""
 
 ROWS_OF_BLOCK = 1 << 13
 """Rows of a block from the csv module."""
@@ -64,28 +67,38 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     whole = not (large and data.isascii() and b"\n" in data[:HEADER_BYTES])
     text = decode(data if whole else data[:HEADER_BYTES], path)
     names, roles, delimiter, first, start = _header(text, path, options)
+    by_blanks = delimiter == BLANKS
+    if by_blanks:
+        text = text if whole else decode(data, path)
+        tabs, comments = rows_by_tabs(text[start:])
+        text, whole, delimiter = text[:start] + tabs, True, "\t"
+        data, roles = text.encode(), with_comments(roles, comments)
+        del tabs
     rows = text[start:]
     if large:  # what is cut off in the middle of a number may look like another one
         rows = rows[: rows.rfind("\n") + 1]
     roles, decimal = _with_decimal(rows, delimiter, roles, options.decimal)
     del rows
     layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
+    name_id = plain_id if by_blanks else str.strip  # numpy.savetxt writes 1.000e+00
     fields = None
     if text.isascii():  # letters and bytes are at the same places
         plain = text.encode() if whole else data.replace(b"\r\n", b"\n")
         fields = scanned(plain, start, layout, roles, decimal)
         del plain
     if fields is None and large:
-        found = bulk.read_bulk(data, layout, roles, decimal)
+        found = bulk.read_bulk(data, layout, roles, decimal, name_id=name_id)
         if found is not None:
             return found[0]
     if fields is None:
         text = text if whole else decode(data, path)
-        blocks = tokenise(text, start, delimiter, len(names), path, first)
+        odd = Oddities(path, len(names))
+        blocks = tokenise(text, start, delimiter, first, odd)
         if any(mark in text for mark in COMMENTS):
-            blocks = _without_comments(blocks, path)
+            blocks = odd.watched(blocks)
         fields = gather(blocks, roles, decimal)
-    return convert(fields, roles, decimal, path, names)[0]
+        roles = odd.settled(roles)
+    return convert(fields, roles, decimal, path, names, name_id=name_id)[0]
 
 
 def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
@@ -95,27 +108,32 @@ def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Role
     header if it is understood as one.
     """
     fault, passed = None, 0
-    for number, line, start in _lines_of(text):
+    for number, given, start in _lines_of(text):
+        line = given
         if not line.strip():
             continue
         where = f"{path}, line {number}"
         delimiter = _delimiter(line, options.decimal)
         stop = text.find("\n", start)
-        sample = text[start : stop if stop >= 0 else None].replace('"', "").split(delimiter)
+        after = text[start : stop if stop >= 0 else None].replace('"', "")
+        spaced = header_by_blanks(line, after)
+        if spaced is not None:
+            line, delimiter = spaced, "\t"
+        sample = after.split(None if spaced else delimiter)
         try:
             reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
             names = [name.strip() for name in next(reader)]
             roles = known_roles(names, options, where, sample)
         except (InputError, csv.Error) as error:
-            fault = fault or _explained(error, line, where)
-            if not line.lstrip().startswith(COMMENTS):
-                raise _explained(error, line, where) from None
+            fault = fault or _explained(error, given, where)
+            if not given.lstrip().startswith(COMMENTS):
+                raise _explained(error, given, where) from None
             passed += 1
             continue
         if passed:
             notice = f"{counted(passed, 'line')} of comments above the header passed over"
             roles = replace(roles, passed=(*roles.passed, notice))
-        return names, roles, delimiter, number + 1, start
+        return names, roles, BLANKS if spaced else delimiter, number + 1, start
     blank = InputError(f"{path}: blank lines only; a set without objects is a header alone")
     raise fault or blank
 
@@ -138,22 +156,6 @@ def _explained(error: InputError | csv.Error, line: str, where: str) -> InputErr
     if isinstance(error, InputError):
         return error
     return InputError(f"{where}: {error}; it must be the header, id,t,x,y")  # a field too long
-
-
-def _without_comments(blocks: Iterable[Block], path: str) -> Iterator[Block]:
-    """The same blocks; an error if some rows begin like comments, and not all do."""
-    line, others = 0, False
-    for block in blocks:
-        begins = [text.lstrip(" \t").startswith(COMMENTS) for text in block.columns[0]]
-        if not line and any(begins):
-            line = block.lines[begins.index(True)]
-        others = others or not all(begins)
-        if line and others:
-            raise InputError(
-                f"{path}, line {line}: a comment, not a row; delete such lines (ids may begin "
-                "like comments if all do)"
-            )
-        yield block
 
 
 def _delimiter(header: str, decimal: str) -> str:
@@ -191,14 +193,13 @@ def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[
 
 
 def tokenise(
-    text: str, start: int, delimiter: str, width: int, path: str, first_line: int
+    text: str, start: int, delimiter: str, first_line: int, odd: Oddities
 ) -> Iterator[Block]:
-    """The rows of the table from letter `start` on."""
+    """The rows of the table from letter `start` on; lines that are none are told to `odd`."""
     if text.find('"', start) >= 0:
-        yield from _tokenise_slowly(chunks(text, start), delimiter, width, path, first_line)
+        yield from _tokenise_slowly(chunks(text, start), delimiter, first_line, odd)
         return
-    line = first_line
-    wrong: list[Wrong] = []
+    line, width = first_line, odd.width
     for chunk in chunks(text, start):
         if width > 1 and bulk.is_regular(chunk.encode(), 0, delimiter, width):
             fields = chunk.replace("\n", delimiter).split(delimiter)
@@ -207,57 +208,36 @@ def tokenise(
                 columns=[fields[k::width] for k in range(width)],
             )
         else:
-            yield from _tokenise_slowly([chunk], delimiter, width, path, line, wrong)
+            yield from _tokenise_slowly([chunk], delimiter, line, odd)
         line += chunk.count("\n") + 1
-    _refuse(wrong, width, path)
 
 
 def _tokenise_slowly(
-    parts: Iterable[str],
-    delimiter: str,
-    width: int,
-    path: str,
-    first_line: int,
-    before: list[Wrong] | None = None,
+    parts: Iterable[str], delimiter: str, first_line: int, odd: Oddities
 ) -> Iterator[Block]:
     """Quotes, blank lines and rows of the wrong length, through the csv module."""
     lines: list[int] = []
     rows: list[list[str]] = []
-    wrong = [] if before is None else before
     begin = first_line
     reader = csv.reader(_lines(parts), delimiter=delimiter, strict=True, skipinitialspace=True)
     try:
         for row in reader:
             if row and (len(row) > 1 or row[0].strip()):
-                if len(row) == width:
+                if len(row) == odd.width:
                     rows.append(row)
                     lines.append(begin)
                 else:
-                    wrong.append((begin, len(row), row[0].lstrip().startswith(COMMENTS)))
+                    odd.add(begin, row)
             begin = first_line + reader.line_num
             if len(rows) == ROWS_OF_BLOCK:
                 yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
                 lines, rows = [], []
     except csv.Error as error:
         raise InputError(
-            f"{path}, line {begin}: {error}; close quotes, and double those inside a field"
+            f"{odd.path}, line {begin}: {error}; close quotes, and double those inside a field"
         ) from None
-    if before is None:
-        _refuse(wrong, width, path)
     if rows:
         yield Block(lines=np.array(lines), columns=list(zip(*rows, strict=True)))
-
-
-def _refuse(wrong: list[Wrong], width: int, path: str) -> None:
-    """An error if there are rows of the wrong length."""
-    if wrong:
-        line, found, comment = wrong[0]
-        if comment:
-            raise InputError(f"{path}, line {line}: a comment, not a row; delete such lines")
-        raise InputError(
-            f"{path}, line {line}: {counted(found, 'field')}, "
-            f"the header has {width}{more(len(wrong))}; give every row one field per column"
-        )
 
 
 def _lines(parts: Iterable[str]) -> Iterator[str]:
