@@ -40,7 +40,7 @@ SEEDS = {
         f"{t} {i} Car 0 0 0.5 {x} {y} {x + 9} {y + 9} 1 2 3 4 5 6 7\n" for i, t, x, y in ROWS
     ),
 }
-BINARY = ("parquet", "feather", "npz", "mat", "nuscenes", "argoverse")
+BINARY = ("parquet", "feather", "npy", "npz", "mat", "nuscenes", "argoverse")
 PIECES = [
     *(
         b"",
@@ -132,6 +132,9 @@ def seed_of(name: str) -> bytes:
 
     buffer = io.BytesIO()
     frame = pd.read_csv(io.StringIO(SEEDS["csv"]))
+    if name == "npy":
+        np.save(buffer, frame[["x", "y", "left"]].to_numpy().reshape(3, 3, 3))
+        return buffer.getvalue()
     if name == "npz":
         columns = {column: frame[column].to_numpy() for column in frame}
         np.savez(

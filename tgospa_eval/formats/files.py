@@ -23,13 +23,14 @@ FORMATS = {
     "visdrone": ("tgospa_eval.formats.text.visdrone", "read_visdrone"),
     "kitti": ("tgospa_eval.formats.text.kitti", "read_kitti"),
     "npz": ("tgospa_eval.formats.npz", "read_npz"),
+    "npy": ("tgospa_eval.formats.arrays", "read_npy"),
     "mat": ("tgospa_eval.formats.matlab", "read_mat"),
     "nuscenes": ("tgospa_eval.formats.nuscenes", "read_nuscenes"),
     "argoverse": ("tgospa_eval.formats.argoverse", "read_argoverse"),
 }
 """Module and function that read each format; imported when used."""
 
-PACKED = ("parquet", "feather", "npz", "mat", "nuscenes", "argoverse")
+PACKED = ("parquet", "feather", "npz", "npy", "mat", "nuscenes", "argoverse")
 """Formats whose readers know what a file unpacks to."""
 
 ROLES = ("truth", "estimate")

@@ -15,6 +15,7 @@ ENDINGS = {
     ".feather": "feather",
     ".arrow": "feather",
     ".npz": "npz",
+    ".npy": "npy",
     ".mat": "mat",
 }
 """Format by the end of a name; only first bytes come before."""
@@ -24,6 +25,7 @@ MAGIC = {
     b"ARROW1": "feather",
     b"FEA1": "feather",
     b"PK\x03\x04": "npz",
+    b"\x93NUMPY": "npy",
     b"MATLAB 5.0 MAT-file": "mat",
     b"MATLAB 7.3 MAT-file": "mat",
 }

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.arrays import array_rows, is_array
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.frames import frame_rows
 from tgospa_eval.formats.options import ReadOptions
@@ -19,7 +20,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     """The rows of an npz file, the same in either role.
 
     Arrays ``id, t, weight, x, y, ...`` of one length, as the columns of a CSV file; or only ``x``
-    with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ...
+    with the shape (P, d): then its columns are x, y, z, from four on x0, x1, ... Or an array
+    (T, k, d), see `formats.arrays`.
 
     Raises
     ------
@@ -38,6 +40,8 @@ def read_npz(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     except Exception as error:  # damaged archives end in errors of many kinds
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"{path}: no readable npz file: {reason}") from None
+    if is_array(arrays):
+        return array_rows(path, arrays, len(data), options)
     columns: dict[str, Any] = {}
     for name, array in arrays.items():
         if name == "x" and array.ndim == 2:

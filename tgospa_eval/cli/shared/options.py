@@ -32,6 +32,7 @@ FILE_FORMATS = (
     "visdrone",
     "kitti",
     "npz",
+    "npy",
     "mat",
     "nuscenes",
     "argoverse",

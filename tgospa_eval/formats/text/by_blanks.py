@@ -9,11 +9,11 @@ import re
 from tgospa_eval.formats.guess import COMMENTS
 
 QUOTED_OR_BLANKS = re.compile(r'"[^"\n]*"|[ \t]+')
-ENDS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
+OUTER_BLANKS = re.compile(r"^[ \t]+|[ \t]+$", re.MULTILINE)
 COMMENT = re.compile(rf"^[ \t]*(?:{'|'.join(map(re.escape, COMMENTS))})(?:[ \t].*)?$", re.MULTILINE)
 """A line that is a comment: no id is a mark alone."""
 
-ODD = re.compile(r'["\x0b\x0c\x1c-\x1f]')
+QUOTED_OR_ODD = re.compile(r'["\x0b\x0c\x1c-\x1f]')
 """Quotes, and blanks of other kinds."""
 
 FEWEST = 3
@@ -38,9 +38,9 @@ def header_by_blanks(line: str, after: str) -> str | None:
 def rows_by_tabs(text: str) -> tuple[str, int]:
     """The rows with tabs in place of blanks, comments as blank lines, and their number."""
     text, comments = COMMENT.subn("", text)
-    if text.isascii() and not ODD.search(text):  # ten times as fast
+    if text.isascii() and not QUOTED_OR_ODD.search(text):  # ten times as fast
         return "\n".join(map("\t".join, map(str.split, text.split("\n")))), comments
-    return _tabbed(ENDS.sub("", text)), comments
+    return _tabbed(OUTER_BLANKS.sub("", text)), comments
 
 
 def _tabbed(text: str) -> str:

@@ -1,0 +1,124 @@
+"""Arrays (T, k, d) in npy and npz files: the answer of CSV, and what is wrong with some."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tgospa_eval import Trajectories
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats import ReadOptions, read
+
+Run = Callable[..., Any]
+Write = Callable[[str, str | bytes], str]
+
+
+def npy(array: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def npz(**arrays: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def states(seed: int, size: int = 2) -> Any:
+    rng = np.random.default_rng(seed)
+    found = 9 * rng.random((1, 3, size)) + rng.normal(size=(8, 3, size))
+    found[rng.random((8, 3)) < 0.2] = np.nan
+    found[3] = np.nan  # a step without objects remains one
+    return found
+
+
+def same(found: Trajectories, want: Trajectories) -> None:
+    for name in ("step", "track", "state", "ids", "times"):
+        assert np.array_equal(getattr(found, name), getattr(want, name)), name
+    assert found.columns == want.columns
+
+
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "f4", "fortran"])
+def test_the_answer_of_the_csv_file(invoke: Run, write: Write, kind: str) -> None:
+    asked, found, want = ("-c", "5", "-g", "2", "--format", "csv"), [], []
+    for seed, name in enumerate("ab"):
+        array = states(seed)
+        array = np.asfortranarray(array) if kind == "fortran" else array.astype(kind)
+        found.append(write(f"{name}.npy", npy(array)))
+        side = Trajectories.from_array(np.asarray(array, np.float64))
+        same(read(found[-1]).trajectories, side)
+        rows = (
+            f"{k},{t},{x!r},{y!r}\n"
+            for t, step in enumerate(array.astype(float).tolist())
+            for k, (x, y) in enumerate(step)
+        )
+        want.append(write(f"{name}.csv", "id,t,x,y\n" + "".join(rows)))
+    answers = invoke(*found, *asked), invoke(*want, *asked)
+    assert answers[0].status == 0
+    assert answers[0].out == answers[1].out
+    assert "read as npy" in answers[0].err
+
+
+def test_ids_times_and_columns_beside_it(write: Write) -> None:
+    array = np.arange(12.0).reshape(2, 2, 3)
+    times = np.array(["2024-01-01T00:00:00", "2024-01-01T00:00:01"], "datetime64[ns]")
+    data = npz(anything=array, t=times, ids=["b", "a"], columns=["vx", "y", "x"])
+    side = read(write("a.npz", data)).trajectories
+    assert (side.ids.tolist(), side.columns, side.clock) == (["a", "b"], ("x", "y"), "local")
+    assert side.state[:, 0].tolist() == [5, 2, 11, 8]  # a before b
+    side = read(write("a", data), ReadOptions(columns=("vx",), attributes=("y",))).trajectories
+    assert (side.state[:, 0].tolist(), side.attributes["y"].tolist()) == (
+        [3, 0, 9, 6],
+        [4, 1, 10, 7],
+    )
+    side = read(write("a.npz", npz(s=array, times=[5, 7], columns=["p", "q", "r"]))).trajectories
+    assert (side.columns, side.times.tolist()) == (("p", "q", "r"), [5, 7])
+    four = write("b.npy", npy(states(0, 4)))
+    assert read(four).trajectories.columns == ("x0", "x1", "x2", "x3")
+    boxes = read(write("c.npy", npy(np.ones((1, 1, 4)))), ReadOptions(boxes=True)).trajectories
+    assert boxes.columns == ("left", "top", "width", "height")
+    empty = read(write("d.npy", npy(np.zeros((4, 0, 2)))))
+    assert (empty.rows, empty.trajectories.columns) == (0, ("x", "y"))
+
+
+SQUARE = np.zeros((2, 2, 2))
+HUGE = npy(SQUARE).replace(b"(2, 2, 2)", b"(2, 2,99)")
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("a.npy", b"", "is empty"),
+        ("a.npy", npy(np.zeros((2, 2))), r"shape \(2, 2\); states have the axes \(T, k, d\)"),
+        ("a.npy", npy(SQUARE)[:-1], "63 bytes where 64 should be"),
+        ("a.npy", HUGE, "64 bytes where 3,168 should be"),
+        ("a.npy", npy(SQUARE)[:40], "no readable npy file"),
+        ("a.npy", b"\x93NUMPY\x09\x00" + bytes(99), "no readable npy file"),
+        ("a.npy", npy(np.full((1, 1, 1), None)), "Python objects"),
+        ("a.npy", npy(SQUARE.astype(complex)), "type complex128; they must be numbers"),
+        ("a.npy", npy(SQUARE[:, :, :0]), "the last axis has coordinates"),
+        ("a.npy", npy(SQUARE + np.inf), 'row 0, column "x": infinite'),
+        ("a.npz", npz(a=SQUARE, b=SQUARE), r"arrays a \(2, 2, 2\), b \(2, 2, 2\); beside one"),
+        ("a.npz", npz(a=SQUARE, weight=[1]), "beside one array"),
+        ("a.npz", npz(a=SQUARE, t=[1]), r"t has the shape \(1,\), the states need \(2,\)"),
+        ("a.npz", npz(a=SQUARE, columns=["x", "x"]), "x, x: a name is there twice"),
+        ("a.npz", npz(a=SQUARE, columns=["x", "t"]), "a column of the states is named t"),
+        ("a.npz", npz(a=SQUARE, ids=["a", "a"]), 'id "a" at t 0 was given before'),
+        ("a.npz", npz(a=SQUARE, t=[0, np.nan]), "not a finite time|blank time"),
+    ],
+)
+def test_what_is_wrong(write: Write, name: str, data: bytes, message: str) -> None:
+    path = write(name, data)
+    with pytest.raises(InputError, match=message):
+        read(path)
+
+
+def test_room(write: Write) -> None:
+    path = write("a.npy", npy(np.zeros((100, 100, 2))))
+    with pytest.raises(InputError, match=r"states of shape \(100, 100, 2\): reading it takes some"):
+        read(path, ReadOptions(max_input=0.001))
+    assert Path(path).stat().st_size < 1_000_000

@@ -1,0 +1,157 @@
+"""Arrays of NumPy (T, k, d), NaN where an object is absent: npy files, and npz with one."""
+
+import io
+from collections.abc import Mapping
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.columns.asked import BOX
+from tgospa_eval.formats.columns.roles import find_roles
+from tgospa_eval.formats.frames import frame_rows
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.room import TABLE, check_room
+from tgospa_eval.formats.rows import Rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+AXES = 3
+NAMES_OF_TIMES, NAMES_OF_IDS = ("t", "times"), ("id", "ids")
+AXIS_ARRAYS = {"times": (NAMES_OF_TIMES, 0), "ids": (NAMES_OF_IDS, 1), "columns": (("columns",), 2)}
+"""Arrays that may be beside the states: their names, and the axis that they name."""
+
+STATE_NAMES = {"x", "lat", "left"}
+"""Columns by which states are found, as in tables."""
+
+Array = NDArray[np.generic]
+
+
+def read_npy(path: str, data: bytes, options: ReadOptions, role: str, *, given: bool) -> Rows:  # noqa: ARG001
+    """The rows of an npy file, the same in either role; ids and times count from 0.
+
+    Raises
+    ------
+    InputError
+        The file is no npy, or its array has not three axes; or see `formats.read`.
+    """
+    if not data:
+        raise InputError(f"{path}: the file is empty; a set without objects has shape (T, 0, d)")
+    states = _array(path, data)
+    if states.ndim != AXES:
+        raise InputError(
+            f"{path}: an array of shape {states.shape}; states have the axes (T, k, d), with NaN "
+            "where an object is absent"
+        )
+    return array_rows(path, {"states": states}, len(data), options)
+
+
+def _array(path: str, data: bytes) -> Array:
+    """The array of an npy file, which has as many bytes as its header says."""
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read = np.lib.format.read_array_header_2_0
+        if version == (1, 0):
+            read = np.lib.format.read_array_header_1_0
+        shape, in_columns, kind = read(stream)
+    except Exception as error:  # a header is parsed as Python: damage ends in any fault
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError(f"{path}: no readable npy file: {reason}") from None
+    size, there = prod(shape) * kind.itemsize, len(data) - stream.tell()
+    if kind.hasobject or size != there or min(shape, default=1) < 0:
+        what = "Python objects" if kind.hasobject else f"{there:,} bytes where {size:,} should be"
+        raise InputError(f"{path}: no readable npy file: {what}")
+    values = np.frombuffer(data, kind, offset=stream.tell())
+    return values.reshape(shape, order="F" if in_columns else "C")
+
+
+def is_array(arrays: Mapping[str, Array]) -> bool:
+    """Whether one of the arrays of an npz file has the axes (T, k, d)."""
+    return any(array.ndim == AXES for array in arrays.values())
+
+
+def array_rows(path: str, arrays: Mapping[str, Array], file: int, options: ReadOptions) -> Rows:
+    """The rows of an array (T, k, d), with ids, times and names of columns beside it.
+
+    Raises
+    ------
+    InputError
+        There are several, arrays of other names, or of other lengths.
+    """
+    import pandas as pd
+
+    deep = [name for name, array in arrays.items() if array.ndim == AXES]
+    known = [name for names, _ in AXIS_ARRAYS.values() for name in names]
+    others = [name for name in arrays if name not in (*deep[:1], *known)]
+    if others:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise InputError(
+            f"{path}: arrays {shapes}; beside one array of states (T, k, d) may be t (T,), "
+            "ids (k,) and columns (d,)"
+        )
+    states = arrays[deep[0]]
+    steps, objects, size = states.shape
+    if not size:
+        raise InputError(f"{path}: states of shape {states.shape}; the last axis has coordinates")
+    if states.dtype.kind not in "iuf":
+        raise InputError(f"{path}: states of type {states.dtype}; they must be numbers")
+    what = f"states of shape {states.shape}"
+    check_room(path, TABLE * 8 * steps * objects * (size + 2), file, options.max_input, what)
+    times, ids, columns = (
+        _beside(path, arrays, names, states.shape[axis]) for names, axis in AXIS_ARRAYS.values()
+    )
+    if columns is None:
+        columns = np.array(_default_names(size, boxes=options.boxes))
+    names = [str(name).strip() for name in columns]
+    taken = {"id", "t"} & set(names)
+    if taken:
+        raise InputError(f"{path}: a column of the states is named {min(taken)}; name it otherwise")
+    table: dict[str, Array] = {
+        "id": np.tile(np.arange(objects) if ids is None else ids, steps),
+        "t": np.repeat(np.arange(steps) if times is None else times, objects),
+    }
+    flat = states.reshape(steps * objects, size).astype(np.float64)
+    table |= {name: flat[:, k] for k, name in enumerate(names)}
+    if len(table) < size + 2:
+        raise InputError(f"{path}: columns {', '.join(names)}: a name is there twice; rename one")
+    return _rows(path, pd.DataFrame(table), names, options)
+
+
+def _default_names(size: int, *, boxes: bool) -> list[str]:
+    """Names of so many coordinates."""
+    if boxes and size == len(BOX):
+        return list(BOX)
+    return list("xyz"[:size]) if size <= AXES else [f"x{k}" for k in range(size)]
+
+
+def _rows(path: str, frame: "pd.DataFrame", names: list[str], options: ReadOptions) -> Rows:
+    """The rows of the table; columns without the usual names of states are states all the same."""
+    from dataclasses import replace
+
+    asked = options
+    if options.columns is None and not options.boxes and not STATE_NAMES & set(names):
+        asked = replace(options, columns=tuple(names))
+    return frame_rows(frame, find_roles(list(frame.columns), asked, path), path, options.decimal)
+
+
+def _beside(
+    path: str, arrays: Mapping[str, Array], names: tuple[str, ...], length: int
+) -> Array | None:
+    """The array of one of the names, None where there is none.
+
+    Raises
+    ------
+    InputError
+        It has another length.
+    """
+    name = next((name for name in names if name in arrays), None)
+    if name is None:
+        return None
+    found = arrays[name]
+    if found.shape != (length,):
+        raise InputError(f"{path}: {name} has the shape {found.shape}, the states need ({length},)")
+    return found
