@@ -125,6 +125,8 @@ def test_time_weighted(
 
 
 def test_distances_are_those_of_the_states_whatever_a_step_counts() -> None:
+    series = pd.Series([100.0, 10.0, 1.0], index=[2, 1, 0])  # by its index, in any order
+    assert evaluate(X, tracks([1, 2, 3]), 5, 2, 1, step_weights=series).total == 1 + 40 + 900
     result = evaluate(X, tracks([1, 2, 3]), 5, 2, 1, step_weights=[1.0, 10.0, 100.0])
     assert result.assignments.distance.tolist() == pytest.approx([1, 2, 3])
     assert result.assignments.cost.tolist() == pytest.approx([1, 40, 900])

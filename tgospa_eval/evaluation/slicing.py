@@ -90,7 +90,10 @@ def parse_slices(texts: str | Iterable[str], *, summed: bool = False) -> tuple[S
         One cannot be understood, or is given twice.
     """
     found: dict[str, SliceBy] = {}
-    for text in [texts] if isinstance(texts, str) else texts:
+    several = [texts] if isinstance(texts, str) or not isinstance(texts, Iterable) else texts
+    for text in several:
+        if not isinstance(text, str):
+            raise ConfigError(f"--slice {text!r}: must be a text such as range=0:50:100")
         parts = [part.strip() for part in text.split(CROSSED.strip())]
         if len(parts) > MOST_CROSSED:
             raise ConfigError(f"--slice {quoted(text)}: at most two attributes can be crossed")

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from tgospa_eval.evaluation.sides import ArrowTable
 
 StepWeightsLike: TypeAlias = (
-    "Mapping[object, float] | pd.DataFrame | ArrowTable | Floats | str | os.PathLike[str]"
+    "Mapping[object, float] | pd.Series[float] | pd.DataFrame | ArrowTable | Floats | str | "
+    "os.PathLike[str]"
 )
 """Time to weight, a table ``t, weight[, switch_weight]``, an array (T,), a path."""
 
@@ -43,6 +44,8 @@ def as_step_weights(given: "StepWeightsLike | None") -> WeightsByTime | None:
         return read_step_weights(os.fspath(given))
     import pandas as pd  # here: files do without
 
+    if isinstance(given, pd.Series):  # by its index, as a mapping
+        given = dict(given.items())
     frame = as_frame(given, GIVEN)
     if frame is None and isinstance(given, Mapping):
         frame = pd.DataFrame({"t": list(given.keys()), "weight": list(given.values())})

@@ -55,8 +55,8 @@ def explain(
     ConfigError
         `top` is less than 1, or the result knows nothing of its data.
     """
-    if top < 1:
-        raise ConfigError(f"top is {top}: must be at least 1")
+    if not isinstance(top, int | np.integer) or top < 1:
+        raise ConfigError(f"top is {top!r}: must be a whole number, at least 1")
     source = result.source
     if not isinstance(source, Source):
         raise ConfigError("the result was not made by evaluate, and knows nothing of its data")

@@ -63,7 +63,8 @@ class Sliding:
         are of one length and no step is left out.
         """
         size = min(self.size, steps)
-        first = np.arange(0, steps - size + 1, self.every) if steps else np.zeros(0, np.int64)
+        every = min(self.every, size)  # numbers of any size are asked for
+        first = np.arange(0, steps - size + 1, every) if steps else np.zeros(0, np.int64)
         if len(first) and first[-1] + size < steps:
             first = np.append(first, steps - size)
         return first, first + size - 1

@@ -361,9 +361,19 @@ def test_what_is_refused(asked: str, message: str) -> None:
         evaluate(table(TRUTH), table(ESTIMATE), 2, 1, 1, slices=[asked])
 
 
+def test_quarters_are_those_of_a_side_with_finite_numbers() -> None:
+    many = pd.DataFrame({"id": "a", "t": np.arange(30.0), "x": 0.0, "far": np.inf})
+    result = evaluate(many, many.assign(far=np.arange(30.0)), 2, 1, 1, slices="far")
+    names = [one.name for one in result.slices()[0].slices]
+    assert names == ["below 7", "7 to 14", "14 to 21", "21 and more"]
+
+
 def test_refused_later() -> None:
     with pytest.raises(ConfigError, match="given twice"):
         evaluate(table(TRUTH), table(ESTIMATE), slices=["x", "x"])
+    for wrong in (3, ["x", 3]):
+        with pytest.raises(ConfigError, match="slices 3: must be a text"):
+            evaluate(table(TRUTH), table(ESTIMATE), slices=wrong)  # type: ignore[arg-type]
     result = evaluate(table(TRUTH), table(ESTIMATE), 2, 1, 1)
     with pytest.raises(ConfigError, match="neither side has such a column"):
         result.slices("lane")

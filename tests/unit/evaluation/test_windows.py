@@ -134,6 +134,12 @@ def test_wrong_windows_are_refused(window: Any, every: Any, message: str) -> Non
         evaluate(np.zeros((2, 1, 1)), np.zeros((2, 1, 1)), window=window, every=every)
 
 
+def test_a_window_may_be_asked_for_of_any_length() -> None:
+    still = np.zeros((2, 1, 1))
+    for every in (None, 10**29):
+        assert len(evaluate(still, still, window=10**30, every=every).windows) == 1
+
+
 def test_few_stretches_are_solved_and_each_once(monkeypatch: pytest.MonkeyPatch) -> None:
     # 3 of 4 pairs live within a window or two; the last pair changes its track in the middle.
     truth, estimate = np.full((2, 60, 4, 1), np.nan)

@@ -141,7 +141,7 @@ def members(
             for side in numbers
         ]
         return _numbered(names, inside, rows)
-    edges = _quarters(next(side for side in found if len(side)))
+    edges = _quarters(next(side for side in found if np.isfinite(side).any()))
     if summed:
         shown = ":".join(f"{edge:g}" for edge in edges)
         raise ConfigError(
