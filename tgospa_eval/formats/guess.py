@@ -46,7 +46,9 @@ ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
 SCHEMA_BYTES = 1 << 14
 """Bytes of a Feather file in which the names of its columns are."""
 
-VARIABLE = re.compile(r"(.+\.mat):([A-Za-z]\w*)", re.IGNORECASE | re.DOTALL)
+VARIABLE = re.compile(
+    r"(.+\.mat(?:\.gz|\.gzip|\.zst|\.zstd)?):([A-Za-z]\w*)", re.IGNORECASE | re.DOTALL
+)
 """A file of MATLAB and one of its variables."""
 
 
@@ -76,7 +78,7 @@ def guess(path: str, data: bytes) -> str:
     if suffix and suffix[0] in ENDINGS:
         return ENDINGS[suffix[0]]
     head = data[:GUESSED_FROM].decode("utf-8-sig", "replace").lstrip()
-    if re.match(RESULTS, head):
+    if re.match(RESULTS, head) or (head[:1] == "[" and is_table_folder(os.path.dirname(path))):
         return "nuscenes"
     every = re.split(r"[\r\n]+", head)
     # A file of comments so far is a table, or none.

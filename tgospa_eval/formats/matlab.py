@@ -55,8 +55,10 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
             f"compared; of positions and velocities name the positions: --columns x=x0,y=x2"
         )
     if len(sets) > 1 and file_of(path) == path:
-        others = listed([other for other in sets if other != name])
-        notices.append(f"variable {name}; {file_of(path)}:NAME reads another ({others})")
+        other = next(other for other in sets if other != name)
+        is_named = file_of(f"{path}:{other}") == path  # not where it comes by a pipe
+        way = f"; {path}:{other} reads another" if is_named else ""
+        notices.append(f"variable {name} of {listed(list(sets))}{way}")
     roles = find_roles(["id", "t", *names], asked, path, fixed=True)
     return tracks.rows(path, replace(roles, passed=(*roles.passed, *notices)))
 

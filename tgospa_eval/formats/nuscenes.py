@@ -91,6 +91,9 @@ def _results(path: str, data: bytes, options: ReadOptions) -> Mapping[str, Any]:
     """Objects by sample."""
     document = load_json(path, data, options)
     results = document.get("results") if isinstance(document, dict) else None
+    folder = os.path.dirname(path) or "."
+    if isinstance(document, list) and is_table_folder(folder):
+        raise InputError(f"{path}: one of the tables of nuScenes; name their folder, {folder}")
     if not isinstance(results, dict):
         raise InputError(
             f'{path}: no results of nuScenes; they are {{"meta": ..., "results": {{sample token: '

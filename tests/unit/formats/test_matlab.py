@@ -1,5 +1,6 @@
 """MAT files: the answer of the CSV files, which variable, and what is refused."""
 
+import gzip
 import io
 import shutil
 import struct
@@ -86,6 +87,10 @@ def test_holes_one_trajectory_none_and_many_components(run: Run, tmp_path: Path)
 def test_which_variable(invoke: Run, tmp_path: Path) -> None:
     shutil.copy(RUN, tmp_path / "run.mat")
     assert invoke("run.mat", "run.mat", "-c", "10", "-g", "5").status == 0
+    (tmp_path / "run.mat.gz").write_bytes(gzip.compress(RUN.read_bytes()))
+    plainly = read("run.mat:Y").trajectories
+    assert np.array_equal(read("run.mat.gz:Y").trajectories.state, plainly.state)
+    assert "variable X of X, Y; run.mat.gz:Y reads another" in read("run.mat.gz").notices
     answer = invoke("run.mat:X", "run.mat:Z")
     assert (answer.status, answer.out) == (3, "")
     assert 'run.mat:Z: no set of trajectories "Z" (there are: X, Y)' in answer.err

@@ -123,6 +123,11 @@ def test_where_the_tables_are_found(invoke: Run, results: Path, tables: Path) ->
         shutil.copy(tables / name, results.parent / name)
     assert invoke("inspect", str(results)).status == 0
     assert invoke(str(tables), "nothing.json").status == 3
+    answer = invoke(str(tables / "sample.json"), str(results))
+    assert f"sample.json: one of the tables of nuScenes; name their folder, {tables}" in answer.err
+    (results.parent / "sample.json").unlink()
+    answer = invoke(str(results.parent), str(results))
+    assert (answer.status, "is a folder, not a file; in it: tables" in answer.err) == (3, True)
 
 
 @pytest.mark.parametrize(

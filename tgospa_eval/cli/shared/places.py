@@ -8,11 +8,11 @@ from itertools import product
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.guess import is_table_folder
+from tgospa_eval.formats.guess import SAMPLES, is_table_folder
 from tgospa_eval.formats.unpack import plain_name
 from tgospa_eval.text import listed
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz")
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".feather", ".arrow", ".npz", ".mat")
 ASIDE = {"det", "img1", "seqmaps"}
 """Folders of MOTChallenge without tracks."""
 
@@ -78,7 +78,7 @@ def find_place(path: str) -> Place | None:
 
 
 def _files(folder: str) -> Iterator[str]:
-    """Tables below a folder, by their paths from there."""
+    """Tables, and folders of those of nuScenes, below a folder, by their paths from there."""
     count = 0
     for parent, folders, files in os.walk(folder):
         inner = os.path.relpath(parent, folder).replace(os.sep, "/")
@@ -87,6 +87,10 @@ def _files(folder: str) -> Iterator[str]:
             name for name in folders if name not in ASIDE and name[0] != "." and depth + 1 < DEEP
         )
         count += len(files)
+        if SAMPLES in files and inner != ".":
+            folders.clear()
+            yield inner
+            continue
         for name in sorted(files):
             if plain_name(name).endswith(SUFFIXES):
                 yield name if inner == "." else f"{inner}/{name}"
