@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-fallback coverage fuzz bench lint docs lock clean
+.PHONY: demo test test-fallback coverage fuzz bench lint docs man lock clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
@@ -38,6 +38,10 @@ lint: .venv/installed-dev
 
 docs: .venv/installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+# The page of man, from the page of the command line.
+man: .venv/installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -q -b man docs docs/_build/man
 
 # The versions that development uses: the newest that pyproject.toml allows.
 lock: .venv/bin/python

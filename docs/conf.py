@@ -25,6 +25,10 @@ napoleon_use_rtype = False
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 
+man_pages = [
+    ("reference/cli", "tgospa-eval", "evaluate a multi-target tracker with TGOSPA", [author], 1)
+]
+
 html_theme = "furo"
 html_title = f"tgospa-eval {__version__}"
 html_static_path = ["_static"]
@@ -67,7 +71,16 @@ def restore_docstring(app, what, name, obj, options, lines):
         lines[:] = _plain.pop(name)
 
 
+def without_pages(app, document, docname):
+    """A page of man stands alone: of a link to another page the words stay."""
+    if app.builder.name == "man":
+        for link in list(document.findall(nodes.reference)):
+            if "://" not in link.get("refuri", ""):
+                link.replace_self(link.children)
+
+
 def setup(app):
+    app.connect("doctree-resolved", without_pages)
     app.connect("autodoc-process-docstring", keep_docstring, priority=400)
     app.connect("autodoc-process-docstring", restore_docstring, priority=600)
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math_block, None))

@@ -1,9 +1,14 @@
 """The group of verbs: finds the verb among the arguments."""
 
+from typing import TYPE_CHECKING
+
 import click
 
 from tgospa_eval._version import __version__
 from tgospa_eval.cli.verbs import VERBS, load
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
 
 
 class Verbs(click.Group):
@@ -42,6 +47,23 @@ class Verbs(click.Group):
                 args = ["evaluate", *args]
         return super().parse_args(ctx, args)
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> "list[CompletionItem]":
+        """What the first word may be: a verb, a file or an option of evaluate."""
+        from click.shell_completion import CompletionItem  # here: few runs are completions
+
+        if incomplete.startswith("-"):
+            evaluate = self.get_command(ctx, "evaluate")
+            found = super().shell_complete(ctx, incomplete)
+            return [*found, *(evaluate.shell_complete(ctx, incomplete) if evaluate else ())]
+        verbs = [
+            CompletionItem(name, help=about)
+            for name, (_, about) in VERBS.items()
+            if name.startswith(incomplete)
+        ]
+        if not verbs:
+            return [CompletionItem(incomplete, type="file")]
+        return [*verbs, *map(CompletionItem, _files_like(incomplete))]
+
     def _first_argument(self, ctx: click.Context, args: list[str]) -> int | None:
         """Position of the first argument that is neither an option nor the value of one."""
         if not args[0].startswith("-"):
@@ -69,6 +91,22 @@ class Verbs(click.Group):
             else:
                 return at
         return None
+
+
+def _files_like(begin: str) -> list[str]:
+    """Files in the current folder, as the shell would offer them if there were no verbs.
+
+    Shells take a name with a blank for several: it is completed from a letter on that no verb has.
+    """
+    import os  # here: as above
+
+    try:
+        with os.scandir() as entries:
+            names = [entry.name + os.sep * entry.is_dir() for entry in entries]
+    except OSError:
+        return []
+    plain = (name for name in names if name.isprintable() and not set(name) & set(" \"'\\"))
+    return sorted(name for name in plain if name.startswith(begin) and not name.startswith("."))
 
 
 def _check_word(ctx: click.Context, word: str) -> None:
