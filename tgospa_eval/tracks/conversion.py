@@ -7,7 +7,6 @@ the same double; whole numbers stay exact.
 import math
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from decimal import Context, Decimal, Overflow
 from typing import cast
 
 import numpy as np
@@ -19,7 +18,7 @@ from tgospa_eval.tracks.trajectories import CLOCKS, Floats, TimeArray, Trajector
 
 NANO = 1_000_000_000
 EXACT_INTEGERS = 2.0**53
-PRECISE = Context(prec=60, traps=[Overflow])
+DIGITS_OF_SUMS = 60
 """More than a stamp, a factor and an offset have together."""
 
 ANGULAR = ("lat", "lon")
@@ -86,9 +85,16 @@ class Conversion:
             texts = np.empty(len(moved), dtype=object)
             texts[:] = [_iso(moment, clock) for moment in moved.tolist()]
             return moved, texts
+        from decimal import (  # here: slow to import, and few clocks differ
+            Context,
+            Decimal,
+            Overflow,
+        )
+
+        exact = Context(prec=DIGITS_OF_SUMS, traps=[Overflow])
         factor, offset = Decimal(repr(self.time_scale)), Decimal(repr(self.time_offset))
         try:
-            found = [PRECISE.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
+            found = [exact.fma(Decimal(repr(time)), factor, offset) for time in times.tolist()]
         except Overflow:
             raise ConfigError(_beyond(name)) from None
         size = max(abs(found[0]), abs(found[-1]))
@@ -114,6 +120,8 @@ class Conversion:
             raise ConfigError(
                 f"--time-scale is for times that are numbers; {name} has {CLOCKS[clock]}"
             )
+        from decimal import Decimal  # here: as above
+
         by = int((Decimal(repr(self.time_offset)) * NANO).to_integral_value())
         if not all(-(2**63) <= int(end) + by < 2**63 for end in (times[0], times[-1])):
             raise ConfigError(_beyond(name))

@@ -5,6 +5,8 @@ per-step GOSPA cost, of a clock at least that of common tracks, where what is ne
 or where a side cannot mean what it seems to.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from tgospa_eval.common.notices import Notice, Spelling, as_option
@@ -16,8 +18,10 @@ from tgospa_eval.evaluation.diagnosis.sides import side_warnings
 from tgospa_eval.evaluation.diagnosis.states import state_warnings
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.tracks.alignment import Alignment, TimeMatching
-from tgospa_eval.tracks.interpolation import Interpolated
 from tgospa_eval.tracks.trajectories import Trajectories
+
+if TYPE_CHECKING:
+    from tgospa_eval.tracks.interpolation import Interpolated
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of states that nobody has
@@ -55,7 +59,7 @@ def diagnose(
     return found
 
 
-def interpolation_notice(made: Interpolated, matching: TimeMatching) -> Notice:
+def interpolation_notice(made: "Interpolated", matching: TimeMatching) -> Notice:
     """What was interpolated, and what was not used for it."""
     side = str(matching.interpolate)
     other = "truth" if side == "estimate" else "estimate"
