@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from decimal import Decimal
 
 import numpy as np
 
@@ -208,6 +207,8 @@ def plain_id(text: str) -> str:
     text = text.strip()
     if text.isdigit() or "_" in text or not text.isascii():
         return text
+    from decimal import Decimal  # here: slow to import, and few numbers are ids
+
     try:
         if not math.isfinite(float(text)):
             return text
