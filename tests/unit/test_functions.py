@@ -183,13 +183,16 @@ def test_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(BatchOptions, "engine", Here())
     write_runs(2)
     patterns = {"truth": "gt/{run}.csv", "estimate": "out/{tracker}/{run}.csv"}
-    found = batch(**patterns, output="store", cutoff=10.0, by="tracker", workers=1)
+    found = batch(**patterns, output="store", cutoff=10.0, by="tracker", with_="gospa")
     assert found.rows["total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
     assert found.groups["total"].tolist() == pytest.approx([10.0, 40.0])
     assert not found.faults
+    assert found.rows["with.gospa.total"].tolist() == pytest.approx([5.0, 5.0, 20.0, 20.0])
     assert "tracker" in str(found)
     Path("out/b/1.csv").write_text("id,t,x,y\n1,0,0,oops\n", encoding="utf-8")
-    again = batch(**patterns, output="store", cutoff=10.0, workers=1)
+    with pytest.raises(ConfigError, match=r"^output store: holds a batch with other settings"):
+        batch(**patterns, output="store", cutoff=9.0)
+    again = batch(**patterns, output="store", cutoff=10.0, with_=["gospa"])
     assert len(again.faults) == 1
     assert "oops" in again.faults[0]
     with pytest.raises(ConfigError, match='unknown key "cutof"; did you mean cutoff'):

@@ -124,6 +124,7 @@ def in_python(text: str, *, reads: bool = True) -> str:
             "leave out the other columns of a DataFrame, or read files with ",
         )
     spelt = re.sub(_OPTION, _argument, text.replace("--covariance FILE, or ", ""))
+    spelt = re.sub(r"(?<!\S)-o(?= )", "output", spelt)
     return f"{spelt} (see read_trajectories)" if not reads and re.search(_READING, spelt) else spelt
 
 

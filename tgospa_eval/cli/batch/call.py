@@ -11,7 +11,7 @@ from tgospa_eval.cli.batch.run import finish_batch, work_batch
 from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import spoken_in_python
+from tgospa_eval.common.notices import in_python, spoken_in_python
 from tgospa_eval.reports.batch import BATCH_REPORTS
 from tgospa_eval.reports.batch_records import BatchTables
 
@@ -66,6 +66,9 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
     reports: bool = False,
     proof: bool = False,
     per_step: bool = False,
+    curve: bool = False,
+    with_: str | Iterable[str] = (),
+    slices: str | Iterable[str] = (),
     mean_of_roots: bool = False,
     force: bool = False,
     **options: Any,
@@ -90,8 +93,10 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
         Processes; as many as there are cores by default.
     scheduler : str, optional
         Address of a Dask cluster to use instead.
-    allow_missing, retry_failed, reports, proof, per_step, mean_of_roots, force : bool
+    allow_missing, retry_failed, reports, proof, per_step, curve, mean_of_roots, force : bool
         As the options of the command.
+    with_, slices : str or iterable of str
+        As for `evaluate`.
     **options
         Of the evaluations, by the names of the options: ``cutoff``, ``switch_penalty``,
         ``distance``, ``columns``, ``time``, ``class`` ...
@@ -108,13 +113,21 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
     """
     context = click.Context(click.Command("batch"))
     asked = {name.rstrip("_").replace("_", "-"): value for name, value in options.items()}
-    chosen = EvaluationOptions.of({**typed_options(context, asked, "batch"), "summed": True})
+    chosen = EvaluationOptions.of(
+        {
+            **typed_options(context, asked, "batch"),
+            "summed": True,
+            "curve": curve,
+            "with_": ",".join(_each(with_)) or None,
+            "slices": _each(slices),
+        }
+    )
     jobs = BatchOptions(
         truth=truth,
         estimate=estimate,
         layout=layout,
         seqmap=None if seqmap is None else os.fspath(seqmap),
-        by=(by,) if isinstance(by, str) else tuple(by),
+        by=_each(by),
         workers=workers,
         scheduler=scheduler,
         allow_missing=allow_missing,
@@ -127,4 +140,9 @@ def batch(  # noqa: PLR0913  (public: settings are keywords)
     target = OutputOptions(output=os.fspath(output), force=force, quiet=True)
     worked = work_batch(context, tuple(os.fspath(path) for path in paths), jobs, chosen, target)
     faults, _ = finish_batch(worked, jobs, target)
-    return Batch(tables=worked.tables, faults=tuple(faults))
+    return Batch(tables=worked.tables, faults=tuple(map(in_python, faults)))
+
+
+def _each(given: str | Iterable[str]) -> tuple[str, ...]:
+    """A text, or several."""
+    return (given,) if isinstance(given, str) else tuple(given)
