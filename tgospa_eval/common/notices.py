@@ -85,6 +85,7 @@ def warn_user(notices: Iterable[Notice], spoken: Callable[[str], str] = str) -> 
 
 RENAMED = {
     "class": "classes",
+    "max": "limits",
     "fix-cov": "fix_covariance",
     "missing-cov": "missing_covariance",
     "truth-columns": "columns",

@@ -124,9 +124,9 @@ def of_mapping(
         states.append(_states(value, where))
         if moments is not None:
             times.append(moments)
-            if len(_listed(moments)) != len(states[-1]):
+            if len(_listed(moments, where)) != len(states[-1]):
                 raise InputError(
-                    f"{where}: {len(_listed(moments))} times and {len(states[-1])} states"
+                    f"{where}: {len(_listed(moments, where))} times and {len(states[-1])} states"
                 )
     first = states[0]
     for key, found in zip(tracks, states, strict=True):
@@ -137,7 +137,9 @@ def of_mapping(
                 "pairs of times and states, the same T; NaN where a track is absent"
             )
     if times:
-        together = times_of([moment for moments in times for moment in _listed(moments)], name)
+        together = times_of(
+            [moment for moments in times for moment in _listed(moments, name)], name
+        )
     else:
         together = times_of(np.tile(np.arange(len(first)), len(states)), name)
     track = np.repeat(np.arange(len(states)), [len(found) for found in states])
@@ -169,12 +171,17 @@ def of_tracks(
     ids, track, times, states, covariances, clouds = [], [], [], [], [], []
     for number, path in enumerate(tracks):
         ids.append(getattr(path, "id", number))
-        for moment, state in {state.timestamp: state for state in path.states}.items():
-            where = f"{name}, track {quoted(ids[-1])}"
+        where = f"{name}, track {quoted(ids[-1])}"
+        if not isinstance(path.states, Iterable):
+            raise InputError(f"{where}: states is of the type {type(path.states).__name__}")
+        by_time = {getattr(state, "timestamp", None): state for state in path.states}
+        for moment, state in by_time.items():
             if moment is None:
                 raise InputError(f"{where}: a state without timestamp")
             vector = getattr(state, "mean", None)
-            vector = state.state_vector if vector is None else vector
+            vector = getattr(state, "state_vector", None) if vector is None else vector
+            if vector is None:
+                raise InputError(f"{where}: a state without state_vector")
             chosen = _components(mapping, np.size(vector), name)
             track.append(number)
             times.append(moment)
@@ -299,13 +306,16 @@ def _timed(made: Trajectories, times: "Times") -> Trajectories:
     return replace(made, times=cast("TimeArray", moments), clock=times.clock, labels=labels)
 
 
-def _listed(moments: object) -> Sequence[Any]:
+def _listed(moments: object, where: str) -> Sequence[Any]:
     """Times one by one."""
     if isinstance(moments, (list, tuple)):
         return moments
     if hasattr(moments, "tolist") and not hasattr(moments, "dtype"):
         return list(moments.tolist())
-    return list(array_of(moments, "times"))
+    array = array_of(moments, f"{where}: times")
+    if array.ndim != 1:
+        raise InputError(f"{where}: times of shape {array.shape}; must be (T,)")
+    return list(array)
 
 
 def times_of(moments: object, name: str) -> "Times":
@@ -347,7 +357,10 @@ def numbers_of(value: object, where: str) -> Floats:
         They are none.
     """
     try:
-        return np.asarray(value, np.float64)
+        found = np.asarray(value)
+        if found.dtype.kind not in "biufO":
+            raise TypeError(f"not of type {found.dtype}")
+        return found.astype(np.float64, copy=False)
     except (TypeError, ValueError) as error:
         raise InputError(f"{where}: a state holds numbers: {error}") from None
 

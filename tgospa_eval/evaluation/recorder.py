@@ -93,7 +93,7 @@ class Recorder:
             side.add(len(self._times) - 1, *frame)
 
     def _check_time(self, t: Any, where: str) -> None:
-        if t is None or t != t:
+        if t is None or np.ndim(t) or t != t:
             raise InputError(f"{where}: no time; give a number or a datetime")
         if not self._times:
             return
@@ -175,6 +175,8 @@ def _frame(ids: object, states: object, where: str) -> tuple[list[str], Floats]:
     from tgospa_eval.formats.frames import id_text  # here: as pandas
 
     listed = ids if isinstance(ids, (list, tuple)) else array_of(ids, f"{where}, ids").tolist()
+    if not isinstance(listed, (list, tuple)):
+        raise InputError(f"{where}: ids are of the type {type(ids).__name__}; must be a sequence")
     names = [id_text(value, where) for value in listed]
     if len(set(names)) < len(names):
         twice = next(text for k, text in enumerate(names) if text in names[:k])

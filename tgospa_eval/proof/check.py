@@ -131,7 +131,8 @@ def _folders(folder: str) -> list[str]:
         if found:
             return found
     raise InputError(
-        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes one"
+        f"{folder}: there is no proof.json in it; evaluate TRUTH ESTIMATE -o DIR --proof writes "
+        "one, in Python Result.proof.save(folder)"
     )
 
 
