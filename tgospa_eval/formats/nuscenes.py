@@ -13,7 +13,13 @@ import numpy as np
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import find_roles
 from tgospa_eval.formats.guess import SAMPLES, is_table_folder
-from tgospa_eval.formats.nuscenes_tables import Samples, load_json, read_samples, table
+from tgospa_eval.formats.nuscenes_tables import (
+    Samples,
+    is_unicode,
+    load_json,
+    read_samples,
+    table,
+)
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, number_ids
 from tgospa_eval.formats.times import Times
@@ -119,6 +125,8 @@ def _tracks(path: str, results: Mapping[str, Any], samples: Samples) -> Iterator
         scene = samples.scene[token]
         for k, item in enumerate(objects, start=1):
             try:
+                if not isinstance(item, dict):
+                    raise TypeError("no object with keys")
                 if "tracking_id" not in item and "detection_name" in item:
                     raise ValueError("a detection; TGOSPA compares tracks, with a tracking_id")
                 name, klass = _text(item, "tracking_id"), _text(item, "tracking_name")
@@ -177,7 +185,7 @@ def _where(path: str, item: _Object) -> str:
 def _text(item: Mapping[str, Any], key: str) -> str:
     """An id or a class, which some write as a number."""
     value = item.get(key)
-    if type(value) not in (str, int) or not str(value).strip():
+    if type(value) not in (str, int) or not str(value).strip() or not is_unicode(str(value)):
         raise ValueError(f"{_lack(item, key)}; it must be a text")
     return str(value).strip()
 

@@ -78,9 +78,15 @@ def table(folder: str, name: str, options: ReadOptions, *texts: str) -> Sequence
         raise InputError(f"{path}: no table of nuScenes, which is a list of records")
     for k, row in enumerate(rows, start=1):
         for key in ("token", *texts):
-            if not isinstance(row, dict) or not isinstance(row.get(key), str):
+            text = row.get(key) if isinstance(row, dict) else None
+            if not isinstance(text, str) or not is_unicode(text):
                 raise InputError(f"{path}, row {k}: no text {quoted(key)} in the record")
     return rows
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text can be written: JSON may have halves of characters."""
+    return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def load_json(path: str, data: bytes, options: ReadOptions) -> Any:

@@ -136,6 +136,7 @@ def test_where_the_tables_are_found(invoke: Run, results: Path, tables: Path) ->
         (lambda item: item.pop("tracking_id"), "object 1: no tracking_id"),
         (lambda item: item.update(tracking_id=" "), 'tracking_id is " "'),
         (lambda item: item.update(tracking_id=None), "tracking_id is"),
+        (lambda item: item.update(tracking_id="\ud800"), r"tracking_id is .* must be a text"),
         (lambda item: item.update(tracking_name=["car"]), "tracking_name is"),
         (lambda item: item.update(translation=[1, 2]), "translation is .* three numbers"),
         (lambda item: item.update(translation=[1, "2", 3]), "translation is .*finite"),
@@ -153,6 +154,9 @@ def test_where_the_tables_are_found(invoke: Run, results: Path, tables: Path) ->
 def test_wrong_objects(results: Path, change: Callable[[Any], object], message: str) -> None:
     edit(results, lambda document: change(objects(document)[0]))
     with pytest.raises(InputError, match=message):
+        read(results, BESIDE)
+    edit(results, lambda document: next(iter(document["results"].values())).insert(0, "car"))
+    with pytest.raises(InputError, match="object 1: no object with keys"):
         read(results, BESIDE)
 
 
@@ -182,6 +186,7 @@ def test_wrong_documents(write: Callable[..., str], text: str | bytes, message: 
         ("sample", lambda rows: rows[1].update(timestamp=1.5), "row 2: timestamp is"),
         ("sample", lambda rows: rows[1].update(timestamp=2**63), "row 2: timestamp is"),
         ("sample", lambda rows: rows.pop(), 'sample ".*" is not in'),
+        ("instance", lambda rows: rows[0].update(token="\udfff"), 'row 1: no text "token"'),
         ("instance", lambda rows: rows.clear(), 'instance ".*" is not in instance.json'),
         ("category", lambda rows: rows.append(7), 'row 5: no text "token"'),
         ("sample_annotation", lambda rows: rows[0].pop("translation"), "row 1: no translation"),
