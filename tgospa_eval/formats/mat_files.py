@@ -4,8 +4,8 @@ Version 5 is read here, by the published description of the format: SciPy's read
 (segmentation fault) with one damaged file in some hundred, and unpacks whatever a file claims.
 """
 
-import io
 import math
+import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -229,7 +229,12 @@ def _of_version_73(path: str, data: bytes, limit: float | None) -> dict[str, Fie
             "with -v7 in MATLAB"
         ) from None
     try:
-        with h5py.File(io.BytesIO(data), "r") as file:
+        # The bytes themselves: a file object of Python that HDF5 calls ends the process at times.
+        access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+        access.set_fapl_core(backing_store=False)
+        access.set_file_image(data)
+        name = os.fsencode(os.path.join(path, "image"))  # must be no file, and none is below one
+        with h5py.File(h5py.h5f.open(name, h5py.h5f.ACC_RDONLY, access)) as file:
             return {
                 name: _fields(path, file, name, len(data), limit)
                 for name in file
