@@ -10,8 +10,9 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance
 from tgospa_eval.evaluation.diagnosis import diagnose
+from tgospa_eval.evaluation.diagnosis.cutoff import suggest_cutoff
 from tgospa_eval.evaluation.diagnosis.sample import SAMPLE
-from tgospa_eval.evaluation.diagnosis.scale import unit_notices
+from tgospa_eval.evaluation.diagnosis.scale import explained, unit_notices
 from tgospa_eval.evaluation.prepare import Fitted
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.formats import Reading
@@ -52,8 +53,11 @@ def inspect(
     if any(reading.pixels for _, reading in files):
         warnings += unit_notices(request.unit)
     if sides is not None:
-        document["both"] = compare(sides, parameters.cutoff)
-        warnings += diagnose(sides.read, sides.alignment, time_matching, parameters, distance)
+        document["both"] = both = compare(sides, parameters.cutoff)
+        found = diagnose(sides.read, sides.alignment, time_matching, parameters, distance)
+        warnings += found
+        if both["nearest"] is not None and (explained(found) or distance.name == "iou"):
+            both["nearest"]["suggested"] = None  # the distances are not those of errors
     document["warnings"] = [notice.record() for notice in warnings]
     return document
 
@@ -219,15 +223,21 @@ def nearest_estimates(
     both = np.flatnonzero(has[0] & has[1])
     if not len(both):
         return None
-    found = []
+    found, others = [], []
     for step in both[np.arange(min(SAMPLE, len(both))) * len(both) // min(SAMPLE, len(both))]:
         a, b = (
             distance.axes(side, slice(*np.searchsorted(side.step, [step, step + 1]).tolist())).T
             for side in (aligned.truth, aligned.estimate)
         )
-        a = a[:: -(-len(a) // SAMPLE)]
+        whole, every = a, -(-len(a) // SAMPLE)
+        a = whole[::every]
         found.append(distance.lower_bound(a[:, None], b[None, :]).min(axis=1))
-    near = np.sort(np.concatenate(found))
+        apart = distance.lower_bound(a[:, None], whole[None, :])
+        apart[np.arange(len(a)), np.arange(len(a)) * every] = np.inf
+        others.append(apart.min(axis=1))
+    near = np.concatenate(found)
+    suggestion = suggest_cutoff(near, np.concatenate(others))
+    near = np.sort(near)
     at = np.array(QUANTILES) / 100 * (len(near) - 1)
     quantiles = np.interp(at, np.arange(len(near)), near).tolist()
     return {
@@ -238,4 +248,7 @@ def nearest_estimates(
             for q, value in zip(QUANTILES, quantiles, strict=True)
         },
         "within_cutoff": float(np.count_nonzero(near < cutoff) / len(near)),
+        "suggested": None
+        if suggestion is None
+        else {"cutoff": suggestion.cutoff, "reason": suggestion.reason},
     }

@@ -2,9 +2,14 @@
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+
+from tgospa_eval import Trajectories
+from tgospa_eval.plots.inspection import plot_inspection
 
 Run = Callable[..., Any]
 Write = Callable[[str, str], str]
@@ -98,6 +103,73 @@ def test_empty_files(invoke: Run, write: Write) -> None:
     for arguments in ((empty,), (empty, empty), (write("t.csv", TRUTH), empty)):
         for format_ in ("table", "json"):
             assert invoke("inspect", *arguments, "--format", format_).status == 0
+
+
+def rows(step: float, shift: float, tracks: int, steps: int = 40) -> str:
+    """Tracks beside each other, `step` apart, and all of them off by `shift`."""
+    lines = [f"{k},{t},{t},{k * step + shift:g}\n" for t in range(steps) for k in range(tracks)]
+    return "id,t,x,y\n" + "".join(lines)
+
+
+def test_a_cutoff_is_suggested_with_its_reason(invoke: Run, write: Write) -> None:
+    """By hand: every error is 0.3, three times that 0.9, which becomes 1."""
+    truth = write("t.csv", rows(100, 0, 4))
+    near = "3 times the median distance, 0.3, rounded up; 100 % of the truths have an estimate"
+    done = invoke("inspect", truth, write("e.csv", rows(100, 0.3, 4)), "--unit", "m")
+    lines = " ".join(done.out.split())
+    assert f"cutoff to begin with, c = 1 m: {near} nearer than that" in lines
+    assert max(map(len, done.out.splitlines())) <= 80
+    crowd = write("t.csv", rows(0.8, 0, 4)), write("e.csv", rows(0.8, 0.3, 4))
+    document = json.loads(invoke("inspect", *crowd, "--format", "json").out)
+    suggested = document["both"]["nearest"]["suggested"]
+    assert suggested["cutoff"] == 1
+    assert suggested["reason"].endswith("nearer than that, and 100 % another truth")
+    half = write("t.csv", rows(100, 0, 4)), write("e.csv", rows(100, 0.3, 2))
+    found = json.loads(invoke("inspect", *half, "--format", "json").out)["both"]["nearest"]
+    assert found["suggested"] is None  # half of the truths have no estimate at all
+    same = json.loads(invoke("inspect", truth, truth, "--format", "json").out)
+    assert same["both"]["nearest"]["suggested"] is None
+
+
+def test_the_picture_of_what_was_read(invoke: Run, write: Write, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    iso = "id,t,x\na$b$,2024-01-01T00:00:00Z,0\na$b$,2024-01-01T00:00:02Z,1\n"
+    empty = write("n.csv", "id,t,x\n")
+    for name, files in (
+        ("plane.png", (write("t.csv", TRUTH), write("e.csv", ESTIMATE))),
+        ("iso.svg", (write("i.csv", iso), empty)),
+        ("one.pdf", (empty,)),
+    ):
+        target = tmp_path / name
+        done = invoke("inspect", *files, "--plot", str(target))
+        assert done.status == 0, done.err
+        assert f"picture in {target}" in done.err
+        first = target.read_bytes()
+        assert first[:4] in (b"\x89PNG", b"<?xm", b"%PDF")
+        invoke("inspect", *files, "--plot", str(target), "-q")
+        assert target.read_bytes() == first
+    for path, what in (
+        ("seen.jpg", "must end in .png, .svg, .pdf"),
+        ("no/seen.png", "there is no such folder"),
+    ):
+        refused = invoke("inspect", write("t.csv", TRUTH), "--plot", str(tmp_path / path))
+        assert (refused.status, refused.out) == (2, "")
+        assert what in refused.err
+
+
+def test_lines_break_where_a_track_has_a_hole() -> None:
+    """By hand: TRUTH without its second row b at 0; a is absent at 2, b at 1."""
+    pytest.importorskip("matplotlib")
+    states = np.full((4, 2, 2), np.nan)
+    states[[0, 1, 3], 0] = [[0, 0], [1, 0], [4, 4]]
+    states[[0, 2], 1] = [[9, 9], [9, 5]]
+    made = plot_inspection([("t.csv", Trajectories.from_array(states))])
+    plane, presence = made.axes
+    wanted = [0, 1, np.nan, 4, np.nan, 9, np.nan, 9]
+    np.testing.assert_array_equal(plane.lines[0].get_xdata(), wanted)
+    at = [0, 1, np.nan, 3, np.nan, 0, np.nan, 2]
+    np.testing.assert_array_equal(presence.lines[0].get_xdata(), at)
+    assert [label.get_text() for label in presence.get_yticklabels()] == ["0", "1"]
 
 
 def test_settings_of_other_verbs_do_not_disturb(invoke: Run, write: Write) -> None:

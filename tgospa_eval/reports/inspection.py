@@ -59,6 +59,13 @@ class Overlap(TypedDict):
     steps: int
 
 
+class Suggested(TypedDict):
+    """A cutoff to begin with, and why."""
+
+    cutoff: float
+    reason: str
+
+
 class Nearest(TypedDict):
     """Distances from truths to the nearest estimate."""
 
@@ -66,6 +73,7 @@ class Nearest(TypedDict):
     truths: int
     quantiles: dict[str, float | None]
     within_cutoff: float
+    suggested: Suggested | None
 
 
 class PairDocument(TypedDict):
@@ -213,6 +221,10 @@ def _both(both: PairDocument, parameters: dict[str, object]) -> Iterator[str]:
     share = 100 * nearest["within_cutoff"]
     cutoff = f"{nearest['cutoff']:g} {unit}".strip()
     yield f"  nearer than the cutoff c = {cutoff}: {share:.1f} %"
+    if nearest["suggested"] is not None:
+        value = f"{nearest['suggested']['cutoff']:g} {unit}".strip()
+        text = f"  cutoff to begin with, c = {value}: {nearest['suggested']['reason']}"
+        yield from textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _stretch(time: Overlap | None) -> str:

@@ -4,11 +4,19 @@ import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb
-from tgospa_eval.cli.shared.option import SOURCE
+from tgospa_eval.cli.shared.option import PATH, SOURCE, Option
 from tgospa_eval.cli.shared.options import READING, format_option
 
+PLOT = Option(
+    "--plot FILE",
+    "Draw what was read to this file, a .png, .svg or .pdf: the plane, and who is there when. A "
+    "picture of that name is replaced.",
+    section="Output",
+    type=PATH,
+)
 
-@click.command("inspect", cls=Verb, params=[*READING, format_option("table", "json")])
+
+@click.command("inspect", cls=Verb, params=[*READING, PLOT, format_option("table", "json")])
 @click.argument("truth", type=SOURCE)
 @click.argument("estimate", type=SOURCE, required=False)
 @click.pass_context
@@ -23,6 +31,7 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
     Examples:
       tgospa-eval inspect truth.csv
       tgospa-eval inspect truth.csv estimate.csv -c 10
+      tgospa-eval inspect truth.csv estimate.csv --plot seen.png
 
     Exit status: 0 done, 2 wrong option, 3 bad input file.
     """
@@ -36,6 +45,7 @@ def command(ctx: click.Context, /, truth: str, estimate: str | None, **options: 
         options["on_duplicate"] = "first"
     paths = (truth,) if estimate is None else (truth, estimate)
     output = OutputOptions.of(options)
+    plot = None if options["plot"] is None else str(options["plot"])
     chosen = EvaluationOptions.of({"switch_penalty": 0.0, **options})
-    document, name = inspect_files(paths, chosen, output), output.format_
+    document, name = inspect_files(paths, chosen, output, plot), output.format_
     emit((json_text if name == "json" else table)(document), name)

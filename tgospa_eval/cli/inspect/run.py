@@ -1,5 +1,6 @@
 """From the options of ``inspect`` to its document."""
 
+from tgospa_eval.cli.inspect.picture import check_picture, write_picture
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
@@ -9,15 +10,22 @@ from tgospa_eval.reports.inspection import Inspection
 
 
 def inspect_files(
-    paths: tuple[str, ...], options: EvaluationOptions, output: OutputOptions
+    paths: tuple[str, ...],
+    options: EvaluationOptions,
+    output: OutputOptions,
+    plot: str | None = None,
 ) -> Inspection:
     """What one file or two hold and what looks wrong with it, as the JSON document of the verb.
+
+    `plot` is the file of a picture to write.
 
     Raises
     ------
     TgospaError
         Something is wrong with options or files.
     """
+    if plot is not None:
+        check_picture(plot, paths)
     settings = make_settings(options, output)
     stopwatch = Stopwatch()
 
@@ -28,6 +36,10 @@ def inspect_files(
             fitted, request = None, settings.request(sides[0].trajectories.columns)
         else:
             fitted, request = settings.fit(sides, paths)
+        if plot is not None:
+            shown = [side.trajectories for side in sides] if fitted is None else fitted.read
+            named = list(zip(paths, shown, strict=True))
+            write_picture(plot, named, options.unit or "", quiet=output.quiet)
         return inspect(list(zip(paths, sides, strict=True)), fitted, request)
 
     return run(work, stopwatch, show=not output.quiet)
