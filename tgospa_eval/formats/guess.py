@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterable
+from itertools import takewhile
 
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.unpack import plain_name
@@ -81,10 +82,13 @@ def guess(path: str, data: bytes) -> str:
     if re.match(RESULTS, head) or (head[:1] == "[" and is_table_folder(os.path.dirname(path))):
         return "nuscenes"
     every = re.split(r"[\r\n]+", head)
+    comments = list(takewhile(_is_comment, every))
     # A file of comments so far is a table, or none.
-    lines = [line for line in every if not line.lstrip().startswith(COMMENTS)] or every
+    lines = [line for line in every if not _is_comment(line)] or every
     line = lines[0]
     fields = split(line)
+    if any(len(split(comment.lstrip(" \t#%/"))) == len(fields) for comment in comments):
+        return "csv"  # whose header is a comment
     if 6 <= len(fields) <= 10 and all(map(is_number, fields)):
         whole = lines if len(data) <= GUESSED_FROM else lines[:-1] or lines
         return "visdrone" if _is_visdrone(filter(str.strip, whole)) else "motchallenge"
@@ -98,6 +102,10 @@ def split(line: str) -> list[str]:
     """The fields of a line of MOTChallenge text: commas, also behind the last, else blanks."""
     line = line.strip().removesuffix(",")
     return [field.strip() for field in line.split(",")] if "," in line else line.split()
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(COMMENTS)
 
 
 def _is_visdrone(lines: Iterable[str]) -> bool:

@@ -401,6 +401,10 @@ def test_ids_of_tables_by_blanks(write: Write) -> None:
     assert found.classes == ("small car", "van")
     marked = read(write("a.txt", text.replace("007", "#7")))
     assert marked.trajectories.ids.tolist() == ["#5", "#7"]
+    # Of one body, as of robots: numbers below the names are no other format.
+    rows = "0.1 1.4 0.6 1.7 0.7 0.6 -0.3 -0.4\n0.2 1.4 0.6 1.7 0.7 0.6 -0.3 -0.4\n"
+    with pytest.raises(InputError, match="line 2: no column for id, position"):
+        read(write("tum.txt", "# trajectory\n# timestamp tx ty tz qx qy qz qw\n" + rows))
     # A comment that names columns above a table with commas.
     above = write("a.csv", "# columns: frame id x y\nid,t,x\n1,0,2\n")
     assert rows_of(read_trajectories(above)) == {("1", 0): (2.0,)}

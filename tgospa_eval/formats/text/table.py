@@ -10,7 +10,7 @@ import csv
 import io
 import itertools
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -20,6 +20,7 @@ from tgospa_eval.common.words import counted
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.known import known_roles
 from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
@@ -34,7 +35,6 @@ from tgospa_eval.formats.text.convert import (
     decode,
     gather,
 )
-from tgospa_eval.formats.text.plain import plain_id
 from tgospa_eval.formats.text.scan import scanned
 
 DELIMITERS = ",;\t"
@@ -80,7 +80,11 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     roles, decimal = _with_decimal(rows, delimiter, roles, options.decimal)
     del rows
     layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
-    name_id = plain_id if by_blanks else str.strip  # numpy.savetxt writes 1.000e+00
+    name_id: Callable[[str], str] = str.strip
+    if by_blanks:
+        from tgospa_eval.formats.text.plain import plain_id  # here: slow to import
+
+        name_id = plain_id  # numpy.savetxt writes 1.000e+00
     fields = None
     if text.isascii():  # letters and bytes are at the same places
         plain = text.encode() if whole else data.replace(b"\r\n", b"\n")
@@ -128,6 +132,8 @@ def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Role
             fault = fault or _explained(error, given, where)
             if not given.lstrip().startswith(COMMENTS):
                 raise _explained(error, given, where) from None
+            if spaced and all(map(is_number, sample)) and isinstance(error, InputError) and sample:
+                raise  # numbers below it: no other line is the header
             passed += 1
             continue
         if passed:
