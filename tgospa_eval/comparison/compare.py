@@ -43,7 +43,7 @@ from tgospa_eval.tracks.existence import EXISTENCE
 if TYPE_CHECKING:
     import pandas as pd
 
-    from tgospa_eval.evaluation.objects import Components
+    from tgospa_eval.evaluation.stone_soup import Components
 
 
 COMMAND = r"; to [a-z ]+: tgospa-eval compare [A-Z ]+"

@@ -35,8 +35,8 @@ from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.objects import Components
     from tgospa_eval.evaluation.slicing import SliceBy
+    from tgospa_eval.evaluation.stone_soup import Components
     from tgospa_eval.solvers.certified import Certified
 
 GAP = 1e-9

@@ -11,16 +11,14 @@ from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.objects import (
     ArrayLike,
-    Components,
     TimedArray,
-    TrackLike,
     empty_like,
     is_timed_array,
     of_array,
     of_mapping,
     of_timed_array,
-    of_tracks,
 )
+from tgospa_eval.evaluation.stone_soup import Components, TrackLike, of_tracks
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.solvers import Solver, solver_class

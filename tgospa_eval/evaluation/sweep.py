@@ -43,7 +43,7 @@ from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.existence import EXISTENCE
 
 if TYPE_CHECKING:
-    from tgospa_eval.evaluation.objects import Components
+    from tgospa_eval.evaluation.stone_soup import Components
 
 CONCAVE = ("cutoff", "switch_penalty")
 """Parameters along which prices between those of two neighbours are good for something."""
