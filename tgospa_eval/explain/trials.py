@@ -162,13 +162,13 @@ class Trials:
         return [(candidates[k], found[k]) for k in sorted(found)]
 
     def _whole(self, edit: Edit, stopwatch: Stopwatch) -> Trial | None:
-        """The repaired estimate evaluated as any other; None if the grid then has no step."""
+        """The repaired estimate evaluated as any other; None if no step counts then."""
         estimate = edited(self.sides.alignment.estimate, edit)
         try:
             sides = fit(self.sides.read[0], estimate, self.request)
-        except ConfigError:  # what was evaluated had steps: those of the estimate are all gone
+            prepared = prepare(sides, self.request, stopwatch=stopwatch)
+        except ConfigError:  # the steps that counted were those of what is gone
             return None
-        prepared = prepare(sides, self.request, stopwatch=stopwatch)
         solution = self.request.solver(prepared.states, stopwatch)
         bounds, _, split = certify(prepared.states, solution, consume=solution.disposable)
         return Trial(lower=bounds.lower, upper=bounds.upper, total=split.total)

@@ -209,6 +209,10 @@ def test_a_repair_that_leaves_no_step_is_none(grid: str) -> None:
     false = pd.DataFrame({"id": "b", "t": [2.0, 3.0], "x": 500.0})
     found = evaluate(truth, false, C, 2, GAMMA, grid=grid).explain()
     assert all(repair.kind != "drop" for repair in found.repairs)
+    other = pd.DataFrame({"id": ["b", "c"], "t": [2.0, 3.0], "x": [500.0, 0.0]})
+    weights = {1: 0, 2: 1, 3: 0}  # of the grid, b has the only step that counts
+    found = evaluate(truth, other, C, 2, GAMMA, grid=grid, step_weights=weights).explain()
+    assert all("b" not in repair.tracks for repair in found.repairs if repair.kind == "drop")
 
 
 def test_covariances_of_new_states_lie_between() -> None:
