@@ -287,7 +287,7 @@ def test_help_is_in_sections(invoke: Run) -> None:
         (["simulate", "x", "--target", "3"], "did you mean --targets?"),
         (["t.csv", "e.csv", "--xyz"], "no such option: --xyz\n"),
         (["gate", "--save", "x"], "no such option: --save\n"),
-        (["simulate", "x", "--plot"], "no such option: --plot\n"),
+        (["simulate", "x", "--plot"], "--plot is no option of simulate, but of inspect\n"),
         (["t.csv", "e.csv", "--fromat", "json"], "did you mean --format?"),
         (["t.csv", "e.csv", "--json"], "did you mean --format json?"),
         (["t.csv", "e.csv", "--html"], "did you mean -o DIR?"),

@@ -3,7 +3,8 @@
 import gzip
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -86,19 +87,17 @@ def test_weights_and_matrices_may_be_compressed(invoke: Run, write: Write) -> No
 
 
 @pytest.fixture
-def pipe(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[bytes], None]:
+def pipe(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[bytes], None]]:
     """Hand bytes to the standard input."""
+    with ExitStack() as opened:
 
-    def pipe(data: bytes) -> None:
-        (tmp_path / "piped").write_bytes(data)
-        monkeypatch.setattr(sys, "stdin", (tmp_path / "piped").open())
+        def pipe(data: bytes) -> None:
+            (tmp_path / "piped").write_bytes(data)
+            monkeypatch.setattr(sys, "stdin", opened.enter_context((tmp_path / "piped").open()))
 
-    return pipe
+        yield pipe
 
 
-@pytest.mark.filterwarnings(
-    "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
-)
 def test_one_side_from_the_standard_input(
     invoke: Run, monkeypatch: pytest.MonkeyPatch, pipe: Callable[[bytes], None]
 ) -> None:

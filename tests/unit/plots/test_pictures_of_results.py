@@ -349,9 +349,9 @@ def test_dir_shows_what_is_public() -> None:
     result = swap()
     names = dir(result)
     assert set(result.to_dict()) - {"schema"} <= set(names)
-    assert {"per_truth", "plot_lanes", "to_json", "save"} <= set(names)
+    assert {"per_truth", "plot_lanes", "proof", "to_json", "save"} <= set(names)
     assert not [name for name in names if name.startswith("_") or name.endswith("_table")]
-    assert not {"proof", "scene", "labels", "settings", "gap", "traced"} & set(names)
+    assert not {"scene", "labels", "settings", "gap", "traced"} & set(names)
     assert all(hasattr(result, name) for name in names)
 
 
