@@ -7,6 +7,7 @@ Here all classes share their methods: 0.06 ms a class, and instances are made no
 
 import dataclasses
 from collections.abc import Callable
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 if TYPE_CHECKING:
@@ -35,13 +36,14 @@ else:
 
         def define(cls: type[T]) -> type[T]:
             dataclasses.dataclass(init=False, repr=False, eq=False, kw_only=kw_only)(cls)
-            cls.__init__ = _initialiser(dataclasses.fields(cls), hasattr(cls, "__post_init__"))
+            fields = dataclasses.fields(cls)
+            cls.__init__ = _initialiser(fields, hasattr(cls, "__post_init__"))
             cls.__signature__ = _Signature()
             cls.__setattr__, cls.__delattr__ = _refuse_to_set, _refuse_to_delete
             if repr:
                 cls.__repr__ = _shown
             if eq:
-                cls.__eq__, cls.__hash__ = _equal, _hash
+                cls.__eq__, cls.__hash__ = _comparison([field.name for field in fields])
             return cls
 
         return define
@@ -118,22 +120,29 @@ def _refuse_to_delete(_: object, name: str) -> NoReturn:
     raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
 
 
-def _values(record: Any) -> tuple[Any, ...]:
-    return tuple([getattr(record, field.name) for field in dataclasses.fields(record)])
-
-
 def _shown(record: Any) -> str:
     names = [field.name for field in dataclasses.fields(record)]
-    shown = [f"{n}={value!r}" for n, value in zip(names, _values(record), strict=True)]
+    shown = [f"{name}={getattr(record, name)!r}" for name in names]
     return f"{type(record).__qualname__}({', '.join(shown)})"
 
 
-def _equal(record: object, other: object) -> bool:
-    return _values(record) == _values(other) if type(other) is type(record) else NotImplemented
+def _comparison(
+    names: list[str],
+) -> tuple[Callable[[object, object], bool], Callable[[object], int]]:
+    """``__eq__`` and ``__hash__`` of a class with these fields: those of its values."""
 
+    def few(record: object) -> tuple[Any, ...]:
+        return tuple([getattr(record, name) for name in names])
 
-def _hash(record: object) -> int:
-    return hash(_values(record))
+    values: Callable[[object], Any] = attrgetter(*names) if len(names) > 1 else few
+
+    def __eq__(self: object, other: object) -> bool:  # noqa: N807
+        return values(self) == values(other) if type(other) is type(self) else NotImplemented
+
+    def __hash__(self: object) -> int:  # noqa: N807
+        return hash(values(self))
+
+    return __eq__, __hash__
 
 
 class _Signature:

@@ -66,7 +66,7 @@ def read(
     from tgospa_eval.formats.guess import file_of, guess, is_table_folder
     from tgospa_eval.formats.room import TEXT, check_room, most_bytes, most_unpacked
     from tgospa_eval.formats.text.convert import load
-    from tgospa_eval.formats.unpack import unpack
+    from tgospa_eval.formats.unpack import is_packed, unpack
 
     one_of("role", role, ROLES)
     if format is not None:
@@ -81,7 +81,8 @@ def read(
     file = file_of(name)
     of_tables = format in (None, "nuscenes") and is_table_folder(file)
     data = b"" if of_tables else load(file, most_bytes(options.max_input, file))
-    data = unpack(data, file, most_unpacked(options.max_input, len(data)))
+    if is_packed(data):
+        data = unpack(data, file, most_unpacked(options.max_input, len(data)))
     chosen = format or ("nuscenes" if of_tables else guess(file, data))
     if chosen not in PACKED:
         size = len(data)

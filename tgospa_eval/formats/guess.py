@@ -55,7 +55,7 @@ VARIABLE = re.compile(
 
 def file_of(path: str) -> str:
     """The file itself of ``FILE.mat:VARIABLE``; any other path is one."""
-    named = VARIABLE.fullmatch(path)
+    named = VARIABLE.fullmatch(path) if ":" in path else None
     return named[1] if named and not os.path.lexists(path) else path
 
 

@@ -105,6 +105,12 @@ class ReadOptions:
         parse_moments(self.time)
         parse_region(self.region)
 
+    def beside_others(self, paths: tuple[str, ...]) -> "ReadOptions":
+        """The same for a file that is read with these; what was checked is not checked again."""
+        same = object.__new__(ReadOptions)
+        vars(same).update(vars(self), beside=paths)
+        return same
+
     @property
     def moments(self) -> Moments | None:
         """`time`, understood."""

@@ -17,6 +17,11 @@ ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
 
 
+def is_packed(data: bytes) -> bool:
+    """Whether a file is compressed in a way that is unpacked here."""
+    return data.startswith(tuple(OPENERS))
+
+
 def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
     """The content of a file, of at most so many bytes if it is compressed.
 

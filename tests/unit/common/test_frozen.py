@@ -122,6 +122,24 @@ def test_a_record_without_equality_is_equal_to_itself_only() -> None:
     assert "Plain object at" in repr(one)
 
 
+def test_records_of_one_field_or_none_are_equal_by_it() -> None:
+    @frozen.dataclass(frozen=True)
+    class One:
+        a: float
+
+    @frozen.dataclass(frozen=True)
+    class Nothing:
+        pass
+
+    nan = float("nan")
+    assert One(nan) == One(nan)
+    assert One(nan) != One(float("nan"))
+    assert hash(One(2.0)) == hash((2.0,))
+    assert Nothing() == Nothing()
+    assert One(1.0) != Nothing()
+    assert {Nothing(), Nothing()} == {Nothing()}
+
+
 def test_help_shows_the_arguments() -> None:
     for ours, theirs in zip(OURS, THEIRS, strict=True):
         shown, expected = (inspect.signature(kind).parameters for kind in (ours, theirs))

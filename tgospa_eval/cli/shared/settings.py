@@ -152,7 +152,7 @@ class Settings:
         InputError
             The file cannot be read, or has a row that is wrong.
         """
-        options = replace(self.each[side], beside=paths)
+        options = self.each[side].beside_others(paths)
         if len(paths) == 1:
             options = replace(options, option="--columns")
         return read(path, options, role, self.formats[side])

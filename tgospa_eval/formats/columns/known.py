@@ -1,13 +1,20 @@
 """Roles of the headers that were met: the files of a study have the same."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from operator import attrgetter
 
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.options import ReadOptions
 
 MOST_HEADERS = 64
 
-_known: dict[tuple[tuple[str, ...], ReadOptions], Roles] = {}
+_OPTIONS: Callable[[ReadOptions], tuple[object, ...]] = attrgetter(
+    *(field.name for field in fields(ReadOptions) if field.name != "beside")
+)
+"""What roles may depend on: all options but the names of the files."""
+
+_known: dict[tuple[tuple[str, ...], tuple[object, ...]], Roles] = {}
 
 
 def known_roles(
@@ -20,7 +27,7 @@ def known_roles(
     InputError, ConfigError
         As `find_roles`.
     """
-    key = tuple(header), options
+    key = tuple(header), _OPTIONS(options)
     if key not in _known:
         roles = find_roles(header, options, where, sample=sample)
         if roles.lacking or roles.passed:  # sentences that name the file

@@ -281,7 +281,8 @@ def numbered(column: Coded, name: Callable[[str], str] = str.strip) -> Numbered:
 def blanks(column: Numbered) -> Ints:
     """Rows without a name."""
     table, number = column
-    return np.flatnonzero(number == table.tolist().index("")) if "" in table else number[:0]
+    names = table.tolist()  # a list is searched ten times as fast
+    return np.flatnonzero(number == names.index("")) if "" in names else number[:0]
 
 
 def coded_times(column: Coded, decimal: str) -> Times:
