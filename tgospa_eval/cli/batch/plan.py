@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from tgospa_eval.batches import jobs
-from tgospa_eval.batches.cluster import Cluster
-from tgospa_eval.batches.engine import Engine
 from tgospa_eval.batches.jobs import Plan
 from tgospa_eval.batches.per_step import STORED_CURVE, STORED_STEPS
-from tgospa_eval.batches.processes import Processes
 from tgospa_eval.batches.store import SETTINGS_FILE
 from tgospa_eval.cli.batch.files import folder_of
 from tgospa_eval.cli.batch.worker import (
@@ -29,6 +26,9 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.engines.cluster import Cluster
+from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ import click
 
 from tgospa_eval._version import __version__
 from tgospa_eval.batches.curves import rms_curves
-from tgospa_eval.batches.engine import Engine, spread
 from tgospa_eval.batches.lock import locked
 from tgospa_eval.batches.pairing import labels_of
 from tgospa_eval.batches.per_step import STEPS
@@ -39,6 +38,7 @@ from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
+from tgospa_eval.engines.spread import Engine, spread
 from tgospa_eval.errors import ConfigError, ExitStatus
 from tgospa_eval.evaluation.request import chosen_metrics
 from tgospa_eval.evaluation.slicing import parse_slices

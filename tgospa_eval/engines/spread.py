@@ -1,7 +1,7 @@
 """Jobs to answers, over any engine: in chunks, as long as one lives that can do them.
 
 An engine opens pools; of a pool nothing is used but `submit`, and callbacks of its futures
-(`batches.processes` and `batches.cluster` have them).
+(`engines.processes` and `engines.cluster` have them).
 """
 
 import queue

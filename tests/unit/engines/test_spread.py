@@ -15,10 +15,11 @@ from browser import PATIENCE
 from checkout import ROOT
 from faults import FATAL, FATAL_ONCE, double, greedy
 
-from tgospa_eval.batches import engine, processes
 from tgospa_eval.batches.lock import locked
-from tgospa_eval.batches.processes import Processes
 from tgospa_eval.common import files
+from tgospa_eval.engines import processes
+from tgospa_eval.engines import spread as engine
+from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
 
 
@@ -189,7 +190,7 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_a_worker_whose_parent_is_gone_when_it_begins() -> None:
-    code = "import time\nfrom tgospa_eval.batches.processes import _begin\n_begin(None, 0)\n"
+    code = "import time\nfrom tgospa_eval.engines.processes import _begin\n_begin(None, 0)\n"
     end = subprocess.run(
         [sys.executable, "-c", f"{code}time.sleep({PATIENCE})"], timeout=PATIENCE, check=False
     )

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from tgospa_eval.batches.engine import DiedError, Future
 from tgospa_eval.common.cores import cores
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import available_memory
+from tgospa_eval.engines.spread import DiedError, Future
 
 PARENT_CHECK = 1.0
 """Seconds between looks at whether the parent is there."""

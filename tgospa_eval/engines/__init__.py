@@ -1,0 +1,1 @@
+"""Where tasks are done: processes of this machine, workers of a cluster."""
