@@ -19,7 +19,7 @@ PACKAGE = ROOT / "tgospa_eval"
 LINES = 400
 BODY = 80
 PARAMETERS = 7
-ROOMS = 24
+ROOMS = 26
 
 WIDE = {
     "evaluate": "tgospa_eval",
