@@ -1,16 +1,19 @@
 """Folders of results: known again, without files of the run before, whole or absent."""
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import product
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import manifest
+
+Fill = Callable[[Path], Collection[manifest.Entry]]
+"""Writes files into a folder that is there and empty, and says which."""
 
 PICTURES = ("png", "svg", "pdf")
 AS_FORMAT = {".json": "json", ".csv": "csv", ".md": "markdown", ".tex": "latex"}
@@ -211,12 +214,38 @@ def write_texts(
     force: bool,
     option: str = "--output",
 ) -> Written:
+    """`write_files` of files by name.
+
+    Raises
+    ------
+    ConfigError
+        As for `write_files`.
+    """
+    data = {n: text if isinstance(text, bytes) else text.encode() for n, text in texts.items()}
+
+    def fill(fresh: Path) -> Collection[manifest.Entry]:
+        for name, content in data.items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            (fresh / name).write_bytes(content)
+        return manifest.entries(data)
+
+    return write_files(fill, folder, kind, force=force, option=option)
+
+
+def write_files(
+    fill: Fill,
+    folder: str,
+    kind: Kind | None = None,
+    *,
+    force: bool,
+    option: str = "--output",
+) -> Written:
     """Write the files of a folder, in place of those that an older run of its kind has left.
 
     A new folder appears whole. In one that is there, the old document goes before anything else
     changes and the new one comes last; of two runs that write it at once one waits. Those of a
     kind get a manifest. Files that are not in it, or are not as it says, are never removed, and
-    replaced only by force.
+    replaced only by force. `fill` is called again where another run was first to make the folder.
 
     Raises
     ------
@@ -226,15 +255,13 @@ def write_texts(
     check_folder(folder, kind, force=force, option=option)
     with named(f"{option} {folder}", ConfigError, "cannot be written"):
         path = Path(os.path.realpath(folder))
-        data = {n: text if isinstance(text, bytes) else text.encode() for n, text in texts.items()}
-        if not path.exists() and _write_new(data, path, kind):
-            removed = 0
-        else:  # perhaps since a moment ago
+        removed, files = 0, None if path.exists() else _write_new(fill, path, kind)
+        if files is None:  # it is there, perhaps since a moment ago
             check_folder(folder, kind, force=force, option=option)
             where = None if force else f"{option} {folder}"
-            removed = _write_over(data, path, kind, where)
-    opens = () if kind is None else kind.opens
-    return Written(folder=folder, names=tuple(texts), removed=removed, opens=opens)
+            removed, files = _write_over(fill, path, kind, where)
+    names, opens = tuple(entry.name for entry in files), () if kind is None else kind.opens
+    return Written(folder=folder, names=names, removed=removed, opens=opens)
 
 
 def _check_name(folder: str, kind: Kind | None, option: str) -> None:
@@ -280,39 +307,38 @@ def _check_names(path: Path, kind: Kind, names: Collection[str], where: str) -> 
             )
 
 
-def _write_all(files: Mapping[str, bytes], folder: Path, kind: Kind | None) -> None:
+def _write_all(fill: Fill, folder: Path, kind: Kind | None) -> Collection[manifest.Entry]:
     folder.mkdir()
-    for name, data in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
+    files = fill(folder)
     if kind is not None:
-        text = manifest.text_of(kind.name, manifest.entries(files))
+        text = manifest.text_of(kind.name, files)
         (folder / manifest.NAME).write_text(text, encoding="utf-8")
+    return files
 
 
-def _write_new(files: Mapping[str, bytes], path: Path, kind: Kind | None) -> bool:
-    """Write a folder beside, then rename it; False if another one has come up meanwhile."""
+def _write_new(fill: Fill, path: Path, kind: Kind | None) -> Collection[manifest.Entry] | None:
+    """Write a folder beside, then rename it; None if another one has come up meanwhile."""
     import shutil  # here: it brings compression
 
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(manifest.unique())
     try:
-        _write_all(files, beside, kind)
+        files = _write_all(fill, beside, kind)
         try:
             os.rename(beside, path)
         except OSError:
             if not path.is_dir():
                 raise
-            return False
-        return True
+            return None
+        return files
     finally:
         shutil.rmtree(beside, ignore_errors=True)
 
 
 def _write_over(
-    files: Mapping[str, bytes], path: Path, kind: Kind | None, where: str | None
-) -> int:
-    """Write into a folder that is there; how many files of an older run were taken away.
+    fill: Fill, path: Path, kind: Kind | None, where: str | None
+) -> tuple[int, Collection[manifest.Entry]]:
+    """Write into a folder that is there; how many files of an older run were taken away, and files.
 
     `where` begins a refusal to write over files of others; without it they are replaced.
     """
@@ -324,41 +350,18 @@ def _write_over(
                 shutil.rmtree(left, ignore_errors=True)
         fresh = path / manifest.unique()
         try:
-            _write_all(files, fresh, kind)
+            files = _write_all(fill, fresh, kind)
+            names = [entry.name for entry in files]
             if kind is not None and where is not None:
-                _check_names(path, kind, files, where)
-            blocked = next((name for name in files if (path / name).is_dir()), None)
+                _check_names(path, kind, names, where)
+            blocked = next((name for name in names if (path / name).is_dir()), None)
             if blocked is not None:
                 raise IsADirectoryError(0, f"{blocked} is a folder in it")
-            return _replace(fresh, path, files, kind)
+            if kind is not None:
+                return manifest.replace_files(fresh, path, files, kind.name, kind.document), files
+            for name in names:
+                (path / name).parent.mkdir(parents=True, exist_ok=True)
+                os.replace(fresh / name, path / name)
+            return 0, files
         finally:
             shutil.rmtree(fresh, ignore_errors=True)
-
-
-def _replace(fresh: Path, path: Path, files: Mapping[str, bytes], kind: Kind | None) -> int:
-    """Files of a folder by fresh ones; while that is going on, the manifest lists both.
-
-    Returns how many of an older run were taken away.
-    """
-    for name in files:
-        (path / name).parent.mkdir(parents=True, exist_ok=True)
-    if kind is None:
-        for name in files:
-            os.replace(fresh / name, path / name)
-        return 0
-    old = manifest.read_manifest(path, kind.name) or ()
-    stale = manifest.unchanged(path, old) - set(files)
-    both = fresh / f"{manifest.NAME}-both"
-    both.write_text(manifest.text_of(kind.name, {*old, *manifest.entries(files)}), encoding="utf-8")
-    os.replace(both, path / manifest.NAME)
-    (path / kind.document).unlink(missing_ok=True)
-    for name in stale:
-        (path / name).unlink()
-        for folder in PurePosixPath(name).parents[:-1]:
-            with suppress(OSError):  # not empty
-                (path / folder).rmdir()
-    for name in sorted(files, key=lambda name: name == kind.document):
-        (path / name).parent.mkdir(parents=True, exist_ok=True)  # if it has become empty
-        os.replace(fresh / name, path / name)
-    os.replace(fresh / manifest.NAME, path / manifest.NAME)
-    return len(stale)

@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
@@ -47,7 +47,7 @@ class Entry:
         return (
             path.is_file()
             and path.stat().st_size == self.size
-            and hashlib.sha256(path.read_bytes()).hexdigest() == self.sha256
+            and entry(folder, self.name).sha256 == self.sha256
         )
 
 
@@ -56,6 +56,13 @@ def entries(files: Mapping[str, bytes]) -> tuple[Entry, ...]:
     return tuple(
         Entry(name, len(data), hashlib.sha256(data).hexdigest()) for name, data in files.items()
     )
+
+
+def entry(folder: Path, name: str) -> Entry:
+    """A file that is there, as an entry."""
+    with (folder / name).open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Entry(name, (folder / name).stat().st_size, digest)
 
 
 def text_of(kind: str, files: Iterable[Entry]) -> str:
@@ -124,6 +131,34 @@ def locked(path: Path) -> Iterator[bool]:
         yield locked
     finally:
         os.close(at)
+
+
+def replace_files(
+    fresh: Path, path: Path, files: Collection[Entry], kind: str, document: str
+) -> int:
+    """Files of a folder by fresh ones; while that is going on, the manifest lists both.
+
+    Returns how many of an older run were taken away. The document goes first and comes last.
+    """
+    names = {entry.name for entry in files}
+    for name in names:  # what cannot be shows before anything is taken away
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+    old = read_manifest(path, kind) or ()
+    stale = unchanged(path, old) - names
+    both = fresh / f"{NAME}-both"
+    both.write_text(text_of(kind, {*old, *files}), encoding="utf-8")
+    os.replace(both, path / NAME)
+    (path / document).unlink(missing_ok=True)
+    for name in stale:
+        (path / name).unlink()
+        for folder in PurePosixPath(name).parents[:-1]:
+            with suppress(OSError):  # not empty
+                (path / folder).rmdir()
+    for name in sorted(names, key=lambda name: (name == document, name)):
+        (path / name).parent.mkdir(parents=True, exist_ok=True)  # if it has become empty
+        os.replace(fresh / name, path / name)
+    os.replace(fresh / NAME, path / NAME)
+    return len(stale)
 
 
 def _is_below(path: PurePosixPath) -> bool:

@@ -12,10 +12,14 @@ from tgospa_eval.cli.simulate.values import SceneOptions
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
 PUBLISHED = ("garcia-fernandez-2020", "xia-2019")
-BESIDE_SETTING = ("setting", "seed", "force", "quiet", "folder")
-"""Parameters that go with a setting of the literature."""
+RECORDING_KINDS = ("ais", "city")
+BESIDE_MODES = ("seed", "force", "quiet", "folder")
+"""Parameters that go with whatever is made."""
 
 SCENE_FORMATS = ("csv", "motchallenge", "kitti")
+
+LARGEST_RECORDING = 10**12
+"""Rows of a recording: ids have 40 bits where they are sorted."""
 
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
@@ -38,6 +42,18 @@ OPTIONS = (
         "What a publication simulates, with the measurements for a tracker: garcia-fernandez-2020 "
         "or xia-2019. Only --seed goes with it.",
         type=click.Choice(PUBLISHED),
+    ),
+    _scene(
+        "--partitioned KIND",
+        "A recording of any length, as folders of Parquet files by time: ais (many short tracks, "
+        "few encounters) or city (dense). Only --rows and --seed go with it.",
+        type=click.Choice(RECORDING_KINDS),
+    ),
+    _scene(
+        "--rows N",
+        "Rows of the truth with --partitioned, rounded up to whole steps.",
+        default=SceneOptions.rows,
+        type=click.IntRange(1, LARGEST_RECORDING),
     ),
     _scene(
         "--scenario NAME",
@@ -139,16 +155,16 @@ OPTIONS = (
 )
 
 
-def _check_alone(ctx: click.Context) -> None:
-    """Whether nothing is asked for that the setting says."""
+def _check_alone(ctx: click.Context, mode: str, *also: str) -> None:
+    """Whether nothing is asked for that this option says."""
     given = [
         item.opts[-1]
         for item in ctx.command.params
-        if item.name not in BESIDE_SETTING
+        if item.name not in (mode, *also, *BESIDE_MODES)
         and ctx.get_parameter_source(str(item.name)) is not ParameterSource.DEFAULT
     ]
     if given:
-        raise click.UsageError(f"--setting says what is made: leave out {', '.join(given)}", ctx)
+        raise click.UsageError(f"--{mode} says what is made: leave out {', '.join(given)}", ctx)
 
 
 @click.command("simulate", cls=Verb, params=[*OPTIONS])
@@ -167,15 +183,24 @@ def command(ctx: click.Context, /, folder: str, **options: object) -> None:
       tgospa-eval simulate crowd --scenario dense --targets 20 --steps 100
       tgospa-eval simulate late --latency 2 --detection 1 --seed 7
       tgospa-eval simulate xia --setting xia-2019 --seed 1
+      tgospa-eval simulate coast --partitioned ais --rows 10000000
 
     Exit status: 0 done, 2 wrong option, or a folder that cannot be written.
     """
     if options["setting"] is not None:
-        _check_alone(ctx)
+        _check_alone(ctx, "setting")
         from tgospa_eval.cli.simulate.setting import make_setting
 
         make_setting(folder, SceneOptions.of(options))
         return
+    if options["partitioned"] is not None:
+        _check_alone(ctx, "partitioned", "rows")
+        from tgospa_eval.cli.simulate.partitioned import make_partitioned
+
+        make_partitioned(folder, SceneOptions.of(options))
+        return
+    if ctx.get_parameter_source("rows") is not ParameterSource.DEFAULT:
+        raise click.UsageError("--rows is for --partitioned", ctx)
     from tgospa_eval.cli.simulate.run import make_scene
 
     make_scene(folder, SceneOptions.of(options))

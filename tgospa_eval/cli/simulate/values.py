@@ -9,6 +9,8 @@ class SceneOptions(Values):
     """What to make; None where it depends on the others."""
 
     setting: str | None = None
+    partitioned: str | None = None
+    rows: int = 1_000_000
     scenario: str = "crossing"
     targets: int = 5
     steps: int = 60
