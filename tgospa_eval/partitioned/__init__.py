@@ -1,0 +1,1 @@
+"""One evaluation of data larger than memory: by blocks of time, by components, added up."""

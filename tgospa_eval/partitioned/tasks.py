@@ -1,0 +1,137 @@
+"""Tasks that write one output each, are skipped where it is there, and go on after a kill."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.engines.spread import Engine, spread
+from tgospa_eval.errors import SolverError
+
+UNFINISHED = ".unfinished"
+"""Ends the names of outputs that are being written."""
+
+
+class Task(Protocol):
+    """One piece of work; it travels to whoever does it."""
+
+    @property
+    def output(self) -> str:
+        """The file or folder that it writes."""
+
+
+T = TypeVar("T", bound=Task)
+Run = Callable[[Callable[[T], None], Sequence[T]], None]
+"""Does tasks by a function, in no order; those that are done are not done again."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """A task has ended.
+
+    Parameters
+    ----------
+    output : str
+        Of which task.
+    """
+
+    output: str
+
+
+@dataclass(frozen=True)
+class Lost:
+    """The process that worked on a task died whenever it tried.
+
+    Parameters
+    ----------
+    output : str
+        Of which task.
+    """
+
+    output: str
+
+
+@dataclass(frozen=True)
+class _Work:
+    """The function of some tasks, as it travels."""
+
+    function: Callable[..., None]
+
+    def __call__(self, task: Task) -> Done | Lost:
+        if not os.path.exists(task.output):
+            self.function(task)
+        return Done(task.output)
+
+
+def run_tasks(
+    function: Callable[[T], None],
+    tasks: Sequence[T],
+    engine: Engine | None = None,
+    done: Callable[[str], None] | None = None,
+) -> None:
+    """Do the tasks whose output is not there.
+
+    Parameters
+    ----------
+    function : callable
+        Does one, by `writing` its output; defined in a module, as it travels.
+    tasks : sequence of Task
+        In the order in which to begin.
+    engine : Engine, optional
+        Where; in this process by default.
+    done : callable, optional
+        Called with the output of each task when it is there.
+
+    Raises
+    ------
+    SolverError
+        A process died of a task, most likely for want of memory.
+    """
+    left = []
+    for task in tasks:
+        if not os.path.exists(task.output):
+            left.append(task)
+        elif done is not None:
+            done(task.output)
+    work = _Work(function)
+    ended = map(work, left) if engine is None else spread(work, left, _lost, engine)
+    for end in ended:
+        if isinstance(end, Lost):
+            raise SolverError(
+                f"a process died of {os.path.basename(end.output)}, most likely for want of "
+                "memory: allow less with --memory, or fewer processes with --jobs"
+            )
+        if done is not None:
+            done(end.output)
+
+
+def _lost(task: Task) -> Done | Lost:
+    return Lost(task.output)
+
+
+@contextmanager
+def writing(output: str) -> Iterator[Path]:
+    """Where to write an output, a file or a folder, that has its name once it is whole."""
+    target = Path(output)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # Another process may work on the same after a network was silent for long.
+    beside = target.with_name(f"{target.name}.{os.getpid()}{UNFINISHED}")
+    try:
+        yield beside
+        try:
+            os.replace(beside, target)
+        except OSError:
+            if not target.is_dir():  # else another process has finished the same folder meanwhile
+                raise
+    finally:
+        _remove(beside)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
