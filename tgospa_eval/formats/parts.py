@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ class PartWriter:
         self.folder = folder
         self.count = 0
         self._part: pq.ParquetWriter | None = None
+        self._file: BinaryIO
 
     def __enter__(self) -> "PartWriter":
         return self
@@ -60,11 +61,16 @@ class PartWriter:
 
         table = pa.table(columns)
         if self._part is None:
-            path = self.folder / part_name(self.count)
+            # A file of Python's, whose errors are those of the system.
+            self._file = (self.folder / part_name(self.count)).open("wb")
             # Times and ids are few in a row group, states are all different.
             few = [name for name in columns if columns[name].dtype.kind == "i"]
             self._part = pq.ParquetWriter(
-                path, table.schema, compression="zstd", compression_level=1, use_dictionary=few
+                self._file,
+                table.schema,
+                compression="zstd",
+                compression_level=1,
+                use_dictionary=few,
             )
             self.count += 1
         self._part.write_table(table, row_group_size=max(len(table), 1))
@@ -72,5 +78,6 @@ class PartWriter:
     def end_part(self) -> None:
         """Close the part; what is added next is in another."""
         if self._part is not None:
-            self._part.close()
-            self._part = None
+            part, self._part = self._part, None
+            with self._file:
+                part.close()

@@ -1,10 +1,10 @@
 """The kinds of long recordings, by name."""
 
 from tgospa_eval.simulation import Tracker
-from tgospa_eval.simulation.recordings import Kind
+from tgospa_eval.simulation.recordings import RecordingKind
 from tgospa_eval.simulation.routes import ShippingLanes, Streets
 
-AIS = Kind(
+AIS = RecordingKind(
     targets=2000,
     lifetimes=(50, 300),
     area=400e3,
@@ -31,7 +31,7 @@ AIS = Kind(
     switch_penalty=50.0,
 )
 
-CITY = Kind(
+CITY = RecordingKind(
     targets=500,
     lifetimes=(200, 400),
     area=1000.0,

@@ -41,7 +41,7 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kind:
+class RecordingKind:
     """A kind of recording.
 
     Parameters
@@ -96,7 +96,7 @@ class Layout:
         return -(-self.steps // self.part)
 
     @classmethod
-    def of(cls, kind: Kind, rows: int) -> "Layout":
+    def of(cls, kind: RecordingKind, rows: int) -> "Layout":
         """The least number of whole steps with so many rows of truth, in four parts at least."""
         steps = -(-rows // kind.targets)
         stretch = min(STATES_MADE_AT_ONCE // kind.targets, max(steps // (2 * LEAST_PARTS), 1))
@@ -145,7 +145,9 @@ class Rows:
     y: Floats
 
 
-def present_targets(kind: Kind, layout: Layout, rng: np.random.Generator) -> Iterator[Present]:
+def present_targets(
+    kind: RecordingKind, layout: Layout, rng: np.random.Generator
+) -> Iterator[Present]:
     """The targets, a stretch after another.
 
     Lifetimes are log-uniform. At the first step ages and lifetimes are as at any other: a target

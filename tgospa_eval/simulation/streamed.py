@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.simulation.encounters import encounters
 from tgospa_eval.simulation.recordings import (
-    Kind,
     Layout,
     Present,
+    RecordingKind,
     Rows,
     present_targets,
     rounded,
@@ -29,7 +29,7 @@ BITS = 40
 
 
 def simulate_recording(
-    kind: Kind, layout: Layout, rng: np.random.Generator
+    kind: RecordingKind, layout: Layout, rng: np.random.Generator
 ) -> Iterator[tuple[Rows, Rows]]:
     """Truth and estimate of a stretch of time after another.
 
@@ -41,7 +41,7 @@ def simulate_recording(
     for present in present_targets(kind, layout, for_targets):
         real = tracks.follow(present)
         made = false.rows(present.first, len(present.alive), tracks)
-        yield truth_rows(present), _joined(real, made)
+        yield truth_rows(present), _joined(real, made, present.first)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,7 +118,7 @@ def hold_tracks(
 class _Tracks:
     """The track that each living target has."""
 
-    def __init__(self, kind: Kind, rng: np.random.Generator) -> None:
+    def __init__(self, kind: RecordingKind, rng: np.random.Generator) -> None:
         self.errors = kind.tracker
         self.noise, self.misses, self.swaps, self.losses = rng.spawn(4)
         self.next_id = 1
@@ -171,7 +171,7 @@ class _Tracks:
 class _FalseTracks:
     """Tracks of nothing: straight lines that begin anywhere."""
 
-    def __init__(self, kind: Kind, rng: np.random.Generator) -> None:
+    def __init__(self, kind: RecordingKind, rng: np.random.Generator) -> None:
         self.errors, self.area, self.rng = kind.tracker, kind.area, rng
         self.speed = kind.false_speed
         self.ids, self.begin, self.end = np.zeros((3, 0), np.int64)
@@ -199,11 +199,11 @@ class _FalseTracks:
         return made
 
 
-def _joined(real: Rows, false: Rows) -> Rows:
-    """Rows of both, sorted by time, then id."""
+def _joined(real: Rows, false: Rows, first: int) -> Rows:
+    """Rows of both in a stretch, sorted by time, then id."""
     t, ids, x, y = (
         np.concatenate((getattr(real, name), getattr(false, name)))
         for name in ("t", "id", "x", "y")
     )
-    order = np.argsort(t << BITS | ids, kind="stable")
+    order = np.argsort((t - first) << BITS | ids, kind="stable")
     return Rows(t=t[order], id=ids[order], x=x[order], y=y[order])

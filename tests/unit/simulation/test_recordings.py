@@ -17,7 +17,7 @@ from tgospa_eval import evaluate
 from tgospa_eval.cli.simulate.command import RECORDING_KINDS
 from tgospa_eval.simulation import Tracker
 from tgospa_eval.simulation.kinds import AIS, CITY, RECORDINGS
-from tgospa_eval.simulation.recordings import GRAIN, Kind, Layout
+from tgospa_eval.simulation.recordings import GRAIN, Layout, RecordingKind
 from tgospa_eval.simulation.streamed import Held, hold_tracks, simulate_recording
 
 Run = Callable[..., Any]
@@ -32,7 +32,7 @@ SWAPS = {"swaps": 0.5, "near": 5.0}
 
 
 def tables(
-    kind: Kind, steps: int, stretch: int, seed: int = 0
+    kind: RecordingKind, steps: int, stretch: int, seed: int = 0
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Both sides of a recording, its stretches one after another."""
     layout = Layout(steps=steps, stretch=stretch, part=stretch)
@@ -238,6 +238,11 @@ def test_the_command_writes_parts_by_time(
     assert len(list(folder.rglob("part-*"))) == 8
     assert pd.read_parquet(folder / "truth").t.max() == 4
     _refusals(invoke, folder, typed)
+    (tmp_path / "f" / "truth").parent.mkdir()
+    (tmp_path / "f" / "truth").touch()
+    answer = invoke("simulate", str(tmp_path / "f"), *typed[2:], "--force")
+    assert (answer.status, answer.out) == (2, "")
+    assert "truth in it is a file" in answer.err
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     answer = invoke("simulate", str(tmp_path / "c"), "--partitioned", "ais")
     assert answer.status == 2

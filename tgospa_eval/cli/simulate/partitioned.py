@@ -77,7 +77,7 @@ def make_partitioned(folder: str, options: SceneOptions) -> None:
 
 
 class _Count:
-    """How many rows and tracks there are: a bit of memory for each track."""
+    """How many rows and tracks there are, in a byte for each track."""
 
     def __init__(self) -> None:
         self.rows = 0
@@ -107,6 +107,8 @@ def _check_strangers(folder: str, kind: Kind) -> None:
     path = Path(folder)
     own = {*kind.names, *unchanged(path, read_manifest(path, kind.name) or ())}
     for side in FOLDERS:
+        if (path / side).is_file():
+            raise ConfigError(f"{OPTION} {folder}: {side} in it is a file; name another folder")
         for item in sorted((path / side).glob("*")):
             if f"{side}/{item.name}" not in own:
                 raise ConfigError(
