@@ -28,6 +28,7 @@ SMALL = {
 }
 
 
+COLUMNS = ("t", "id", "x", "y")
 SWAPS = {"swaps": 0.5, "near": 5.0}
 
 
@@ -38,7 +39,7 @@ def tables(
     layout = Layout(steps=steps, stretch=stretch, part=stretch)
     stretches = list(simulate_recording(kind, layout, np.random.default_rng(seed)))
     truth, estimate = (
-        pd.concat([pd.DataFrame(vars(rows)) for rows in side], ignore_index=True)
+        pd.DataFrame({c: np.concatenate([getattr(rows, c) for rows in side]) for c in COLUMNS})
         for side in zip(*stretches, strict=True)
     )
     return truth, estimate
@@ -62,7 +63,7 @@ def test_a_layout_has_all_rows_in_whole_steps(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-@pytest.mark.parametrize("stretch", [1, 90])
+@pytest.mark.parametrize("stretch", [3, 90])
 def test_truths_live_once_and_are_as_many_at_every_step(name: str, stretch: int) -> None:
     """Also where a target is born and dies within a stretch."""
     kind = SMALL[name]
