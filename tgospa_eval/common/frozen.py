@@ -56,9 +56,9 @@ def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
     """``__init__`` of a class with these fields, `followed` by ``__post_init__``."""
     order = tuple(field.name for field in fields)
     places = tuple(field.name for field in fields if not field.kw_only)
-    names = frozenset(order)
+    size = len(order)
     constant = {f.name: f.default for f in fields if f.default is not dataclasses.MISSING}
-    made = {f.name: f.default_factory for f in fields if callable(f.default_factory)}
+    made = [(f.name, f.default_factory) for f in fields if callable(f.default_factory)]
 
     def __init__(self: Any, /, *positional: Any, **values: Any) -> None:  # noqa: N807
         if positional:
@@ -66,16 +66,19 @@ def _initialiser(fields: Fields, followed: bool) -> Callable[..., None]:
             if len(positional) > len(places) or not given.keys().isdisjoint(values):
                 _refuse(self, places, positional, values)
             values = given | values
-        if values.keys() != names:
+        if len(values) < size:
             values = constant | values
-            for name, default in made.items():
+            for name, default in made:
                 if name not in values:
                     values[name] = default()
-            if values.keys() != names:
-                _refuse(self, places, (), values)
         kept = self.__dict__
-        for name in order:
-            kept[name] = values[name]
+        try:
+            for name in order:
+                kept[name] = values[name]
+        except KeyError:
+            _refuse(self, places, (), values)
+        if len(values) > size:
+            _refuse(self, places, (), values)
         if followed:
             self.__post_init__()
 

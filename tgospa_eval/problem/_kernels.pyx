@@ -10,7 +10,7 @@ import numpy as np
 
 from libc.math cimport INFINITY, exp, fabs, floor, fmax, hypot, log, nextafter, rint, sqrt
 from libc.stdint cimport int64_t, uint64_t
-from libc.string cimport memcpy
+from libc.string cimport memcpy, memset
 
 from tgospa_eval.errors import check_size
 from tgospa_eval.problem.problem import REGRET as SUM_ERROR
@@ -522,7 +522,10 @@ cdef class Layout:
     cdef const u8[::1] open
     cdef const i32[::1] column_first, slot_step, slot_begin, slot_end
     cdef const double[::1] switch_price, gains, offsets
-    cdef Py_ssize_t longest
+    cdef Py_ssize_t longest, widest  # states of a row, and pairs of one, at most
+    cdef double[::1] before, lost    # room for what is computed on the way, made once:
+    cdef double[:, ::1] room         # small problems take no longer to solve than to make arrays
+    cdef i32[::1] came
 
     def __init__(self, states, const double[::1] switch_price, double price,
                  const double[::1] prices=None):
@@ -539,24 +542,35 @@ cdef class Layout:
             self.row_first, self.order, self.begin, self.entry, states.problem.cost, price, prices)
         self.gains, self.groups, self.offsets = self.gain, self.group_first, self.offset
         self.block = states.node_block
+        cdef Py_ssize_t i, longest = 0, slots_ = self.slot_step.shape[0] + 1
+        for i in range(self.block.shape[0]):
+            longest = max(longest, self.row_first[i + 1] - self.row_first[i])
+        self.before, self.lost = np.empty((2, slots_))
+        self.room, self.came = np.empty((5, longest + 1)), np.empty(longest + 1, np.int32)
 
     def keep(self, const u8[::1] blocks):
         """Go on with these blocks, (B,); their nodes without states of their own are columns."""
-        cdef Py_ssize_t nodes = self.block.shape[0], i, rows = 0, columns = 0
-        cdef i32[::1] row = np.empty(nodes, np.int32), column = np.empty(nodes, np.int32)
-        self.open, self.longest = blocks, 0
+        cdef Py_ssize_t nodes = self.block.shape[0], i, a, low, rows = 0, columns = 0, pairs
+        row_array, column_array = np.empty(nodes, np.int32), np.empty(nodes, np.int32)
+        cdef i32[::1] row = row_array, column = column_array
+        self.open, self.longest, self.widest = blocks, 0, 1
         with nogil:
             for i in range(nodes):
                 if not blocks[self.block[i]]:
                     continue
-                if self.row_first[i + 1] > self.row_first[i]:
+                low = self.row_first[i]
+                if self.row_first[i + 1] > low:
                     row[rows] = <i32>i
                     rows += 1
-                    self.longest = max(self.longest, self.row_first[i + 1] - self.row_first[i])
+                    self.longest = max(self.longest, self.row_first[i + 1] - low)
+                    pairs = 0
+                    for a in range(low, self.row_first[i + 1]):
+                        pairs += self.begin[a] == self.begin[low]
+                    self.widest = max(self.widest, pairs)
                 else:
                     column[columns] = <i32>i
                     columns += 1
-        self.rows, self.columns = np.asarray(row[:rows]), np.asarray(column[:columns])
+        self.rows, self.columns = row_array[:rows], column_array[:columns]
         self.row, self.column = self.rows, self.columns
 
 
@@ -585,10 +599,12 @@ cdef inline Row row_of(Layout layout, i32 node) noexcept nogil:
     return row
 
 
-cdef inline Paths paths_in(double[:, ::1] room, i32[::1] came) noexcept nogil:
+cdef inline Paths paths_in(Layout layout) noexcept nogil:
     cdef Paths paths
-    paths.value, paths.forward, paths.none = &room[0, 0], &room[1, 0], &room[2, 0]
-    paths.rest, paths.slack, paths.came = &room[3, 0], &room[4, 0], &came[0]
+    cdef double* room = &layout.room[0, 0]
+    cdef Py_ssize_t size = layout.room.shape[1]
+    paths.value, paths.forward, paths.none = room, room + size, room + 2 * size
+    paths.rest, paths.slack, paths.came = room + 3 * size, room + 4 * size, &layout.came[0]
     return paths
 
 
@@ -768,66 +784,10 @@ cdef double HARDLY = 1e-6
 globals().update(NEAR=NEAR, NEEDED=NEEDED, LOSES=LOSES, BEST=BEST, TEMPTED=TEMPTED, MAJORITY=MAJORITY)
 
 
-def survey(Layout layout, const double[::1] price, double[::1] best, const double[::1] weight=None,
-           double reach=0.0, double[::1] own=None, u8[::1] flags=None, double[::1] regret=None):
-    """Value of the best path of each row at the prices; with `flags` marks of each state.
-
-    The prices of a state are those of its slots, from running sums in each column. With `flags`
-    also the value `own` of the assignment in `weight` at the prices, less its changes. What that
-    loses against the best paths is added to `regret` (T + 1,), step by step.
-    """
-    cdef Py_ssize_t r, s, low
-    cdef i32 b, e, i, last
-    cdef bint judge = flags is not None, locate = regret is not None
-    cdef double[::1] before = np.empty(price.shape[0] + 1), lost = np.empty(price.shape[0] + 1)
-    cdef double[:, ::1] room = np.empty((5, layout.longest + 1))
-    cdef i32[::1] came = np.empty(layout.longest + 1, np.int32)
-    cdef Paths paths = paths_in(room, came)
-    cdef Row row
-    cdef const double *gain = &layout.gains[0]
-    cdef const i32 *slot_begin = &layout.slot_begin[0], *slot_end = &layout.slot_end[0]
-    if not layout.longest:
-        return
-    with nogil:
-        run_up(layout, price, before, lost)
-        for r in range(layout.row.shape[0]):
-            i = layout.row[r]
-            row = row_of(layout, i)
-            low = row.low
-            for s in range(low, row.high):
-                b, e = slot_begin[s], slot_end[s]
-                if e == b:
-                    paths.value[s - low] = gain[s]
-                elif e == b + 1:
-                    paths.value[s - low] = gain[s] - price[b]
-                else:
-                    paths.value[s - low] = gain[s] - (((before[e - 1] - before[b])
-                                                       + (lost[e - 1] - lost[b])) + price[e - 1])
-            best[i] = row_forward(row, paths, &last)
-            if low == row.high:
-                continue
-            if locate:
-                row_regret(row, paths, &weight[low], &regret[0])
-            if not judge:
-                continue
-            for s in range(row.high - low):
-                paths.forward[s] += paths.none[s]
-            row_backward(row, paths, layout.groups[i + 1] - layout.groups[i], best[i])
-            own[i] = row_own(row, paths.value, &weight[low])
-            for s in range(low, row.high):
-                flags[s] = ((NEAR if paths.slack[s - low] <= reach else 0)
-                            | (NEEDED if paths.none[s - low] > reach else 0)
-                            | (LOSES if paths.slack[s - low] > REGRET else 0)
-                            | (TEMPTED if paths.slack[s - low] <= HARDLY else 0))
-            while last >= 0:
-                flags[low + last] |= BEST | MAJORITY
-                last = came[last]
-
-
-cdef void run_up(Layout layout, const double[::1] price, double[::1] before,
-                 double[::1] lost) noexcept nogil:
+cdef void run_up(Layout layout, const double* price) noexcept nogil:
     """Sum of the prices before each slot of its column, in two parts, as a recording may be long."""
     cdef Py_ssize_t r, t
+    cdef double *before = &layout.before[0], *lost = &layout.lost[0]
     cdef double total, rest
     for r in range(layout.column.shape[0]):
         total = rest = 0.0
@@ -866,193 +826,389 @@ cdef double row_own(Row row, const double* value, const Weight* weight) noexcept
     return total + rest
 
 
-def own_values(Layout layout, const Weight[::1] weight, double[::1] own):
-    """Value of the assignment of each row at its relative gains, as in `row_own`."""
-    cdef Py_ssize_t r
-    cdef Row row
-    with nogil:
-        for r in range(layout.row.shape[0]):
-            row = row_of(layout, layout.row[r])
-            own[layout.row[r]] = 0.0
-            if row.low < row.high:
-                own[layout.row[r]] = row_own(row, &layout.gains[row.low], &weight[row.low])
-
-
-def majority(Layout layout, const u8[::1] flags, u8[::1] weight, i32[::1] load):
+cdef void majority(Layout layout, const u8* flags, u8* weight, i32* load) noexcept nogil:
     """Feasible weights 0 and 1: states that are MAJORITY, unless one before is in their way.
 
-    `load` (K,) must come as zeros and becomes the number of rows on each column slot. Returns
-    whether a state lost its place.
+    `load` (K,) must come as zeros and becomes the number of rows on each column slot.
     """
-    cdef const i32[::1] rows = layout.row, row_first = layout.row_first, order = layout.order
-    cdef const i32[::1] begin = layout.begin
-    cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
-    cdef const i32[::1] window_end = layout.window_end
+    cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
+    cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
+    cdef const i32 *slot_begin = &layout.slot_begin[0], *slot_end = &layout.slot_end[0]
     cdef Py_ssize_t r, a, t
     cdef i32 i, s, high, until
-    cdef bint free, lost = False
-    with nogil:
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            high = row_first[i + 1]
-            until = -1
-            for a in range(row_first[i], high):
-                s = order[a]
-                weight[s] = 0
-                if not flags[s] & MAJORITY:
-                    continue
-                if begin[s] <= until:
-                    lost = True
-                    continue
-                free = True
-                for t in range(slot_begin[s], slot_end[s]):
-                    if load[t]:
-                        free = False
-                        break
-                if not free:
-                    lost = True
-                    continue
-                for t in range(slot_begin[s], slot_end[s]):
-                    load[t] = 1
-                weight[s] = 1
-                until = window_end[i]
-                if s + 1 < high and begin[s + 1] > begin[s]:
-                    until = begin[s + 1] - 1
-    return lost
+    cdef bint free
+    for r in range(layout.row.shape[0]):
+        i = rows[r]
+        high = row_first[i + 1]
+        until = -1
+        for a in range(row_first[i], high):
+            s = order[a]
+            weight[s] = 0
+            if not flags[s] & MAJORITY or begin[s] <= until:
+                continue
+            free = True
+            for t in range(slot_begin[s], slot_end[s]):
+                if load[t]:
+                    free = False
+                    break
+            if not free:
+                continue
+            for t in range(slot_begin[s], slot_end[s]):
+                load[t] = 1
+            weight[s] = 1
+            until = layout.window_end[i]
+            if s + 1 < high and begin[s + 1] > begin[s]:
+                until = begin[s + 1] - 1
 
 
-def improve(Layout layout, i32[::1] load, u8[::1] weight, double[::1] own):
+cdef int improve(Layout layout, i32* load, u8* weight, double* own) noexcept nogil:
     """Each row in turn takes its best path through what the others leave; how many changed.
 
     `weight` (S,) is 0 or 1, `load` (K,) the number of rows on each column slot; both are updated.
     `own` becomes the value of each row.
     """
-    cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
-    cdef const double[::1] gain = layout.gains
+    cdef const i32 *slot_begin = &layout.slot_begin[0], *slot_end = &layout.slot_end[0]
+    cdef const double *gain = &layout.gains[0]
     cdef Py_ssize_t r, t, low, high, s
-    cdef i32 i, last, changed = 0
+    cdef i32 i, last
+    cdef int changed = 0
     cdef double best
-    cdef double[:, ::1] room = np.empty((5, layout.longest + 1))
-    cdef i32[::1] came = np.empty(layout.longest + 1, np.int32)
-    cdef Paths paths = paths_in(room, came)
+    cdef Paths paths = paths_in(layout)
     cdef Row row
-    if not layout.longest:
-        return 0
-    with nogil:
-        for r in range(layout.row.shape[0]):
-            i = layout.row[r]
-            row = row_of(layout, i)
-            low, high = row.low, row.high
-            for s in range(low, high):
-                if weight[s]:
-                    for t in range(slot_begin[s], slot_end[s]):
-                        load[t] -= 1
-            own[i] = row_own(row, &gain[low], &weight[low])
-            for s in range(low, high):
-                paths.value[s - low] = gain[s]
+    for r in range(layout.row.shape[0]):
+        i = layout.row[r]
+        row = row_of(layout, i)
+        low, high = row.low, row.high
+        for s in range(low, high):
+            if weight[s]:
                 for t in range(slot_begin[s], slot_end[s]):
-                    if load[t] > 0:
-                        paths.value[s - low] = NOTHING
-                        break
-            best = row_forward(row, paths, &last)
-            if best > own[i]:
-                # Sums in another order differ in the last digit: that is no change for the better.
-                changed += best > own[i] + 1e-12
-                own[i] = best
-                weight[low:high] = 0
-                while last >= 0:
-                    weight[low + last] = 1
-                    last = came[last]
-            for s in range(low, high):
-                if weight[s]:
-                    for t in range(slot_begin[s], slot_end[s]):
-                        load[t] += 1
+                    load[t] -= 1
+        own[i] = row_own(row, gain + low, weight + low)
+        for s in range(low, high):
+            paths.value[s - low] = gain[s]
+            for t in range(slot_begin[s], slot_end[s]):
+                if load[t] > 0:
+                    paths.value[s - low] = NOTHING
+                    break
+        best = row_forward(row, paths, &last)
+        if best > own[i]:
+            # Sums in another order differ in the last digit: that is no change for the better.
+            changed += best > own[i] + 1e-12
+            own[i] = best
+            memset(weight + low, 0, high - low)
+            while last >= 0:
+                weight[low + last] = 1
+                last = paths.came[last]
+        for s in range(low, high):
+            if weight[s]:
+                for t in range(slot_begin[s], slot_end[s]):
+                    load[t] += 1
     return changed
 
 
-# --- what prices and assignments prove of the open blocks, others have 0 -------------------------
+cdef class Brackets:
+    """The best prices and the best assignment of each block so far, and what both prove.
 
+    Sums by block are 0 in blocks that are not open.
 
-def row_sums(Layout layout, const double[::1] value):
-    """Sum of the values (nodes,) of the rows of each block, (B,)."""
-    found = np.zeros(layout.open.shape[0])
-    cdef double[::1] total = found
-    cdef Py_ssize_t r
-    with nogil:
-        for r in range(layout.row.shape[0]):
-            total[layout.block[layout.row[r]]] += value[layout.row[r]]
-    return found
+    Parameters
+    ----------
+    layout : Layout
+        The blocks, and those that are open.
+    weights, prices : (S,), (K,) float arrays
+        Where the best are kept.
+    rounding : float
+        How wrong a sum of prices along a path may be, as a fraction of all of them.
 
-
-def paid(Layout layout, const double[::1] price):
-    """Sum of the prices of the columns of each block, (B,); of a column as `sum_parts`."""
-    cdef Py_ssize_t r, K = price.shape[0], low, high
-    cdef i32 i
-    found = np.zeros(layout.open.shape[0])
-    cdef double[::1] total = found, last
-    for r in range(layout.column.shape[0]):
-        i = layout.column[r]
-        low, high = layout.column_first[i], layout.column_first[i + 1]
-        if low == high:
-            continue
-        if high == K:  # `sum_parts` has a 0 behind it
-            last = np.zeros(high - low + 1)
-            last[:high - low] = price[low:]
-            total[layout.block[i]] += last[0] + pairwise(&last[1], high - low)
-        else:
-            total[layout.block[i]] += price[low] + pairwise(&price[low] + 1, high - low - 1)
-    return found
-
-
-def wide(Layout layout, const double[::1] dual, const double[::1] primal, const double[::1] base,
-         double gap):
-    """Which brackets, ``dual - primal``, are wider than ``gap max(base - primal, 0)``, (B,)."""
-    cdef Py_ssize_t b
-    found = np.zeros(dual.shape[0], bool)
-    cdef u8[::1] wider = found.view(np.uint8)
-    with nogil:
-        for b in range(dual.shape[0]):
-            wider[b] = layout.open[b] and (
-                dual[b] - primal[b] > gap * fmax(base[b] - primal[b], 0.0))
-    return found
-
-
-def take_prices(Layout layout, const double[::1] found, double[::1] dual, const double[::1] trial,
-                double[::1] price):
-    """Replace prices by those on trial in the blocks where their bound `found` is less.
-
-    `dual` (B,) and `price` (K,), the best so far, are updated.
+    Attributes
+    ----------
+    dual, primal : (B,), (B,) float arrays
+        What the prices prove that a block can gain at most, and what the assignment gains.
+    most : (B,) float array
+        What a block could gain if everything were free, to be set.
+    flags, chosen : (S,), (S,) uint8 arrays
+        Marks of each state by the last survey; the working set that was chosen last.
+    best, own : (nodes,), (nodes,) float arrays
+        Value of the best path of each row by the last survey, and that of an assignment.
     """
-    cdef Py_ssize_t r, b, low, high
-    cdef i32 i
-    with nogil:
-        for r in range(layout.column.shape[0]):
-            i = layout.column[r]
-            if found[layout.block[i]] < dual[layout.block[i]]:
-                low, high = layout.column_first[i], layout.column_first[i + 1]
-                price[low:high] = trial[low:high]
-        for b in range(dual.shape[0]):
-            if layout.open[b] and found[b] < dual[b]:
+
+    cdef readonly object dual, primal, most, flags, best, own
+    cdef Layout layout
+    cdef double rounding
+    cdef readonly object chosen
+    cdef double[::1] weight, price, duals, primals, mosts, bests, owns, trial, found, part
+    cdef u8[::1] flag, rounded, choice
+
+    def __init__(self, Layout layout, double[::1] weights, double[::1] prices, double rounding):
+        cdef Py_ssize_t blocks = layout.open.shape[0], nodes = layout.block.shape[0]
+        self.layout, self.rounding = layout, rounding
+        self.weight, self.price = weights, prices
+        self.dual, self.primal, self.most, self.found, self.part = np.zeros((5, blocks))
+        self.best, self.own = np.zeros((2, nodes))
+        self.flags, self.rounded, self.chosen = np.zeros((3, weights.shape[0]), np.uint8)
+        self.choice = self.chosen
+        self.trial = np.empty(prices.shape[0])
+        self.duals, self.primals, self.mosts = self.dual, self.primal, self.most
+        self.bests, self.owns, self.flag = self.best, self.own, self.flags
+
+    # --- prices
+
+    def look(self, const double[::1] prices):
+        """Bound of each block at the prices, (B,)."""
+        with nogil:
+            self._survey(&prices[0], False, 0.0, NULL)
+        return self.bound(prices)
+
+    def bound(self, const double[::1] prices):
+        """The same where the last survey was at these prices."""
+        with nogil:
+            self._bound(&prices[0])
+        return np.array(self.found)
+
+    def mark(self, const double[::1] prices, double reach):
+        """`flags` of every state, and the value `own` of the best assignment at the prices."""
+        with nogil:
+            self._survey(&prices[0], True, reach, NULL)
+
+    def regrets(self, const double[::1] prices, double[::1] lost):
+        """Add what the best assignment loses against the best paths to its steps, (T + 1,)."""
+        with nogil:
+            self._survey(&prices[0], False, 0.0, &lost[0])
+
+    def try_prices(self, const double[::1] prices):
+        """Take the prices in the open blocks where they prove more."""
+        with nogil:
+            self._take_prices(&prices[0])
+
+    def try_above(self, const double[::1] prices, double least, double gap):
+        """`try_prices` with 0 for those up to `least`; whether some bracket is still too wide."""
+        cdef Py_ssize_t t
+        cdef bint wide
+        with nogil:
+            for t in range(prices.shape[0]):
+                self.trial[t] = prices[t] if prices[t] > least else 0.0
+            self._take_prices(&self.trial[0])
+            wide = False
+            for t in range(self.duals.shape[0]):
+                wide = wide or self._is_wide(t, gap)
+        return wide
+
+    def choose(self, const double[::1] prices, double reach):
+        """`mark`, and the working set of what is within reach: `chosen`."""
+        with nogil:
+            self._survey(&prices[0], True, reach, NULL)
+            memset(&self.choice[0], 0, self.choice.shape[0])
+            working_set(self.layout, &self.weight[0], &prices[0], &self.flag[0], &self.choice[0])
+
+    cdef void _survey(self, const double* price, bint judge, double reach,
+                      double* regret) noexcept nogil:
+        """Value of the best path of each row at the prices; to `judge`, marks of each state.
+
+        The prices of a state are those of its slots, from running sums in each column. To judge
+        also the value `own` of the best assignment at the prices, less its changes. What that loses
+        against the best paths is added to `regret`, step by step, unless that is NULL.
+        """
+        cdef Py_ssize_t r, s, low
+        cdef i32 b, e, i, last
+        cdef Paths paths = paths_in(self.layout)
+        cdef Row row
+        cdef const double *gain = &self.layout.gains[0], *weight = &self.weight[0]
+        cdef const double *before = &self.layout.before[0], *lost = &self.layout.lost[0]
+        cdef const i32 *slot_begin = &self.layout.slot_begin[0], *slot_end = &self.layout.slot_end[0]
+        cdef u8* flags = &self.flag[0]
+        run_up(self.layout, price)
+        for r in range(self.layout.row.shape[0]):
+            i = self.layout.row[r]
+            row = row_of(self.layout, i)
+            low = row.low
+            for s in range(low, row.high):
+                b, e = slot_begin[s], slot_end[s]
+                if e == b:
+                    paths.value[s - low] = gain[s]
+                elif e == b + 1:
+                    paths.value[s - low] = gain[s] - price[b]
+                else:
+                    paths.value[s - low] = gain[s] - (((before[e - 1] - before[b])
+                                                       + (lost[e - 1] - lost[b])) + price[e - 1])
+            self.bests[i] = row_forward(row, paths, &last)
+            if regret:
+                row_regret(row, paths, weight + low, regret)
+            if not judge:
+                continue
+            for s in range(row.high - low):
+                paths.forward[s] += paths.none[s]
+            row_backward(row, paths, self.layout.groups[i + 1] - self.layout.groups[i], self.bests[i])
+            self.owns[i] = row_own(row, paths.value, weight + low)
+            for s in range(low, row.high):
+                flags[s] = ((NEAR if paths.slack[s - low] <= reach else 0)
+                            | (NEEDED if paths.none[s - low] > reach else 0)
+                            | (LOSES if paths.slack[s - low] > REGRET else 0)
+                            | (TEMPTED if paths.slack[s - low] <= HARDLY else 0))
+            while last >= 0:
+                flags[low + last] |= BEST | MAJORITY
+                last = paths.came[last]
+
+    cdef void _pay(self, const double* price) noexcept nogil:
+        """`found` becomes the sum of the prices of each block; of a column as `sum_parts`."""
+        cdef Py_ssize_t r, K = self.price.shape[0], low, high
+        cdef i32 i
+        cdef double* last = &self.layout.before[0]
+        cdef double* total = &self.found[0]
+        memset(total, 0, self.found.shape[0] * sizeof(double))
+        for r in range(self.layout.column.shape[0]):
+            i = self.layout.column[r]
+            low, high = self.layout.column_first[i], self.layout.column_first[i + 1]
+            if low == high:
+                continue
+            if high == K:  # `sum_parts` has a 0 behind it
+                memcpy(last, price + low, (high - low) * sizeof(double))
+                last[high - low] = 0.0
+                total[self.layout.block[i]] += last[0] + pairwise(last + 1, high - low)
+            else:
+                total[self.layout.block[i]] += price[low] + pairwise(price + low + 1, high - low - 1)
+
+    cdef void _bound(self, const double* price) noexcept nogil:
+        """`found` becomes the bound of each block, after a survey at the prices."""
+        cdef Py_ssize_t b
+        self._pay(price)
+        for b in range(self.found.shape[0]):  # what the values of paths may have lost as well
+            self.found[b] = (1 + self.rounding) * self.found[b]
+        self._add_rows(&self.bests[0], &self.found[0])
+
+    cdef void _add_rows(self, const double* value, double* total) noexcept nogil:
+        """Add the sum of the values (nodes,) of the rows of each block to `total`."""
+        cdef Py_ssize_t r, b
+        cdef double* sums = &self.part[0]
+        memset(sums, 0, self.found.shape[0] * sizeof(double))
+        for r in range(self.layout.row.shape[0]):
+            sums[self.layout.block[self.layout.row[r]]] += value[self.layout.row[r]]
+        for b in range(self.found.shape[0]):
+            total[b] += sums[b]
+
+    cdef void _take_prices(self, const double* trial) noexcept nogil:
+        cdef Py_ssize_t r, b, t
+        cdef i32 i
+        cdef double *found = &self.found[0], *dual = &self.duals[0]
+        self._survey(trial, False, 0.0, NULL)
+        self._bound(trial)
+        for r in range(self.layout.column.shape[0]):
+            i = self.layout.column[r]
+            if found[self.layout.block[i]] < dual[self.layout.block[i]]:
+                for t in range(self.layout.column_first[i], self.layout.column_first[i + 1]):
+                    self.price[t] = trial[t]
+        for b in range(self.duals.shape[0]):
+            if self.layout.open[b] and found[b] < dual[b]:
                 dual[b] = found[b]
 
+    # --- assignments
 
-def take_weights(Layout layout, const double[::1] found, double[::1] primal,
-                 const Weight[::1] trial, double[::1] weight):
-    """Replace the assignment by that on trial in the blocks where its gain `found` is more.
+    def values(self, const double[::1] weights):
+        """Gain of a feasible assignment in each block, (B,)."""
+        with nogil:
+            self._value(&weights[0])
+        return np.array(self.found)
 
-    `primal` (B,) and `weight` (S,), the best so far, are updated.
-    """
-    cdef Py_ssize_t r, b, s
-    cdef i32 i
-    with nogil:
-        for r in range(layout.row.shape[0]):
-            i = layout.row[r]
-            if found[layout.block[i]] > primal[layout.block[i]]:
-                for s in range(layout.row_first[i], layout.row_first[i + 1]):
-                    weight[s] = trial[s]
-        for b in range(primal.shape[0]):
-            if layout.open[b] and found[b] > primal[b]:
+    def try_weights(self, const double[::1] weights):
+        """Take the feasible assignment in the open blocks where it gains more."""
+        with nogil:
+            self._value(&weights[0])
+            self._take_weights(&weights[0])
+
+    def round(self, int rounds):
+        """Try the majorities, each row then in so many rounds re-optimised given the others."""
+        cdef u8* rounded = &self.rounded[0]
+        cdef i32* load = <i32*>&self.layout.before[0]  # whose sums nobody needs any more
+        cdef int k
+        with nogil:
+            memset(load, 0, self.price.shape[0] * sizeof(i32))
+            majority(self.layout, &self.flag[0], rounded, load)
+            if not rounds:
+                self._value(rounded)
+            for k in range(rounds):
+                if not improve(self.layout, load, rounded, &self.owns[0]):
+                    break
+            memset(&self.found[0], 0, self.found.shape[0] * sizeof(double))
+            self._add_rows(&self.owns[0], &self.found[0])
+            self._take_weights(rounded)
+
+    cdef void _value(self, const Weight* weight) noexcept nogil:
+        """`found` becomes the gain of an assignment in each block, at the gains of the layout."""
+        cdef Py_ssize_t r
+        cdef Row row
+        for r in range(self.layout.row.shape[0]):
+            row = row_of(self.layout, self.layout.row[r])
+            self.owns[self.layout.row[r]] = row_own(row, &self.layout.gains[row.low], weight + row.low)
+        memset(&self.found[0], 0, self.found.shape[0] * sizeof(double))
+        self._add_rows(&self.owns[0], &self.found[0])
+
+    cdef void _take_weights(self, const Weight* trial) noexcept nogil:
+        cdef Py_ssize_t r, b, s
+        cdef i32 i
+        cdef double *found = &self.found[0], *primal = &self.primals[0]
+        for r in range(self.layout.row.shape[0]):
+            i = self.layout.row[r]
+            if found[self.layout.block[i]] > primal[self.layout.block[i]]:
+                for s in range(self.layout.row_first[i], self.layout.row_first[i + 1]):
+                    self.weight[s] = trial[s]
+        for b in range(self.primals.shape[0]):
+            if self.layout.open[b] and found[b] > primal[b]:
                 primal[b] = found[b]
+
+    # --- widths
+
+    def wide(self, double gap):
+        """Open blocks whose bracket is wider than the gap, relative to its cost, (B,)."""
+        found = np.zeros(self.found.shape[0], bool)
+        cdef u8[::1] wider = found.view(np.uint8)
+        cdef Py_ssize_t b
+        for b in range(wider.shape[0]):
+            wider[b] = self._is_wide(b, gap)
+        return found
+
+    def only_rounding(self, double gap):
+        """Whether some bracket is wide by hardly more than rounding of its prices."""
+        cdef Py_ssize_t b
+        self._pay(&self.price[0])
+        for b in range(self.found.shape[0]):
+            if self._is_wide(b, gap) and (
+                    self.duals[b] - self.primals[b] < 4 * (self.rounding * self.found[b])):
+                return True
+        return False
+
+    cdef bint _is_wide(self, Py_ssize_t b, double gap) noexcept nogil:
+        cdef double primal = self.primals[b]
+        return self.layout.open[b] and (
+            self.duals[b] - primal > gap * fmax(self.mosts[b] - primal, 0.0))
+
+    @property
+    def open_dual(self):
+        """Sum of the bounds of the open blocks, as NumPy adds."""
+        cdef Py_ssize_t b, n = 0
+        for b in range(self.duals.shape[0]):
+            if self.layout.open[b]:
+                self.part[n] = self.duals[b]
+                n += 1
+        return pairwise(&self.part[0], n)
+
+    @property
+    def open_gap(self):
+        """Width of the brackets of the open blocks together."""
+        cdef Py_ssize_t b, n = 0
+        for b in range(self.duals.shape[0]):
+            if self.layout.open[b]:
+                self.part[n] = self.duals[b] - self.primals[b]
+                n += 1
+        return pairwise(&self.part[0], n)
+
+    @property
+    def open_cost(self):
+        """Cost of the best assignment of the open blocks together."""
+        cdef Py_ssize_t b, n = 0
+        for b in range(self.duals.shape[0]):
+            if self.layout.open[b]:
+                self.part[n] = fmax(self.mosts[b] - self.primals[b], 0.0)
+                n += 1
+        return pairwise(&self.part[0], n)
 
 
 def row_potentials(const i32[::1] order, const i32[::1] row, const i32[::1] first,
@@ -1363,91 +1519,91 @@ cdef enum:
     FREE = 8     # constraints that stand for "no price", by turns: sums do not wait for each other
 
 
-def working_set(Layout layout, const double[::1] weight, const double[::1] price,
-                const u8[::1] flags, u8[::1] chosen):
+cdef void working_set(Layout layout, const double* weight, const double* price, const u8* flags,
+                      u8* chosen) noexcept nogil:
     """Choose the states that a chain is built of; 1 = chosen, with CERTAIN and FINAL at its ends.
 
     Chosen are the states near, by the flags of `survey`, and those in use. Stretches where a row
     has one option only, for which no other row competes, are left out but for their ends, and so
     are rows with which none competes (docs/theory/solvers.md, "Working set").
     """
-    cdef const i32[::1] rows = layout.row, row_first = layout.row_first, order = layout.order
-    cdef const i32[::1] begin = layout.begin
-    cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
-    cdef Py_ssize_t r, a, c, low, high, t, K = price.shape[0]
+    cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
+    cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
+    cdef const i32 *slot_begin = &layout.slot_begin[0], *slot_end = &layout.slot_end[0]
+    cdef Py_ssize_t r, a, c, low, high, t, K = layout.slot_step.shape[0]
     cdef i32 i, s, k, first, group, active, crowded
     cdef bint rivalled
-    cdef i32[::1] change = np.zeros(K + 1, np.int32)
-    cdef i32[::1] rivals = np.zeros(K + 1, np.int32)
-    cdef i32[::1] since = np.empty(layout.longest + 1, np.int32)
-    with nogil:
-        for r in range(rows.shape[0]):
-            for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
-                chosen[s] = 1 if flags[s] & NEAR or weight[s] > 0.0 else 0
-                if chosen[s]:
-                    change[slot_begin[s]] += 1
-                    change[slot_end[s]] -= 1
+    cdef i32 *change = <i32*>&layout.before[0], *rivals = <i32*>&layout.lost[0]
+    cdef i32 *since = &layout.came[0]
+    memset(change, 0, (K + 1) * sizeof(i32))
+    rivals[0] = 0
+    for r in range(layout.row.shape[0]):
+        for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
+            chosen[s] = 1 if flags[s] & NEAR or weight[s] > 0.0 else 0
+            if chosen[s]:
+                change[slot_begin[s]] += 1
+                change[slot_end[s]] -= 1
+    active = 0
+    for t in range(K):
+        active += change[t]
+        rivals[t + 1] = rivals[t] + (active > 1 or (active == 1 and price[t] > 0.0))
+    for r in range(layout.row.shape[0]):
+        i = rows[r]
+        low, high = row_first[i], row_first[i + 1]
+        if low == high:
+            continue
+        rivalled = False
+        for s in range(low, high):
+            if chosen[s] and rivals[slot_end[s]] > rivals[slot_begin[s]]:
+                rivalled = True
+                break
+        if not rivalled:
+            memset(chosen + low, 0, high - low)
+            continue
+        # A state is sure (2) if no other is chosen while it lasts, nor "none", nor a rival.
+        first = begin[low]
         active = 0
-        for t in range(K):
-            active += change[t]
-            rivals[t + 1] = rivals[t] + (active > 1 or (active == 1 and price[t] > 0.0))
-        for r in range(rows.shape[0]):
-            i = rows[r]
-            low, high = row_first[i], row_first[i + 1]
-            if low == high:
-                continue
-            rivalled = False
-            for s in range(low, high):
-                if chosen[s] and rivals[slot_end[s]] > rivals[slot_begin[s]]:
-                    rivalled = True
-                    break
-            if not rivalled:
-                chosen[low:high] = 0
-                continue
-            # A state is sure (2) if no other is chosen while it lasts, nor "none", nor a rival.
-            first = begin[low]
-            active = 0
-            group = 0
-            crowded = -1
-            a = low
-            while a < high:
-                k = begin[order[a]]
-                c = a
-                while c < high and begin[order[c]] == k:
-                    s = order[c]
-                    if k > first and chosen[s - 1]:
-                        active -= 1
-                        if crowded < since[s - 1 - low] and is_sure(
-                                s - 1, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
-                            chosen[s - 1] = 2
-                    if chosen[s]:
-                        active += 1
-                        since[s - low] = group
-                    c += 1
-                if active > 1:
-                    crowded = group
-                group += 1
-                a = c
-            for s in range(low, high):
-                if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
-                        crowded < since[s - low]) and is_sure(
-                            s, &flags[0], &rivals[0], &slot_begin[0], &slot_end[0]):
-                    chosen[s] = 2
-            # Sure states stay where a neighbour in time is not sure; 3 is left out.
-            for s in range(low, high):
-                if chosen[s] == 2 and (begin[s] == first or chosen[s - 1] >= 2) and (
-                        s + 1 == high or begin[s + 1] == first or chosen[s + 1] == 2):
-                    chosen[s] = 3
-            for s in range(low, high):
-                if chosen[s] == 2:
-                    chosen[s] = 1
-                    if begin[s] != first and chosen[s - 1] == 3:
-                        chosen[s] |= CERTAIN
-                    if s + 1 < high and begin[s + 1] != first and chosen[s + 1] == 3:
-                        chosen[s] |= FINAL
-            for s in range(low, high):
-                if chosen[s] == 3:
-                    chosen[s] = 0
+        group = 0
+        crowded = -1
+        a = low
+        while a < high:
+            k = begin[order[a]]
+            c = a
+            while c < high and begin[order[c]] == k:
+                s = order[c]
+                if k > first and chosen[s - 1]:
+                    active -= 1
+                    if crowded < since[s - 1 - low] and is_sure(
+                            s - 1, flags, rivals, slot_begin, slot_end):
+                        chosen[s - 1] = 2
+                if chosen[s]:
+                    active += 1
+                    since[s - low] = group
+                c += 1
+            if active > 1:
+                crowded = group
+            group += 1
+            a = c
+        for s in range(low, high):
+            if chosen[s] == 1 and (s + 1 == high or begin[s + 1] == first) and (
+                    crowded < since[s - low]) and is_sure(
+                        s, flags, rivals, slot_begin, slot_end):
+                chosen[s] = 2
+        # Sure states stay where a neighbour in time is not sure; 3 is left out.
+        for s in range(low, high):
+            if chosen[s] == 2 and (begin[s] == first or chosen[s - 1] >= 2) and (
+                    s + 1 == high or begin[s + 1] == first or chosen[s + 1] == 2):
+                chosen[s] = 3
+        for s in range(low, high):
+            if chosen[s] == 2:
+                chosen[s] = 1
+                if begin[s] != first and chosen[s - 1] == 3:
+                    chosen[s] |= CERTAIN
+                if s + 1 < high and begin[s + 1] != first and chosen[s + 1] == 3:
+                    chosen[s] |= FINAL
+        for s in range(low, high):
+            if chosen[s] == 3:
+                chosen[s] = 0
 
 
 cdef bint is_sure(i32 s, const u8* flags, const i32* rivals, const i32* slot_begin,
@@ -1461,6 +1617,7 @@ cdef struct Walk:
     i32* held                    # states that a row could be in at a step,
     i32* cursor                  # the next slot that they compete for,
     i32* latest                  # and their latest link
+    i32* link_of                 # that of each state of the row, when it ended
     const i32* slot_step
     const i32* slot_end
     const i32* constraint_of
@@ -1514,13 +1671,22 @@ cdef class Chain:
         self.switch_price = layout.switch_price
         self.steps = layout.switch_price.shape[0]
         self.rows = layout.row.shape[0]
-        cdef i32[::1] constraint_of = np.zeros(K + 1, np.int32)
-        cdef i32[::1] after = np.empty(K + 1, np.int32)
-        self._constrain(layout, chosen, price, constraint_of, after)
+        # One stretch for all that is needed on the way: a small chain takes hardly longer to make.
+        cdef i32[::1] room = np.zeros(4 * (K + 1) + 2 * (self.steps + 1) + 3 * layout.widest
+                                      + layout.longest + 1, np.int32)
+        cdef i32 *constraint_of = &room[0], *after = constraint_of + K + 1
+        self._constrain(layout, &chosen[0], &price[0], constraint_of, after, after + K + 1)
 
-        cdef i32[::1] at = np.zeros(2 * (self.steps + 1), np.int32)
-        cdef i32[::1] node_at = at[:self.steps + 1], link_at = at[self.steps + 1:]
-        self._emit(False, layout, chosen, constraint_of, after, node_at, link_at)
+        cdef i32 *node_at = after + 3 * (K + 1), *link_at = node_at + self.steps + 1
+        cdef Walk walk
+        walk.held = link_at + self.steps + 1
+        walk.cursor, walk.latest = walk.held + layout.widest, walk.held + 2 * layout.widest
+        walk.link_of = walk.held + 3 * layout.widest
+        walk.slot_step, walk.slot_end = &layout.slot_step[0], &layout.slot_end[0]
+        walk.constraint_of, walk.after = constraint_of, after
+        walk.node_at, walk.link_at = node_at, link_at
+        with nogil:
+            self._emit(False, layout, &chosen[0], walk)
         cdef Py_ssize_t k, l, widest = 0
         cdef i32 count
         for k in range(self.steps):
@@ -1540,7 +1706,8 @@ cdef class Chain:
         for k in range(self.constraints + FREE):
             self.slack[k] = self.cap[k] = self.u[k] = 1.0
         self.node_link[self.nodes] = <i32>(self.links + 1)
-        self._emit(True, layout, chosen, constraint_of, after, node_at, link_at)
+        with nogil:
+            self._emit(True, layout, &chosen[0], walk)
 
     cdef object _make_room(self, Py_ssize_t widest):
         """All arrays, zeros, as stretches of three: small chains take no longer to make than to use.
@@ -1576,32 +1743,34 @@ cdef class Chain:
         self.node_link, self.step_node = places[:nodes], places[nodes:]
         self.kind, self.ends = marks[:links], marks[links:]
 
-    cdef object _constrain(self, Layout layout, const u8[::1] chosen, const double[::1] price,
-                           i32[::1] constraint_of, i32[::1] after):
+    cdef object _constrain(self, Layout layout, const u8* chosen, const double* price,
+                           i32* constraint_of, i32* after, i32* opens):
         """Stretches of slots with the same chosen states; those that need a price, by step.
 
         A stretch is priced where two states compete, or where a price has to come down again.
+        `opens` is room for twice as many numbers as there are slots and one, zeros as
+        `constraint_of`.
         """
-        cdef const i32[::1] rows = layout.row, row_first = layout.row_first
-        cdef const i32[::1] slot_step = layout.slot_step
-        cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
-        cdef const i32[::1] columns = layout.column, column_first = layout.column_first
-        cdef Py_ssize_t r, s, K = slot_step.shape[0], t, n = 0
+        cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
+        cdef const i32 *slot_step = &layout.slot_step[0]
+        cdef const i32 *slot_begin = &layout.slot_begin[0], *slot_end = &layout.slot_end[0]
+        cdef const i32 *columns = &layout.column[0], *column_first = &layout.column_first[0]
+        cdef Py_ssize_t r, s, K = layout.slot_step.shape[0], t, n = 0
         cdef i32 c, active, start, last
         cdef double total
         cdef bint fill
-        cdef i32[::1] opens = np.zeros(K + 1, np.int32)
-        cdef i32[::1] closes = np.zeros(K + 1, np.int32)
-        cdef i32[::1] at = np.zeros(self.steps + 2, np.int32)
+        cdef i32* closes = opens + K + 1
+        self.step_constraint = np.zeros(self.steps + 2, np.int32)
+        cdef i32* at = &self.step_constraint[0]
         with nogil:
-            for r in range(rows.shape[0]):
+            for r in range(layout.row.shape[0]):
                 for s in range(row_first[rows[r]], row_first[rows[r] + 1]):
                     if chosen[s] and slot_end[s] > slot_begin[s]:
                         opens[slot_begin[s]] += 1
                         closes[slot_end[s] - 1] += 1
         for fill in (False, True):  # how many there are at each step, then what they are
             with nogil:
-                for r in range(columns.shape[0]):
+                for r in range(layout.column.shape[0]):
                     c = columns[r]
                     active = 0
                     t = column_first[c]
@@ -1627,12 +1796,13 @@ cdef class Chain:
                         active -= closes[t - 1]
             if not fill:
                 self.constraints = n
-                self.slot_first = np.zeros(n + FREE, np.int32)
-                self.slot_count = np.ones(n + FREE, np.int32)
+                self.slot_first, self.slot_count = np.zeros((2, n + FREE), np.int32)
+                self.slot_count[:FREE] = 1
                 self.price = np.zeros(n + FREE)
-                at = FREE + np.cumsum(at, dtype=np.int32)
-                self.step_constraint = at  # the places move on to the next step below
-                at = at[1:]
+                at[0] = FREE
+                for t in range(self.steps + 1):
+                    at[t + 1] += at[t]
+                at += 1  # the places move on to the next step below
         with nogil:
             last = <i32>K
             for t in range(K, -1, -1):
@@ -1640,115 +1810,96 @@ cdef class Chain:
                     last = <i32>t
                 after[t] = last
 
-    cdef object _emit(self, bint fill, Layout layout, const u8[::1] chosen,
-                      const i32[::1] constraint_of, const i32[::1] after, i32[::1] node_at,
-                      i32[::1] link_at):
+    cdef void _emit(self, bint fill, Layout layout, const u8* chosen, Walk walk) noexcept nogil:
         """Walk the rows in time; count nodes and links of every step, or write them."""
-        cdef const i32[::1] rows = layout.row, row_first = layout.row_first
-        cdef const i32[::1] slot_step = layout.slot_step
-        cdef const i32[::1] slot_begin = layout.slot_begin, slot_end = layout.slot_end
-        cdef const i32[::1] order = layout.order, begin = layout.begin, entry = layout.entry
-        cdef const i32[::1] window_end = layout.window_end, group_first = layout.groups
-        cdef const double[::1] gain = layout.gains, offset = layout.offsets
-        cdef Py_ssize_t r, a, c, low, high, x, y, width = 1
+        cdef const i32 *rows = &layout.row[0], *row_first = &layout.row_first[0]
+        cdef const i32 *slot_step = walk.slot_step, *slot_begin = &layout.slot_begin[0]
+        cdef const i32 *slot_end = walk.slot_end, *constraint_of = walk.constraint_of
+        cdef const i32 *after = walk.after, *group_first = &layout.groups[0]
+        cdef const i32 *order = &layout.order[0], *begin = &layout.begin[0]
+        cdef const i32 *entry = &layout.entry[0], *window_end = &layout.window_end[0]
+        cdef const double *gain = &layout.gains[0], *offset = &layout.offsets[0]
+        cdef i32 *held = walk.held, *cursor = walk.cursor, *latest = walk.latest
+        cdef i32 *link_of = walk.link_of, *node_at = walk.node_at, *link_at = walk.link_at
+        cdef Py_ssize_t r, a, c, low, high, x, y
         cdef i32 i, s, k, e, g, first, active, link
         cdef bint event
-        with nogil:
-            for r in range(rows.shape[0]):
-                i = rows[r]
-                low, high = row_first[i], row_first[i + 1]
-                x = 0
-                for a in range(low, high):
-                    if begin[a] == begin[low]:
-                        x += 1
-                if x > width:
-                    width = x
-        cdef i32[::1] held = np.empty(width, np.int32)    # states that the row could be in
-        cdef i32[::1] cursor = np.empty(width, np.int32)  # the next slot that they compete for
-        cdef i32[::1] latest = np.empty(width, np.int32)  # their latest link
-        cdef i32[::1] link_of = np.empty(layout.longest + 1, np.int32)
-        cdef Walk walk
-        walk.held, walk.cursor, walk.latest = &held[0], &cursor[0], &latest[0]
-        walk.slot_step, walk.slot_end = &slot_step[0], &slot_end[0]
-        walk.constraint_of, walk.after = &constraint_of[0], &after[0]
-        walk.node_at, walk.link_at = &node_at[0], &link_at[0]
-        with nogil:
-            for r in range(rows.shape[0]):
-                i = rows[r]
-                low, high = row_first[i], row_first[i + 1]
-                if low == high:
-                    continue
-                first = begin[low]
-                active = 0
-                a = low
-                g = group_first[i] - 1
-                while True:
-                    k = begin[order[a]] if a < high else window_end[i] + 1
-                    while active:
-                        e = k
-                        for x in range(active):
-                            if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] < e:
-                                e = slot_step[cursor[x]]
-                        if e == k:
-                            break
-                        self._node(fill, r, e, active, walk)
-                    if a == high:
-                        break
-                    event = False
-                    c = a
-                    g += 1
-                    while c < high and begin[order[c]] == k:
-                        s = order[c]
-                        if chosen[s]:
-                            event = True
-                        elif k > first and chosen[s - 1]:
-                            if chosen[s - 1] & FINAL:
-                                active = 0
-                            else:
-                                event = True
-                        c += 1
-                    if not event:
-                        a = c
-                        continue
-                    y = 0
+        for r in range(layout.row.shape[0]):
+            i = rows[r]
+            low, high = row_first[i], row_first[i + 1]
+            if low == high:
+                continue
+            first = begin[low]
+            active = 0
+            a = low
+            g = group_first[i] - 1
+            while True:
+                k = begin[order[a]] if a < high else window_end[i] + 1
+                while active:
+                    e = k
                     for x in range(active):
-                        s = held[x]
-                        if s + 1 < high and begin[s + 1] == k:
-                            if fill:
-                                link_of[s - low] = latest[x]
+                        if cursor[x] < slot_end[held[x]] and slot_step[cursor[x]] < e:
+                            e = slot_step[cursor[x]]
+                    if e == k:
+                        break
+                    self._node(fill, r, e, active, walk)
+                if a == high:
+                    break
+                event = False
+                c = a
+                g += 1
+                while c < high and begin[order[c]] == k:
+                    s = order[c]
+                    if chosen[s]:
+                        event = True
+                    elif k > first and chosen[s - 1]:
+                        if chosen[s - 1] & FINAL:
+                            active = 0
                         else:
-                            held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
-                            y += 1
-                    active = <i32>y
-                    self._node(fill, r, k, active, walk)
-                    while a < c:
-                        s = order[a]
-                        a += 1
-                        if not chosen[s]:
-                            continue
-                        held[active] = s
-                        cursor[active] = after[slot_begin[s]]
-                        if slot_begin[s] == slot_end[s]:
-                            cursor[active] = slot_end[s]
+                            event = True
+                    c += 1
+                if not event:
+                    a = c
+                    continue
+                y = 0
+                for x in range(active):
+                    s = held[x]
+                    if s + 1 < high and begin[s + 1] == k:
                         if fill:
-                            link = link_at[k]
-                            self.state[link] = s
-                            if entry[s] >= 0:
-                                self.kernel[link] = gain[s] + offset[g]
-                            self.link_row[link] = <i32>r
-                            self.ends[node_at[k] - 1] |= chosen[s] & (CERTAIN | FINAL)
-                            if k == first:
-                                self.ends[node_at[k] - 1] |= FIRST
-                            elif chosen[s - 1] and not chosen[s] & CERTAIN:
-                                self.previous[link] = link_of[s - 1 - low]
-                                self.next[self.previous[link]] = link
-                            latest[active] = link
-                        if cursor[active] < slot_end[s] and slot_step[cursor[active]] == k:
-                            if fill:
-                                self.constraint[link] = constraint_of[cursor[active]]
-                            cursor[active] = after[cursor[active] + 1]
-                        link_at[k] += 1
-                        active += 1
+                            link_of[s - low] = latest[x]
+                    else:
+                        held[y], cursor[y], latest[y] = held[x], cursor[x], latest[x]
+                        y += 1
+                active = <i32>y
+                self._node(fill, r, k, active, walk)
+                while a < c:
+                    s = order[a]
+                    a += 1
+                    if not chosen[s]:
+                        continue
+                    held[active] = s
+                    cursor[active] = after[slot_begin[s]]
+                    if slot_begin[s] == slot_end[s]:
+                        cursor[active] = slot_end[s]
+                    if fill:
+                        link = link_at[k]
+                        self.state[link] = s
+                        if entry[s] >= 0:
+                            self.kernel[link] = gain[s] + offset[g]
+                        self.link_row[link] = <i32>r
+                        self.ends[node_at[k] - 1] |= chosen[s] & (CERTAIN | FINAL)
+                        if k == first:
+                            self.ends[node_at[k] - 1] |= FIRST
+                        elif chosen[s - 1] and not chosen[s] & CERTAIN:
+                            self.previous[link] = link_of[s - 1 - low]
+                            self.next[self.previous[link]] = link
+                        latest[active] = link
+                    if cursor[active] < slot_end[s] and slot_step[cursor[active]] == k:
+                        if fill:
+                            self.constraint[link] = constraint_of[cursor[active]]
+                        cursor[active] = after[cursor[active] + 1]
+                    link_at[k] += 1
+                    active += 1
 
     cdef void _node(self, bint fill, Py_ssize_t r, i32 k, i32 active, Walk at) noexcept nogil:
         """A node of row r at step k, with a link for each state that goes on."""

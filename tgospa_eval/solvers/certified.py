@@ -152,10 +152,10 @@ def _stage(ascent: Ascent, stage: Stage, threshold: float, late: Callable[[], bo
     calm = ASCENT.calm if stage.epsilon > ASCENT.calm_above else 0.0
     sweeps = 0
     for _ in range(ASCENT.repeats):
-        before = ascent.dual[ascent.open].sum()
+        before = ascent.open_dual
         done, violation = ascent.stage(*stage, threshold, late, calm)
         sweeps += done
-        gained = before - ascent.dual[ascent.open].sum()
+        gained = before - ascent.open_dual
         settled = violation < max(calm, ASCENT.settled)
         if settled or late() or gained < ASCENT.gained * ascent.open_cost:
             break

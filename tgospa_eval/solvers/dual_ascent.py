@@ -21,8 +21,6 @@ from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.schedule import ASCENT
 
-Weights = Floats | NDArray[np.uint8]
-
 LINKS_EACH, FEWEST_LINKS, LEAST_THRESHOLD = 8, 100_000, 1e-3
 """A chain has at most so many links for each state, or so many; else its threshold is halved,
 unless it is tiny."""
@@ -74,33 +72,33 @@ class Ascent:
     ) -> None:
         self.states, self.wanted_gap = states, gap
         self.weights, self.prices = weights, prices
-        size, nodes, slots = len(states.begin), states.nodes, len(states.columns.step)
         blocks = len(states.block_begin)
         # LP tolerances are absolute, so huge prices harm: see `price_cap`.
         self.switch_price = np.minimum(
             states.problem.switch_price_at, price_cap(states)[wanted].max()
         )
         self.layout = kernels.Layout(states, self.switch_price, *_unassigned_prices(states.problem))
-        self.flags = np.zeros(size, np.uint8)
-        self.best, self.own = np.zeros(nodes), np.zeros(nodes)
         self.work, self.sweeping = 0, 0.0
         self.seconds = {"sweeps": 0.0, "rounding": 0.0, "bounds": 0.0}
 
-        self.open = np.zeros_like(wanted)
-        self.keep(wanted)
+        self.open = wanted
+        self.layout.keep(wanted.view(np.uint8))
+        self.brackets = kernels.Brackets(self.layout, weights, prices, PRICE_ROUNDING)
+        self.flags: NDArray[np.uint8] = self.brackets.flags
+        self.best, self.own = self.brackets.best, self.brackets.own
+        self.dual, self.primal = self.brackets.dual, self.brackets.primal
         self.unassigned_cost = unassigned_costs(states)
         taken_off = sum_parts(self.layout.offset, self.layout.group_first)
-        self.most = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
-        self.soft = np.zeros(slots)
-        self.dual = self.survey(self.prices, 0.0)
-        rounded = np.zeros(size, np.uint8)
-        self._majority(rounded)
-        self.primal = np.where(wanted, -np.inf, 0.0)
-        self.try_weights(rounded)
+        self.most = self.brackets.most
+        self.most[:] = self.unassigned_cost - sum_by(states.node_block, taken_off, blocks)
+        self.soft = np.zeros(len(prices))
+        self.dual[:] = self.survey(prices, 0.0)
+        self.primal[wanted] = -np.inf
+        self.brackets.round(0)
 
     def keep(self, blocks: NDArray[np.bool_]) -> None:
         """Go on with these blocks only."""
-        if (blocks == self.open).all():
+        if blocks.tobytes() == self.open.tobytes():
             return
         self.open = blocks
         self.layout.keep(blocks.view(np.uint8))
@@ -118,59 +116,51 @@ class Ascent:
         return cost
 
     @property
+    def open_dual(self) -> float:
+        """Sum of the bounds of the open blocks."""
+        return float(self.brackets.open_dual)
+
+    @property
     def open_gap(self) -> float:
         """Width of the brackets of the open blocks together."""
-        return float(self.gap[self.open].sum())
+        return float(self.brackets.open_gap)
 
     @property
     def open_cost(self) -> float:
         """Cost of the best assignment of the open blocks together."""
-        return float(self.cost[self.open].sum())
+        return float(self.brackets.open_cost)
 
     def wide(self, gap: float | None = None) -> NDArray[np.bool_]:
         """Open blocks whose bracket is wider than the gap, by default the wanted one, relative."""
-        gap = self.wanted_gap if gap is None else gap
-        wide: NDArray[np.bool_] = kernels.wide(self.layout, self.dual, self.primal, self.most, gap)
+        wide: NDArray[np.bool_] = self.brackets.wide(self.wanted_gap if gap is None else gap)
         return wide
 
     def look(self, prices: Floats) -> Floats:
         """Bound of each block at the prices, (B,)."""
-        kernels.survey(self.layout, prices, self.best)
-        return self._bounds(prices)
+        bounds: Floats = self.brackets.look(prices)
+        return bounds
 
     def survey(self, prices: Floats, reach: float) -> Floats:
         """`look`, with `flags` of every state and the value of the best assignment of each row."""
         self.mark(prices, reach)
-        return self._bounds(prices)
+        bounds: Floats = self.brackets.bound(prices)
+        return bounds
 
     def mark(self, prices: Floats, reach: float) -> None:
         """`survey` where nobody asks for the bound."""
-        kernels.survey(self.layout, prices, self.best, self.weights, reach, self.own, self.flags)
-
-    def _bounds(self, prices: Floats) -> Floats:
-        # What the values of paths may have lost by rounding counts as well.
-        bounds: Floats = (1 + PRICE_ROUNDING) * kernels.paid(self.layout, prices)
-        bounds += kernels.row_sums(self.layout, self.best)
-        return bounds
+        self.brackets.mark(prices, reach)
 
     def has(self, flag: int) -> NDArray[np.bool_]:
         """Which states bear a flag since the last survey, (S,)."""
         return (self.flags & flag) > 0
 
-    def _values(self, weights: Weights) -> Floats:
-        """Gain of a feasible assignment in each block, (B,)."""
-        kernels.own_values(self.layout, weights, self.own)
-        values: Floats = kernels.row_sums(self.layout, self.own)
-        return values
-
     def try_prices(self, prices: Floats) -> None:
         """Take the prices in the open blocks where they prove more."""
-        kernels.take_prices(self.layout, self.look(prices), self.dual, prices, self.prices)
+        self.brackets.try_prices(prices)
 
-    def try_weights(self, weights: Weights) -> None:
+    def try_weights(self, weights: Floats) -> None:
         """Take the feasible assignment in the open blocks where it gains more."""
-        values = self._values(weights)
-        kernels.take_weights(self.layout, values, self.primal, weights, self.weights)
+        self.brackets.try_weights(weights)
 
     def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether the block of each column slot is one of these, (K,)."""
@@ -212,11 +202,10 @@ class Ascent:
         chain.write_prices(self.soft)
         del chain  # the largest array of all
         rounded = time.perf_counter()
-        self._round()
+        self.brackets.round(2)
         judged = time.perf_counter()
         for cut in ASCENT.thresholds:
-            self.try_prices(np.where(self.soft > cut * epsilon, self.soft, 0.0))
-            if not self.wide().any():
+            if not self.brackets.try_above(self.soft, cut * epsilon, self.wanted_gap):
                 break
         else:
             self._thin_out()
@@ -231,38 +220,22 @@ class Ascent:
 
         A price that nobody competes for is as good as none, but sums of prices lose digits.
         """
-        lost = PRICE_ROUNDING * kernels.paid(self.layout, self.prices)
-        if np.any(self.wide() & (self.gap < 4 * lost)):
+        if self.brackets.only_rounding(self.wanted_gap):
             self.mark(self.prices, float(self.prices.max()))
             rivals = load(self.states.columns, self.has(kernels.NEAR))
             self.try_prices(np.where(rivals > 1, self.prices, 0.0))
 
     def _chain(self, threshold: float) -> Any:
         """The chain of the working set; of a smaller one where it would be too long."""
-        s = self.states
-        chosen = np.zeros(len(s.begin), np.uint8)
-        most = max(LINKS_EACH * len(s.begin), FEWEST_LINKS)
+        most = max(LINKS_EACH * len(self.states.begin), FEWEST_LINKS)
         while True:
-            self.mark(self.soft, threshold)
-            kernels.working_set(self.layout, self.weights, self.soft, self.flags, chosen)
-            chain = kernels.Chain(self.layout, chosen, self.soft, most)
+            self.brackets.choose(self.soft, threshold)
+            chain = kernels.Chain(self.layout, self.brackets.chosen, self.soft, most)
             if chain.links <= most:
                 return chain
             if threshold < LEAST_THRESHOLD:  # so many tie that no smaller set is in sight
                 most = chain.links
             threshold *= 0.5
-
-    def _round(self) -> None:
-        """Try the majorities as paths, each then re-optimised given the others."""
-        s = self.states
-        rounded = np.zeros(len(s.begin), np.uint8)
-        taken = self._majority(rounded)
-        for _ in range(2):
-            changed = kernels.improve(self.layout, taken, rounded, self.own)
-            if not changed:
-                break
-        gained = kernels.row_sums(self.layout, self.own)
-        kernels.take_weights(self.layout, gained, self.primal, rounded, self.weights)
 
     def full(self) -> NDArray[np.bool_]:
         """Whether the best assignment uses each column slot up, (K,)."""
@@ -300,7 +273,7 @@ class Ascent:
         """
         s = self.states
         lost = np.zeros(s.problem.steps + 1)
-        kernels.survey(self.layout, prices, self.best, self.weights, regret=lost)
+        self.brackets.regrets(prices, lost)
         idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
         idle *= self._slots_of(self.open)
         lost += sum_by(s.columns.step, idle, len(lost))
@@ -357,13 +330,6 @@ class Ascent:
             nodes += len(slots.step)
         found = connected_components(np.concatenate(one), np.concatenate(other), nodes)
         return found[:size]
-
-    def _majority(self, weights: NDArray[np.uint8]) -> Ints:
-        """Write feasible weights 0 and 1; what uses each column slot."""
-        s = self.states
-        taken = np.zeros(len(s.columns.step), np.int32)
-        kernels.majority(self.layout, self.flags, weights, taken)
-        return taken
 
 
 def _unassigned_prices(problem: Problem) -> tuple[float, Floats | None]:

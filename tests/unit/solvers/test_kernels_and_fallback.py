@@ -199,6 +199,24 @@ def test_a_survey_says_what_forcing_a_state_costs(name: str, reach: float) -> No
 
 
 @compiled_only
+@pytest.mark.parametrize("blocks", [1, 7, 9, 200, 700])
+def test_sums_over_open_blocks_have_the_bits_of_numpy(blocks: int) -> None:
+    """Stages are skipped and ended by these sums: another order of adding is another result."""
+    rng = np.random.default_rng(blocks)
+    truth = np.arange(blocks)[None, :, None] * 100.0 + rng.normal(0, 1, (3, blocks, 1))
+    states = evaluate(truth, truth + rng.normal(0, 1, truth.shape), 10.0, 2, 1.0).proof.states
+    field = ascent_of(states)
+    assert len(field.dual) == blocks
+    field.keep(rng.random(blocks) < 0.8)
+    field.dual[:], field.primal[:] = rng.exponential(1, (2, blocks)) * 10.0 ** rng.integers(-9, 3)
+    kept = field.open
+    assert field.open_gap == (field.dual - field.primal)[kept].sum()
+    assert field.open_cost == np.maximum(field.most - field.primal, 0.0)[kept].sum()
+    assert field.brackets.open_dual == field.dual[kept].sum()
+    assert np.array_equal(field.wide(0.1), kept & (field.gap > 0.1 * field.cost))
+
+
+@compiled_only
 def test_sweeps_find_the_entropic_optimum() -> None:
     """Shares of all paths, listed one by one, at the prices of a converged chain."""
     truth, estimate = scene(7, 3, 3, 4, side=3.0)

@@ -78,7 +78,7 @@ def test_losses_of_fractions_too() -> None:
     states = states_of(5, m=12, side=8.0)
     ascent = ascent_of(states)
     ascent.weights *= 0.5
-    ascent.primal = ascent._values(ascent.weights)
+    ascent.primal = ascent.brackets.values(ascent.weights)
     lost = ascent.losses(ascent.prices)
     assert lost.sum() == pytest.approx(ascent.gap[ascent.open].sum(), rel=1e-10)
 
@@ -141,8 +141,8 @@ def test_bounds_keep_their_digits_over_many_steps() -> None:
         states, wanted, 0.0, np.zeros(len(states.begin)), np.zeros(len(states.columns.step))
     )
     ascent.weights[:], ascent.prices[:] = solution.weights, solution.prices
-    ascent.primal = ascent._values(ascent.weights)
-    ascent.dual = ascent.look(ascent.prices)
+    ascent.primal[:] = ascent.brackets.values(ascent.weights)
+    ascent.dual[:] = ascent.look(ascent.prices)
     assert ascent.losses(ascent.prices).sum() <= 1e-12 * ascent.cost.sum()
     assert ascent.gap.sum() <= 1e-12 * ascent.cost.sum()
     assert price_cap(states).max() > 0
