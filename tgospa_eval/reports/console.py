@@ -318,19 +318,18 @@ def worst(result: Summary, kinds: Iterable[str] = WORST) -> Iterator[str]:
 
 
 def _switches(result: Summary) -> Iterator[str]:
-    switches = result.switches_table()
-    count = len(switches["t"])
+    switches, count = result.first_switches(SHOWN)
     if not count:
         return
     moves = []
-    for k in range(min(count, SHOWN)):
+    for k in range(len(switches["t"])):
         ends = (switches[key][k] for key in ("from", "to"))
         before, after = ("none" if end is None else str(end) for end in ends)
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
         moves.append(f"  {switches['truth'][k]}: {before} -> {after}{half}")
     room = max(22, WIDTH - 19 - max(map(len, moves)))
-    times = fitting(switches["t"][:SHOWN], room, lambda: result.per_step_table()["t"])
+    times = fitting(switches["t"], room, lambda: result.labels.times)
     rows: list[Row] = [("", time, move) for time, move in zip(times, moves, strict=True)]
     if count > SHOWN:
         rows.append(("", "", f"  and {count - SHOWN} more (--format json, or -o DIR)"))

@@ -342,6 +342,11 @@ class Numbers(ABC):
     def per_estimate_table(self) -> Columns:
         """Steps, costs and counts of each estimate."""
 
+    def first_switches(self, most: int) -> tuple[Columns, int]:
+        """The first rows of `switches_table`, so many at most, and how many it has."""
+        table = self.switches_table()
+        return {name: column[:most] for name, column in table.items()}, len(table["t"])
+
     def per_class_table(self) -> Columns:
         """Value and costs of each class, where they were evaluated apart; else no columns."""
         return {}
@@ -349,14 +354,15 @@ class Numbers(ABC):
     def worst(self, count: int = 5) -> Columns:
         """The `count` costliest steps, truths and estimates, in order, free ones left out."""
         per_step = self.per_step_table()
-        answer = {"steps": _costliest(per_step["t"], np.array(per_step["total"]), count)}
-        for name, kind, table in (
-            ("truth", "missed", self.per_truth_table()),
-            ("estimates", "false", self.per_estimate_table()),
-        ):
-            cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
-            answer[name] = _costliest(table["id"], np.asarray(cost), count)
+        answer = {"steps": costliest(per_step["t"], np.array(per_step["total"]), count)}
+        for name, kind in (("truth", "missed"), ("estimates", "false")):
+            answer[name] = self._worst_tracks(kind, count)
         return answer
+
+    def _worst_tracks(self, kind: str, count: int) -> list[str]:
+        table = self.per_truth_table() if kind == "missed" else self.per_estimate_table()
+        cost = sum(np.array(table[part]) for part in ("localisation", kind, "switch"))
+        return costliest(table["id"], np.asarray(cost), count)
 
 
 def outward(value: float, sign: int, error: float = 0.0) -> float:
@@ -369,6 +375,7 @@ def outward(value: float, sign: int, error: float = 0.0) -> float:
     return math.nextafter(value * (1 + sign * (2 * POWER + error)), sign * math.inf)
 
 
-def _costliest(names: list[T], cost: Floats, count: int) -> list[T]:
+def costliest(names: list[T], cost: Floats, count: int) -> list[T]:
+    """The names of the highest of these costs, of equal ones the first; none that is 0."""
     order = np.argsort(-cost, kind="stable")[:count]
     return [names[k] for k in order if cost[k] > 0]

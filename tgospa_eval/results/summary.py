@@ -98,8 +98,7 @@ class Summary(Numbers, ABC):
             "normalised": self.normalised,
             "parameters": self.parameters,
             "sizes": self.sizes,
-            "per_step": records(self.per_step_table()),
-            "switches": records(self.switches_table()),
+            **self._records(),
             "worst": self.worst(),
             "solver": self.solver,
             "timings": self.timings,
@@ -107,6 +106,13 @@ class Summary(Numbers, ABC):
             "version": self.version,
             "warnings": [notice.record() for notice in self.warnings],
             "files": self.files,
+        }
+
+    def _records(self) -> Json:
+        """What has a record for each step, and for each switch."""
+        return {
+            "per_step": records(self.per_step_table()),
+            "switches": records(self.switches_table()),
         }
 
     @property
@@ -330,8 +336,18 @@ class Summary(Numbers, ABC):
         return self._plot("plot_worst", style=style, components=components)
 
     def _plot(self, name: str, **options: object) -> "Figure":
+        self._check_drawn(name)
         made: Figure = getattr(import_module("tgospa_eval.plots"), name)(self, **options)
         return made
+
+    def _check_drawn(self, name: str) -> None:
+        """Whether there is such a picture; all are by default.
+
+        Raises
+        ------
+        ConfigError
+            There is not.
+        """
 
     def to_html(self) -> str:
         """The report as one page that loads nothing.

@@ -1,0 +1,101 @@
+"""A result whose tables are files says what one in memory says."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.support.partitioned import partitioned
+from tgospa_eval import Result, evaluate
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.partitioned import by_time, tables
+from tgospa_eval.reports import REPORTS
+from tgospa_eval.results import partitioned as module
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.stored_tables import StoredTables
+from tgospa_eval.simulation import Scene, Tracker, simulate
+
+TABLES = ("per_truth", "per_estimate", "switches", "assignments")
+
+
+@pytest.fixture(scope="module")
+def known() -> Result:
+    """A scene with switches, misses and false targets; c^p is a power of 2."""
+    tracker = Tracker(
+        noise=1.0, detection=0.9, swaps=0.2, near=20, false_rate=0.02, fragmentation=0.02
+    )
+    scene = Scene(scenario="crossing", targets=8, steps=60)
+    truth, estimate = simulate(scene, tracker, np.random.default_rng(3))
+    return evaluate(truth, estimate, cutoff=8.0, switch_penalty=2.0)
+
+
+@pytest.fixture(scope="module")
+def stored(known: Result, tmp_path_factory: pytest.TempPathFactory) -> PartitionedResult:
+    return partitioned(known, tmp_path_factory.mktemp("stored"))
+
+
+def test_numbers_tables_and_texts_are_those_of_the_result_in_memory(
+    known: Result, stored: PartitionedResult
+) -> None:
+    document = stored.to_dict()
+    assert document.pop("tables")["per_step"] == "per_step.parquet"
+    assert document == known.to_dict()
+    assert len(document["switches"]) > 5
+    assert all(document["worst"].values())
+    for name in TABLES:
+        assert getattr(stored, f"{name}_table")() == getattr(known, f"{name}_table")()
+        pd.testing.assert_frame_equal(
+            getattr(stored, name), getattr(known, name), check_dtype=False
+        )
+    assert stored.tables.columns("per_step") == known.per_step_table()
+    for form, report in REPORTS.items():
+        if form != "json":
+            assert report(stored) == report(known)
+    assert set(dir(stored)) >= {"per_step", "assignments", "per_truth", "worst"}
+    assert stored._repr_html_() == known._repr_html_()
+
+
+def test_what_has_too_many_records_is_named_in_the_json_and_no_more(
+    stored: PartitionedResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "MOST_RECORDS", 59)
+    document = json.loads(stored.to_json())
+    assert "per_step" not in document
+    assert document["tables"]["assignments"] == "assignments"
+    monkeypatch.setattr(module, "MOST_RECORDS", 2)
+    assert "switches" not in json.loads(stored.to_json())
+
+
+def test_files_do_not_depend_on_shards_nor_on_what_is_in_memory(
+    known: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tables, "ROW_GROUP", 32)
+    monkeypatch.setattr(by_time, "ROWS_A_PART", 100)
+    for name, shards, rows in (("a", 1, 10), ("b", 2, 1), ("c", 5, 1000)):
+        monkeypatch.setattr(by_time, "ROWS_AT_ONCE", rows)
+        stored = partitioned(known, tmp_path / name, shards)
+    files = stored.tables.names()
+    assert len(files) > 4 + 2
+    for name in files:
+        found = {(tmp_path / run / "tables" / name).read_bytes() for run in "abc"}
+        assert len(found) == 1, name
+    assert stored.worst(3) == known.worst(3)
+    assert stored.assignments_table() == known.assignments_table()
+    assert stored.first_switches(3) == known.first_switches(3)
+
+
+def test_tables_that_are_gone_or_damaged_are_said_to_be(known: Result, tmp_path: Path) -> None:
+    stored = partitioned(known, tmp_path)
+    folder = Path(stored.tables.folder)
+    (folder / "per_truth.parquet").unlink()
+    with pytest.raises(InputError, match=r"per_truth.parquet: is not there any more"):
+        stored.per_truth_table()
+    (folder / "switches.parquet").write_bytes(b"PAR1")
+    with pytest.raises(InputError, match=r"switches.parquet: cannot be read: "):
+        StoredTables(str(folder)).rows("switches")
+    with pytest.raises(ConfigError, match="no such picture"):
+        stored.plot_lanes()
+    with pytest.raises(ConfigError, match="slices: of an evaluation of partitioned data"):
+        stored.slices("class")

@@ -1,0 +1,265 @@
+"""The tables of a result, written as Parquet in chunks: no more than one of them is in memory.
+
+Each has the columns of the CSV file of the same name (docs/reference/csv.md), and its rows in the
+same order. Arrays are in units of c^p, and tracks and steps are global numbers; here they get the
+units and names of the user.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.files import named
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import install
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.solution import Breakdown
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.results.records import PARTS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ROW_GROUP = 1 << 17
+"""Rows of a row group: what is in memory when a table is written or read."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Naming:
+    """From numbers and units of c^p to what the user calls them.
+
+    Parameters
+    ----------
+    times : (T,) array
+        The steps as they were read: numbers, or texts.
+    truths, estimates : (k,) array of str
+        Ids.
+    parameters : Parameters
+        Cutoff, order, switch penalty.
+    """
+
+    times: NDArray[Any]
+    truths: NDArray[Any]
+    estimates: NDArray[Any]
+    parameters: Parameters
+
+    @property
+    def scale(self) -> float:
+        """c^p."""
+        return float(self.parameters.cutoff**self.parameters.order)
+
+    def save(self, output: str) -> None:
+        """Write the names as a folder."""
+        with writing(output) as folder:
+            folder.mkdir()
+            for name in ("times", "truths", "estimates"):
+                np.save(folder / f"{name}.npy", getattr(self, name))
+
+    @classmethod
+    def load(cls, output: str, parameters: Parameters) -> "Naming":
+        """What `save` wrote; only what is used of it is read."""
+        names = {
+            name: np.load(Path(output, f"{name}.npy"), mmap_mode="r")
+            for name in ("times", "truths", "estimates")
+        }
+        return cls(**names, parameters=parameters)
+
+
+def write_per_step(path: str, split: Breakdown, naming: Naming) -> None:
+    """Write the cost of each of the T steps: ``per_step.parquet``."""
+    _check_arrow()
+    import pyarrow as pa
+
+    parts: dict[str, Floats] = {name: naming.scale * getattr(split, name) for name in PARTS}
+    total = sum(parts.values(), np.zeros(len(naming.times)))
+    table = pa.table({"t": _array(naming.times), **parts, "total": total})
+    write_table(path, table.to_batches(ROW_GROUP), table.schema)
+
+
+def write_tracks(
+    path: str,
+    kind: Literal["missed", "false"],
+    rows: Ints,
+    parts: Mapping[str, Floats],
+    naming: Naming,
+) -> None:
+    """Write what each track costs: ``per_truth.parquet`` of missed, ``per_estimate`` of false.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    kind : {"missed", "false"}
+        What a step without an assignment is.
+    rows : (k,) int array
+        At how many steps each track exists.
+    parts : mapping of str to (k,) float array
+        What each contributes in units of c^p, by the names of `problem.readout.PerTrack`.
+    naming : Naming
+        Ids and units.
+    """
+    _check_arrow()
+    import pyarrow as pa
+
+    ids = naming.truths if kind == "missed" else naming.estimates
+    costs = {
+        "localisation": (naming.scale, parts["localisation"]),
+        kind: (naming.scale, parts["unassigned"]),
+        "switch": (naming.scale, parts["switch"]),
+        f"{kind}_count": (1.0, parts["unassigned_count"]),
+        "switch_count": (1.0, parts["switch_count"]),
+    }
+
+    def chunks() -> "Iterator[pa.RecordBatch]":
+        for first in range(0, len(rows), ROW_GROUP):
+            own = slice(first, first + ROW_GROUP)
+            columns = {name: factor * cost[own] for name, (factor, cost) in costs.items()}
+            yield pa.record_batch(
+                {"id": _array(ids[own]), "steps": rows[own].astype(np.int64), **columns}
+            )
+
+    fields = [("id", pa.string()), ("steps", pa.int64())]
+    fields += [(name, pa.float64()) for name in costs]
+    write_table(path, chunks(), pa.schema(fields))
+
+
+def write_assignments(path: str, chunks: Iterable[NDArray[np.void]], naming: Naming) -> None:
+    """Write a part of the assigned pairs: ``assignments/part-*.parquet``.
+
+    Chunks have the numbers ``step``, ``truth``, ``estimate``, the ``cost`` in units of c^p, which
+    is (d / c)^p, and the ``weight``.
+    """
+    _check_arrow()
+    import pyarrow as pa
+
+    cutoff, p, scale = naming.parameters.cutoff, naming.parameters.order, naming.scale
+
+    def batches() -> "Iterator[pa.RecordBatch]":
+        for chunk in chunks:
+            weight, cost = chunk["weight"], chunk["cost"]
+            yield pa.record_batch(
+                {
+                    "t": _array(naming.times[chunk["step"]]),
+                    "truth": _array(naming.truths[chunk["truth"]]),
+                    "estimate": _array(naming.estimates[chunk["estimate"]]),
+                    "weight": np.ascontiguousarray(weight),
+                    "distance": cutoff * cost ** (1 / p),
+                    "cost": scale * cost * weight,
+                }
+            )
+
+    fields = [("t", _array(naming.times[:0]).type), ("truth", pa.string())]
+    fields += [("estimate", pa.string())]
+    fields += [(name, pa.float64()) for name in ("weight", "distance", "cost")]
+    write_table(path, batches(), pa.schema(fields))
+
+
+def write_switches(path: str, chunks: Iterable[NDArray[np.void]], naming: Naming) -> None:
+    """Write the switches: ``switches.parquet``.
+
+    Chunks have the numbers ``step``, ``truth``, ``before`` and ``after``, -1 for none, and the
+    ``variation``, as `problem.readout.Switches`.
+    """
+    _check_arrow()
+    import pyarrow as pa
+
+    price = naming.parameters.switch_price
+
+    def largest(track: Ints) -> "pa.Array":
+        names = np.full(len(track), "", naming.estimates.dtype)
+        names[track >= 0] = naming.estimates[track[track >= 0]]
+        return _array(names, track < 0)
+
+    def batches() -> "Iterator[pa.RecordBatch]":
+        for chunk in chunks:
+            yield pa.record_batch(
+                {
+                    "t": _array(naming.times[chunk["step"]]),
+                    "truth": _array(naming.truths[chunk["truth"]]),
+                    "from": largest(chunk["before"]),
+                    "to": largest(chunk["after"]),
+                    "mass": 0.5 * chunk["variation"],
+                    "cost": naming.scale * price * chunk["variation"],
+                }
+            )
+
+    fields = [("t", _array(naming.times[:0]).type)]
+    fields += [(name, pa.string()) for name in ("truth", "from", "to")]
+    fields += [(name, pa.float64()) for name in ("mass", "cost")]
+    write_table(path, batches(), pa.schema(fields))
+
+
+def write_table(path: str, chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> None:
+    """Write a table beside its place in row groups, and rename it: the same bytes each time.
+
+    Parameters
+    ----------
+    path : str
+        The file; its folder is made.
+    chunks : iterable of RecordBatch
+        Rows in order, in pieces of any size; they are joined to row groups of `ROW_GROUP`, so
+        that the file does not depend on how they were cut.
+    schema : Schema
+        Columns, in order.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be written, or pyarrow is not installed.
+    """
+    import pyarrow.parquet as pq
+
+    with (
+        named(path, ConfigError, "cannot be written"),
+        writing(path) as beside,
+        pq.ParquetWriter(beside, schema, compression="zstd") as writer,
+    ):
+        for group in _row_groups(chunks, schema):
+            writer.write_table(group, ROW_GROUP)
+
+
+def _row_groups(chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schema") -> "Iterator[pa.Table]":
+    """The rows in tables of `ROW_GROUP`, the last one as long as what is left."""
+    import pyarrow as pa
+
+    held, rows = list[pa.RecordBatch](), 0
+    for chunk in chunks:
+        held.append(chunk)
+        rows += len(chunk)
+        if rows < ROW_GROUP:
+            continue
+        table = pa.Table.from_batches(held, schema)
+        whole = rows - rows % ROW_GROUP
+        for first in range(0, whole, ROW_GROUP):
+            yield table.slice(first, ROW_GROUP).combine_chunks()
+        held, rows = table.slice(whole).combine_chunks().to_batches(), rows - whole
+    if rows:
+        yield pa.Table.from_batches(held, schema).combine_chunks()
+
+
+def _array(names: NDArray[Any], absent: NDArray[np.bool_] | None = None) -> "pa.Array":
+    """Names as an Arrow array: texts as such, whatever made them."""
+    import pyarrow as pa
+
+    kind = None if names.dtype.kind in "iuf" else pa.string()
+    return pa.array(np.ascontiguousarray(names), kind, mask=absent)
+
+
+def _check_arrow() -> None:
+    """Whether Arrow is there.
+
+    Raises
+    ------
+    ConfigError
+        It is not installed.
+    """
+    if find_spec("pyarrow") is None:
+        raise ConfigError(
+            f"tables of partitioned data need the extra parquet: {install('parquet')}"
+        )
