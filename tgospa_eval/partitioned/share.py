@@ -13,7 +13,7 @@ from tgospa_eval.problem.solution import Breakdown
 ENTRY = np.dtype([("step", "<i4"), ("truth", "<i4"), ("estimate", "<i4"), ("cost", "<f8")])
 """A near pair: global numbers of step and tracks, and (d / c)^p."""
 
-INTERVAL = np.dtype(
+HELD = np.dtype(
     [("truth", "<i4"), ("estimate", "<i4"), ("begin", "<i4"), ("end", "<i4"), ("weight", "<i8")]
 )
 """An assignment from one step to another, both included; weights in units of `weights.ONE`."""
@@ -105,3 +105,7 @@ class Share:
     def bracket(self) -> tuple[float, float]:
         """Both bounds, rounded to the nearest, for those who watch."""
         return math.fsum(self.lower), self.upper
+
+
+PARTS_OF_TRACKS = ("localisation", "unassigned", "switch", "unassigned_count", "switch_count")
+"""What is known of each track, as `problem.readout.PerTrack` has it."""

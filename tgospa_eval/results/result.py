@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import spoken_in_python
-from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
 from tgospa_eval.problem.solution import Reduced
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, changes
 from tgospa_eval.results.records import Columns, Costs, Labels
 from tgospa_eval.results.slices import Slicing
 from tgospa_eval.results.summary import Summary
@@ -204,56 +204,30 @@ class Result(Summary):
 
     def assignments_table(self) -> Columns:
         """Pairs that both exist, are nearer than the cutoff, and are assigned."""
-        states, problem = self.proof.states, self.proof.states.problem
-        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
-        used = used[np.lexsort((states.pair[used], states.begin[used]))]
-        entry, pair = states.entry[used], states.pair[used]
-        order = np.lexsort(
-            (states.pair_estimate[pair], states.pair_truth[pair], states.begin[used])
-        )
-        used, entry, pair = used[order], entry[order], pair[order]
-        weight = self.proof.weights[used] / ONE
+        problem = self.proof.states.problem
+        found = read_assigned(self.proof.states, self.proof.weights)
         cutoff, p = self.proof.parameters.cutoff, self.proof.parameters.order
         return {
-            "t": [self.labels.times[k] for k in states.begin[used]],
-            "truth": [self.labels.truths[i] for i in states.pair_truth[pair]],
-            "estimate": [self.labels.estimates[j] for j in states.pair_estimate[pair]],
-            "weight": weight.tolist(),
-            "distance": (cutoff * problem.powers(entry) ** (1 / p)).tolist(),
-            "cost": (self.scale * problem.cost[entry] * weight).tolist(),
+            "t": [self.labels.times[k] for k in found.step],
+            "truth": [self.labels.truths[i] for i in found.truth],
+            "estimate": [self.labels.estimates[j] for j in found.estimate],
+            "weight": found.weight.tolist(),
+            "distance": (cutoff * problem.powers(found.entry) ** (1 / p)).tolist(),
+            "cost": (self.scale * problem.cost[found.entry] * found.weight).tolist(),
         }
 
     def switches_table(self) -> Columns:
         """Changes of each truth's assignment, from its largest loss to its largest gain."""
-        states = self.proof.states
-        state, amount = changes(states, self.proof.weights)
-        rises = self.proof.weights[state] > self.proof.weights[state - 1]
-        pair = states.pair[state]
-        step, truth = states.begin[state], states.pair_truth[pair]
-        order = np.lexsort((-amount, truth, step))
-        opens = np.ones(len(order), bool)
-        opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
-        price = states.problem.switch_price_at
-        first = np.flatnonzero(opens)
-        if not len(first):
-            return {name: [] for name in ("t", "truth", "from", "to", "mass", "cost")}
-        variation = np.add.reduceat(amount[order], first)
-        named = [*self.labels.estimates, None]
-
-        def largest(chosen: NDArray[np.bool_]) -> list[str | None]:
-            """Of each group the estimate of its first change that is chosen."""
-            place = np.where(chosen[order], np.arange(len(order)), len(order))
-            track = np.append(states.pair_estimate[pair[order]], len(named) - 1)
-            return [named[j] for j in track[np.minimum.reduceat(place, first)].tolist()]
-
-        moments, tracks = step[order[first]], truth[order[first]]
+        found = read_switches(self.proof.states, self.proof.weights)
+        named = [*self.labels.estimates, None]  # the last is that of -1
+        price = self.proof.states.problem.switch_price_at[found.step]
         return {
-            "t": [self.labels.times[k] for k in moments.tolist()],
-            "truth": [self.labels.truths[i] for i in tracks.tolist()],
-            "from": largest(~rises),
-            "to": largest(rises),
-            "mass": (0.5 * variation).tolist(),
-            "cost": (self.scale * price[moments] * variation).tolist(),
+            "t": [self.labels.times[k] for k in found.step.tolist()],
+            "truth": [self.labels.truths[i] for i in found.truth.tolist()],
+            "from": [named[j] for j in found.before.tolist()],
+            "to": [named[j] for j in found.after.tolist()],
+            "mass": (0.5 * found.variation).tolist(),
+            "cost": (self.scale * price * found.variation).tolist(),
         }
 
     def per_truth_table(self) -> Columns:
@@ -265,30 +239,16 @@ class Result(Summary):
         return self._per_track(1, self.labels.estimates)
 
     def _per_track(self, k: int, ids: list[str]) -> Columns:
-        states, problem = self.proof.states, self.proof.states.problem
-        side, pair_track = problem.sides[k], states.pair_tracks[k]
-        used = np.flatnonzero((states.entry >= 0) & (self.proof.weights > 0))
-        entry, weight = states.entry[used], self.proof.weights[used]
-        free = np.full(len(side.track), ONE)
-        np.subtract.at(free, side.row[entry], weight)
-        changed, amount = changes(states, self.proof.weights)
-
-        def total(index: Ints, value: Floats) -> Floats:
-            return sum_by(index, value, len(ids))
-
-        unassigned = total(side.track, free / ONE)
-        paid = amount * problem.switch_price_at[states.begin[changed]]
-        at = pair_track[states.pair[changed]]
+        found = read_tracks(self.proof.states, self.proof.weights, k)
         kind = ("missed", "false")[k]
         columns = {
-            "localisation": self.scale
-            * total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
-            kind: self.scale * total(side.track, free / ONE * side.price),
-            "switch": self.scale * total(at, paid),
-            f"{kind}_count": unassigned,
-            "switch_count": 0.5 * total(at, amount),
+            "localisation": self.scale * found.localisation,
+            kind: self.scale * found.unassigned,
+            "switch": self.scale * found.switch,
+            f"{kind}_count": found.unassigned_count,
+            "switch_count": found.switch_count,
         }
-        steps = np.bincount(side.track, minlength=len(ids)).tolist()
+        steps = np.bincount(self.proof.states.problem.sides[k].track, minlength=len(ids)).tolist()
         return {"id": list(ids), "steps": steps} | {
             name: column.tolist() for name, column in columns.items()
         }

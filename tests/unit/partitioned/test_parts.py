@@ -1,0 +1,195 @@
+"""Evaluations in parts: blocks, shards and processes change no bit of the result."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tgospa_eval as tg
+from tgospa_eval.engines.processes import Processes
+from tgospa_eval.engines.spread import Engine
+from tgospa_eval.errors import SolverError
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import as_distance
+from tgospa_eval.partitioned import components, run, tasks
+from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.simulation import Scene, Tracker, simulate
+from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.tracks.trajectories import Trajectories
+
+
+@dataclass
+class Held:
+    """A side that is in memory."""
+
+    whole: Trajectories
+
+    def block(self, first: float, last: float) -> Trajectories:
+        whole = self.whole
+        some = (whole.times >= first) & (whole.times <= last)
+        rows = np.flatnonzero(some[whole.step])
+        offset = int(np.argmax(some)) if some.any() else 0
+        return whole.chosen(rows, whole.step[rows] - offset, whole.times[some])
+
+
+def scene(seed: int) -> tuple[Trajectories, Trajectories, Parameters]:
+    rng = np.random.default_rng(seed)
+    names = ["crossing", "parallel", "convoy", "dense", "births", "manoeuvring"]
+    sides = simulate(
+        Scene(
+            scenario=str(rng.choice(names)),
+            targets=int(rng.integers(0, 9)),
+            steps=int(rng.integers(1, 40)),
+            area=float(rng.choice([30, 100, 400])),
+        ),
+        Tracker(noise=2, detection=0.9, swaps=0.3, near=10, fragmentation=0.05, false_rate=0.2),
+        rng,
+    )
+    parameters = Parameters(
+        cutoff=float(rng.choice([3, 10, 50])),
+        order=float(rng.choice([1, 2, 3])),
+        switch_penalty=float(rng.choice([0, 1, 5])),
+        rho=float(rng.choice([0.5, 0.5, 0.3])),
+    )
+    return *sides, parameters
+
+
+def plan(
+    sides: tuple[Trajectories, Trajectories],
+    parameters: Parameters,
+    work: Path,
+    engine: Engine | None = None,
+) -> Plan:
+    times = np.union1d(sides[0].times, sides[1].times)
+    rows = sum(
+        np.bincount(np.searchsorted(times, side.times[side.step]), minlength=len(times))
+        for side in sides
+    )
+    return Plan(
+        sides=(Held(sides[0]), Held(sides[1])),
+        times=times,
+        rows=np.asarray(rows, np.int64),
+        request=EvaluationRequest(
+            parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
+        ),
+        names=("truth", "estimate"),
+        columns=2,
+        work=work,
+        memory=1 << 30,
+        engine=engine,
+    )
+
+
+def same(first: Evaluated, second: Evaluated) -> None:
+    assert first.whole.bounds == second.whole.bounds
+    for name, part in vars(first.whole.breakdown).items():
+        assert np.array_equal(part, getattr(second.whole.breakdown, name)), name
+    for mine, other in zip(first.whole.tracks, second.whole.tracks, strict=True):
+        assert all(np.array_equal(part, other[name]) for name, part in mine.items())
+    names = ("assigned.npy", "switched.npy")
+    for mine, other in zip(first.folders, second.folders, strict=True):
+        assert all((mine / name).read_bytes() == (other / name).read_bytes() for name in names)
+
+
+@pytest.mark.parametrize("group", range(2))
+def test_parts_add_up_to_the_whole(
+    group: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for seed in range(14 * group, 14 * group + 14):
+        truth, estimate, parameters = scene(seed)
+        whole = tg.evaluate(
+            truth,
+            estimate,
+            parameters.cutoff,
+            parameters.order,
+            parameters.switch_penalty,
+            rho=parameters.rho,
+        )
+        monkeypatch.setattr(components, "SHARD_ENTRIES", 1 + 40 * (seed % 3))
+        found = []
+        for rows in (1 + 9 * (seed % 2), 10_000):
+            monkeypatch.setattr(run, "MOST_ROWS", rows)
+            work = tmp_path / f"{seed}-{rows}"
+            found.append(evaluate_parts(plan((truth, estimate), parameters, work)))
+        same(found[0], found[1])
+        parts = found[0]
+        bounds, breakdown, known = parts.whole.bounds, parts.whole.breakdown, whole.proof
+        assert bounds.met(1e-9)
+        assert math.isclose(breakdown.total, known.breakdown.total, rel_tol=1e-12, abs_tol=0)
+        assert bounds.lower <= known.bounds.upper
+        assert known.bounds.lower <= bounds.upper
+        names = ("localisation", "missed", "false", "switch")
+        by_step = sum(getattr(breakdown, name).sum() for name in names)
+        assert math.isclose(by_step, breakdown.total, rel_tol=1e-12)
+        for name, table in zip(("missed", "false"), parts.whole.tracks, strict=True):
+            assert math.isclose(
+                table["unassigned"].sum(), getattr(breakdown, name).sum(), rel_tol=1e-12
+            )
+            assert math.isclose(
+                table["localisation"].sum(), breakdown.localisation.sum(), rel_tol=1e-12
+            )
+        assert parts.entries == whole.sizes["pair_steps"]
+        assert parts.shards.components == whole.sizes["components"]
+        assert parts.shards.pairs == whole.sizes["candidate_pairs"]
+        assert parts.tracks[0].ids.tolist() == truth.ids.tolist()
+        assert parts.tracks[1].ids.tolist() == estimate.ids.tolist()
+
+
+def test_processes_and_interruptions_change_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth, estimate, parameters = scene(9)
+    monkeypatch.setattr(components, "SHARD_ENTRIES", 30)
+    monkeypatch.setattr(run, "MOST_ROWS", 20)
+    alone = evaluate_parts(plan((truth, estimate), parameters, tmp_path / "alone"))
+    together = evaluate_parts(plan((truth, estimate), parameters, tmp_path / "2", Processes(2)))
+    same(alone, together)
+    # A run that stops after each task in turn goes on where it was.
+    begun = 0
+    original = tasks._Work.__call__
+
+    def stops(work: tasks._Work, task: tasks.Task) -> object:
+        nonlocal begun
+        if begun == 2:
+            begun = 0
+            raise KeyboardInterrupt
+        begun += 1
+        return original(work, task)
+
+    monkeypatch.setattr(tasks._Work, "__call__", stops)
+    interrupted = 0
+    while True:
+        try:
+            again = evaluate_parts(plan((truth, estimate), parameters, tmp_path / "again"))
+            break
+        except KeyboardInterrupt:
+            interrupted += 1
+    assert interrupted > 3
+    same(alone, again)
+    assert not list(tmp_path.rglob(f"*{tasks.UNFINISHED}"))
+
+
+@dataclass(frozen=True)
+class Fatal:
+    output: str
+
+
+def kill(task: Fatal) -> None:
+    import os
+
+    os._exit(1)
+
+
+def test_a_task_of_which_processes_die_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SolverError, match="a process died of 000007, most likely for want of"):
+        tasks.run_tasks(kill, [Fatal(str(tmp_path / "000007"))], Processes(1))
+
+
+def test_shards_are_filled_in_order_and_long_components_stand_alone() -> None:
+    sizes = np.array([3, 900_000, 200_000, 5_000_000, 7, 10])
+    shard, long = components._cut(sizes, 4_000_000)
+    assert long.tolist() == [True, False, False]
+    assert shard.tolist() == [1, 1, 1, 0, 2, 2]

@@ -1,0 +1,129 @@
+"""Tracks of all blocks: global numbers, components, and the shard of each."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
+from tgospa_eval.partitioned.scan import Scanned
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.states import connected_components
+
+SHARD_ENTRIES = 1_000_000
+"""Entries of a shard of many components: some seconds of work in some 300 MB. Of the data alone,
+so that results do not depend on the machine."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracks:
+    """The tracks of one side.
+
+    Parameters
+    ----------
+    ids : (k,) array of str
+        In the order in which reading one file numbers them.
+    rows : (k,) int array
+        How many rows they have.
+    numbers : tuple of int arrays
+        Of each block the numbers of its tracks.
+    """
+
+    ids: NDArray[np.str_]
+    rows: Ints
+    numbers: tuple[Ints, ...]
+
+
+def number_tracks(blocks: Sequence[Scanned], side: int) -> Tracks:
+    """The tracks of a side over all blocks, in natural order of their ids."""
+    parts = [block.ids[side] for block in blocks]
+    ids, found = np.unique(np.concatenate(parts or [np.zeros(0, "U1")]), return_inverse=True)
+    order = _natural_order(ids)
+    rank = np.empty(len(order), np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    number = rank[found]
+    counts = np.concatenate([block.rows[side] for block in blocks] or [np.zeros(0, np.int64)])
+    rows = np.bincount(number, counts, minlength=len(ids)).astype(np.int64)
+    ends = np.cumsum([len(part) for part in parts])[:-1]
+    return Tracks(ids=ids[order], rows=rows, numbers=tuple(np.split(number, ends)))
+
+
+def _natural_order(ids: NDArray[np.str_]) -> Ints:
+    """Order of distinct ids, 2 before 10; plain numbers need no look at each."""
+    try:
+        numbers = ids.astype(np.int64)
+    except (ValueError, OverflowError):
+        numbers = np.zeros(0, np.int64)
+    if len(numbers) and (numbers >= 0).all() and (numbers.astype(np.str_) == ids).all():
+        return np.argsort(numbers)
+    texts = ids.tolist()
+    return np.array(sorted(range(len(texts)), key=lambda k: natural(texts[k])), np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shards:
+    """Which components are solved together.
+
+    Parameters
+    ----------
+    of_truth : (m,) int array
+        Shard of each truth, -1 for those without a near pair.
+    entries : (N,) int array
+        Entries of each shard.
+    long : (N,) bool array
+        Shards of a single component that is too large to be solved at once.
+    components, pairs : int
+        How many there are in all.
+    """
+
+    of_truth: Ints
+    entries: Ints
+    long: NDArray[np.bool_]
+    components: int
+    pairs: int
+
+
+def make_shards(
+    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks, most_entries: int
+) -> Shards:
+    """Components in the order of their first truths, in shards of some `SHARD_ENTRIES`.
+
+    Components of more than `most_entries` are long.
+    """
+    width = max(len(estimates.ids), 1)
+    keys, counts = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    for number, block in enumerate(blocks):
+        truth = truths.numbers[number][block.pairs["truth"]].astype(np.int64)
+        key = truth * width + estimates.numbers[number][block.pairs["estimate"]]
+        both = np.concatenate((keys, key))
+        keys, inverse = np.unique(both, return_inverse=True)
+        counts = np.bincount(
+            inverse, np.concatenate((counts, block.pairs["entries"])), minlength=len(keys)
+        ).astype(np.int64)
+    truth, estimate = np.divmod(keys, width)
+    m = len(truths.ids)
+    root = connected_components(truth, estimate + m, m + len(estimates.ids))[truth]
+    _, component = np.unique(root, return_inverse=True)  # roots are the first truths
+    entries = np.bincount(component, counts).astype(np.int64)
+    shard, long = _cut(entries, most_entries)
+    of_truth = np.full(m, -1, np.int32)
+    of_truth[truth] = shard[component]
+    return Shards(
+        of_truth=of_truth,
+        entries=np.bincount(shard, entries, minlength=len(long)).astype(np.int64),
+        long=long,
+        components=len(entries),
+        pairs=len(keys),
+    )
+
+
+def _cut(entries: Ints, most: int) -> tuple[Ints, NDArray[np.bool_]]:
+    """Shard of each component, and which shards are long; those have one component."""
+    long_ones = entries > most
+    others = np.where(long_ones, 0, entries)
+    before = np.cumsum(others) - others
+    group = before // SHARD_ENTRIES
+    group[long_ones] = -1 - np.arange(np.count_nonzero(long_ones))
+    _, first, shard = np.unique(group, return_index=True, return_inverse=True)
+    return shard.astype(np.int32), long_ones[first]

@@ -1,0 +1,183 @@
+"""The line of a partitioned evaluation: scan, components, shuffle, solve, add up."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.engines.spread import Engine
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.partitioned.add_up import Whole, add_up
+from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
+from tgospa_eval.partitioned.scan import Block, Scanned, Side, constants, scan
+from tgospa_eval.partitioned.shards import Shard, solve_shard
+from tgospa_eval.partitioned.shuffle import Sort, sort_entries
+from tgospa_eval.partitioned.tasks import T, run_tasks
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.tracks.alignment import Times
+
+BYTES_A_ROW, BYTES_AN_ENTRY = 600, 300
+"""Memory that a worker needs for each row of a block, and for each entry of a shard: measured."""
+
+MOST_ROWS, MOST_ENTRIES = 4_000_000, 30_000_000
+"""No more than this together, however much memory there is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """What is evaluated, and with what.
+
+    Parameters
+    ----------
+    sides : pair of Side
+        Truth and estimate.
+    times : (T,) array
+        The steps that count.
+    rows : (T,) int array
+        Rows of both sides at each.
+    request : EvaluationRequest
+        What is asked.
+    names : pair of str
+        The sides, for messages.
+    columns : int
+        Components of a state.
+    work : Path
+        The folder of what is known on the way.
+    memory : int
+        Bytes for each worker.
+    engine : Engine, optional
+        Where tasks are done; in this process by default.
+    """
+
+    sides: tuple[Side, Side]
+    times: Times
+    rows: Ints
+    request: EvaluationRequest
+    names: tuple[str, str]
+    columns: int
+    work: Path
+    memory: int
+    engine: Engine | None = None
+
+    def run(self, function: Callable[[T], None], tasks: Sequence[T]) -> None:
+        """Do tasks."""
+        run_tasks(function, tasks, self.engine)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluated:
+    """What came out.
+
+    Parameters
+    ----------
+    whole : Whole
+        Bounds, breakdown, what each track contributes.
+    tracks : pair of Tracks
+        Those of truth and estimate.
+    shards : Shards
+        How components were solved.
+    entries : int
+        Near pairs.
+    folders : tuple of Path
+        One for each shard, with the tables of its assignment.
+    """
+
+    whole: Whole
+    tracks: tuple[Tracks, Tracks]
+    shards: Shards
+    entries: int
+    folders: tuple[Path, ...]
+
+
+def evaluate_parts(plan: Plan) -> Evaluated:
+    """Evaluate; goes on from what is in the folder of work.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the data, or a process died.
+    """
+    scanned = _scan(plan)
+    blocks = [Scanned.load(folder) for folder in scanned]
+    truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
+    most = min(MOST_ENTRIES, plan.memory // BYTES_AN_ENTRY)
+    shards = make_shards(blocks, truths, estimates, most)
+    folders = _solve(plan, _shuffle(plan, scanned, blocks, (truths, estimates), shards), shards)
+    whole = add_up(
+        folders,
+        blocks,
+        len(plan.times),
+        (truths, estimates),
+        constants(plan.request, plan.columns, blocks),
+        plan.request.parameters,
+    )
+    return Evaluated(
+        whole=whole,
+        tracks=(truths, estimates),
+        shards=shards,
+        entries=int(shards.entries.sum()),
+        folders=tuple(folders),
+    )
+
+
+def _scan(plan: Plan) -> list[Path]:
+    """Blocks of whole steps with so many rows as fit."""
+    most = max(min(MOST_ROWS, plan.memory // BYTES_A_ROW), 1)
+    before = np.cumsum(plan.rows) - plan.rows
+    cuts = np.flatnonzero(np.diff(before // most, prepend=-1))
+    edges = [*cuts.tolist(), len(plan.times)]
+    tasks = [
+        Block(
+            output=str(plan.work / "scan" / f"{low:010d}-{high:010d}"),
+            sides=plan.sides,
+            times=plan.times[low:high],
+            first=low,
+            request=plan.request,
+            names=plan.names,
+        )
+        for low, high in itertools.pairwise(edges)
+    ]
+    plan.run(scan, tasks)
+    return [Path(task.output) for task in tasks]
+
+
+def _shuffle(
+    plan: Plan,
+    scanned: Sequence[Path],
+    blocks: Sequence[Scanned],
+    tracks: tuple[Tracks, Tracks],
+    shards: Shards,
+) -> tuple[str, ...]:
+    tasks = [
+        Sort(
+            output=str(plan.work / "sorted" / folder.name),
+            scanned=str(folder),
+            numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
+            shard=shards.of_truth[tracks[0].numbers[k]],
+            shards=len(shards.long),
+        )
+        for k, folder in enumerate(scanned)
+        if len(blocks[k].pairs)
+    ]
+    plan.run(sort_entries, tasks)
+    return tuple(task.output for task in tasks)
+
+
+def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
+    solver = plan.request.solver
+    assert isinstance(solver, Certified)
+    tasks = [
+        Shard(
+            output=str(plan.work / "shards" / f"{number:06d}"),
+            sorted=folders,
+            number=number,
+            parameters=plan.request.parameters,
+            solver=solver,
+        )
+        for number in range(len(shards.long))
+    ]
+    plan.run(solve_shard, sorted(tasks, key=lambda task: -int(shards.entries[task.number])))
+    return [Path(task.output) for task in tasks]

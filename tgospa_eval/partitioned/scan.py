@@ -1,0 +1,209 @@
+"""A block of time: both sides read, near pairs found, objects counted."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.distances import Effort
+from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.evaluation.prepare import Fitted, fit
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.tgospa import tgospa_problem
+from tgospa_eval.tracks.alignment import Times
+from tgospa_eval.tracks.trajectories import Trajectories
+
+PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
+"""Tracks that come near each other, by their numbers in a block, and at how many steps."""
+
+
+class Side(Protocol):
+    """One side of the data, from which any stretch of time can be read."""
+
+    def block(self, first: float, last: float) -> Trajectories:
+        """The rows from one time to another, both included."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Block:
+    """The task to scan some steps.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    sides : pair of Side
+        Truth and estimate.
+    times : (L,) array
+        The steps.
+    first : int
+        Number of the first of them.
+    request : EvaluationRequest
+        What is asked.
+    names : pair of str
+        The sides, for messages.
+    """
+
+    output: str
+    sides: tuple[Side, Side]
+    times: Times
+    first: int
+    request: EvaluationRequest
+    names: tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scanned:
+    """What is known of a block beside its entries.
+
+    Parameters
+    ----------
+    first : int
+        Number of its first step.
+    objects : pair of (L,) int arrays
+        Truths and estimates at each step.
+    ids : pair of (k,) arrays of str
+        Tracks of either side that have a row.
+    rows : pair of (k,) int arrays
+        How many rows they have.
+    pairs : (P,) array of PAIR
+        Tracks that come near each other.
+    slack : float
+        As `Problem.cost_slack`.
+    blur : float
+        As `Distance.last_place`; infinite without objects.
+    """
+
+    first: int
+    objects: tuple[Ints, Ints]
+    ids: tuple[NDArray[np.str_], NDArray[np.str_]]
+    rows: tuple[Ints, Ints]
+    pairs: NDArray[np.void]
+    slack: float
+    blur: float
+
+    @classmethod
+    def load(cls, folder: Path) -> "Scanned":
+        """Read what `scan` wrote."""
+        with np.load(folder / "block.npz") as found:
+            both = {
+                name: (found[f"truth_{name}"], found[f"estimate_{name}"])
+                for name in ("objects", "ids", "rows")
+            }
+            return cls(
+                **both,
+                first=int(found["first"]),
+                pairs=found["pairs"],
+                slack=float(found["slack"]),
+                blur=float(found["blur"]),
+            )
+
+
+def scan(block: Block) -> None:
+    """Read a block and write what it has.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the data.
+    """
+    times, request = block.times, block.request
+    truth, estimate = (side.block(times[0], times[-1]) for side in block.sides)
+    sides = fit(truth, estimate, request, block.names)
+    problem, blur = _problem(sides, request)
+    aligned = (sides.alignment.truth, sides.alignment.estimate)
+    step_of = np.searchsorted(times, aligned[0].times).astype(np.int32)  # some may have no rows
+    entry = np.empty(len(problem.cost), ENTRY)
+    entry["step"] = step_of[problem.entry_step]
+    entry["step"] += np.int32(block.first)
+    entry["truth"] = problem.truth_track[problem.truth_row]
+    entry["estimate"] = problem.estimate_track[problem.estimate_row]
+    entry["cost"] = problem.cost
+    found: dict[str, object] = {
+        "first": block.first,
+        "pairs": _pairs(entry, len(aligned[1].ids)),
+        "slack": problem.cost_slack,
+        "blur": blur,
+    }
+    for role, side in zip(("truth", "estimate"), aligned, strict=True):
+        found[f"{role}_objects"] = np.bincount(step_of[side.step], minlength=len(times))
+        found[f"{role}_ids"] = side.ids.astype(np.str_)
+        found[f"{role}_rows"] = np.bincount(side.track, minlength=len(side.ids))
+    with writing(block.output) as folder:
+        folder.mkdir()
+        np.save(folder / "entries.npy", entry)
+        with (folder / "block.npz").open("wb") as file:
+            np.savez(file, **found)  # type: ignore[arg-type]
+
+
+def _problem(sides: Fitted, request: EvaluationRequest) -> tuple[Problem, float]:
+    """The near pairs of a block as a problem, and what last places change of a distance."""
+    aligned, distance = (sides.alignment.truth, sides.alignment.estimate), sides.distance
+    seen = tuple(side.seen_as(distance.kinds) for side in aligned)
+    effort = Effort(jobs=1)
+    (truth, estimate), prepared = distance.prepared((seen[0], seen[1]), effort)
+    pairs = prepared_pairs((truth, estimate), request.parameters.cutoff, prepared, effort)
+    problem = tgospa_problem(
+        parameters=request.parameters,
+        steps=len(truth.times),
+        truths=len(truth.ids),
+        estimates=len(estimate.ids),
+        truth_step=truth.step,
+        truth_track=truth.track,
+        estimate_step=estimate.step,
+        estimate_track=estimate.track,
+        truth_row=pairs.truth_row,
+        estimate_row=pairs.estimate_row,
+        distance=pairs.distance,
+        distance_error=prepared.error(truth.state.shape[1]),
+    )
+    blur = (
+        prepared.last_place((truth, estimate)) if len(truth.step) + len(estimate.step) else np.inf
+    )
+    return problem, blur
+
+
+def _pairs(entry: NDArray[np.void], width: int) -> NDArray[np.void]:
+    key, entries = np.unique(
+        entry["truth"].astype(np.int64) * max(width, 1) + entry["estimate"], return_counts=True
+    )
+    found = np.empty(len(key), PAIR)
+    found["truth"], found["estimate"] = np.divmod(key, max(width, 1))
+    found["entries"] = entries
+    return found
+
+
+def constants(request: EvaluationRequest, dimension: int, blocks: "list[Scanned]") -> Problem:
+    """A problem without entries that has the constants of the whole: errors, rounding.
+
+    `dimension` is the number of components of a state.
+    """
+    parameters, none = request.parameters, np.zeros(0, np.int32)
+    problem = tgospa_problem(
+        parameters=parameters,
+        steps=0,
+        truths=0,
+        estimates=0,
+        truth_step=none,
+        truth_track=none,
+        estimate_step=none,
+        estimate_track=none,
+        truth_row=none,
+        estimate_row=none,
+        distance=np.zeros(0),
+        distance_error=request.distance.error(dimension),
+    )
+    objects = sum(int(found.sum()) for block in blocks for found in block.objects)
+    blur = min((block.blur for block in blocks), default=np.inf) / parameters.cutoff
+    return replace(
+        problem,
+        cost_slack=math.fsum(block.slack for block in blocks),
+        rounding=objects * blur**parameters.order if blur < 1 else 0.0,
+    )

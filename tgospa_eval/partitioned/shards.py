@@ -1,0 +1,155 @@
+"""A shard: some components as a problem of their own, solved, proven, and what it contributes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.partitioned.share import ENTRY, Share
+from tgospa_eval.partitioned.shuffle import entries_of
+from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.problem.certificate import prove
+from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.problem import Ints, Problem
+from tgospa_eval.problem.readout import read_assigned, read_switches, read_tracks
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.unassigned import unpaired_prices
+from tgospa_eval.solvers.certified import Certified
+
+ASSIGNED = np.dtype([*ENTRY.descr, ("weight", "<f8")])
+"""A near pair that is assigned, and how much of it."""
+
+SWITCHED = np.dtype(
+    [("step", "<i4"), ("truth", "<i4"), ("before", "<i4"), ("after", "<i4"), ("variation", "<f8")]
+)
+"""As `problem.readout.Switches`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shard:
+    """The task to solve a shard.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    sorted : tuple of str
+        Folders of the entries of all blocks, in order of time.
+    number : int
+        Which shard.
+    parameters : Parameters
+        Of the metric.
+    solver : Certified
+        Its settings.
+    """
+
+    output: str
+    sorted: tuple[str, ...]
+    number: int
+    parameters: Parameters
+    solver: Certified
+
+
+def solve_shard(task: Shard) -> None:
+    """Solve and prove a shard, and write what it contributes."""
+    entry = entries_of(task.sorted, task.number)
+    numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
+    first = int(entry["step"].min())
+    problem = problem_of(entry, first, numbers, task.parameters)
+    del entry
+    states = merge_runs(problem)
+    solution = task.solver(states, Stopwatch())
+    weights, lower, breakdown = prove(states, solution, consume=True)
+    objects = (
+        np.bincount(problem.truth_step, minlength=problem.steps),
+        np.bincount(problem.estimate_step, minlength=problem.steps),
+    )
+    share = Share.of(
+        breakdown,
+        objects,
+        np.concatenate((lower, unpaired_prices(states))),
+        first=first,
+        iterations=solution.iterations,
+        states=len(states.begin),
+        solved=solution.finished,
+    )
+    with writing(task.output) as folder:
+        folder.mkdir()
+        for name, table in _tables(states, weights, first, numbers).items():
+            np.save(folder / f"{name}.npy", table)
+        for side, name in enumerate(("truths", "estimates")):
+            found = vars(read_tracks(states, weights, side))
+            rows = np.bincount(problem.sides[side].track, minlength=len(numbers[side]))
+            with (folder / f"{name}.npz").open("wb") as file:
+                np.savez(file, track=numbers[side], rows=rows, **found)
+        share.save(folder / "share.npz")
+
+
+def problem_of(
+    entry: NDArray[np.void], first: int, numbers: tuple[Ints, Ints], parameters: Parameters
+) -> Problem:
+    """Entries as a problem of their own, whose objects are those that have an entry.
+
+    Parameters
+    ----------
+    entry : array of ENTRY
+        Sorted by (step, truth, estimate).
+    first : int
+        The step that is its step 0.
+    numbers : pair of int arrays
+        Global numbers of its truths and of its estimates, sorted.
+    parameters : Parameters
+        Of the metric.
+    """
+    step = entry["step"] - np.int32(first)
+    rows: list[Ints] = []
+    sides: dict[str, Any] = {}
+    for name, known, price in zip(
+        ("truth", "estimate"), numbers, parameters.unassigned_prices, strict=True
+    ):
+        track = np.searchsorted(known, entry[name]).astype(np.int64)
+        key = step.astype(np.int64) * len(known) + track
+        if name == "truth":  # whose entries are neighbours
+            fresh = np.diff(key, prepend=-1) != 0
+            row, key = np.cumsum(fresh) - 1, key[fresh]
+        else:
+            key, row = np.unique(key, return_inverse=True)
+        rows.append(row.astype(np.int32))
+        at, who = np.divmod(key, max(len(known), 1))
+        sides |= {
+            f"{name}_step": at.astype(np.int32),
+            f"{name}_track": who.astype(np.int32),
+            f"{name}_price": np.broadcast_to(price, len(key)),
+        }
+    return Problem(
+        **sides,
+        steps=int(step.max(initial=-1)) + 1,
+        truths=len(numbers[0]),
+        estimates=len(numbers[1]),
+        truth_row=rows[0],
+        estimate_row=rows[1],
+        cost=np.ascontiguousarray(entry["cost"]),
+        switch_price=parameters.switch_price,
+    )
+
+
+def _tables(
+    states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]
+) -> dict[str, NDArray[np.void]]:
+    """The assignment with global numbers, by the names of the files."""
+    truths, estimates = numbers
+    used = read_assigned(states, weights)
+    assigned = np.empty(len(used.step), ASSIGNED)
+    assigned["step"] = used.step + np.int32(first)
+    assigned["truth"], assigned["estimate"] = truths[used.truth], estimates[used.estimate]
+    assigned["cost"], assigned["weight"] = states.problem.cost[used.entry], used.weight
+    changed = read_switches(states, weights)
+    switched = np.empty(len(changed.step), SWITCHED)
+    switched["step"] = changed.step + np.int32(first)
+    switched["truth"], switched["variation"] = truths[changed.truth], changed.variation
+    named = np.append(estimates, -1)
+    switched["before"], switched["after"] = named[changed.before], named[changed.after]
+    return {"assigned": assigned, "switched": switched}

@@ -1,0 +1,132 @@
+"""An assignment as records of numbers: pairs in use, switches, what each trajectory contributes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, changes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Assigned:
+    """Pairs that both exist, are nearer than the cutoff, and are assigned, by (step, truth).
+
+    Parameters
+    ----------
+    step, truth, estimate, entry : (N,) int arrays
+        When and who, and the entry of the problem.
+    weight : (N,) float array
+        How much of it.
+    """
+
+    step: Ints
+    truth: Ints
+    estimate: Ints
+    entry: Ints
+    weight: Floats
+
+
+def read_assigned(states: States, weights: Ints) -> Assigned:
+    """Of a feasible assignment (S,), in units of 1/ONE."""
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    used = used[np.argsort(states.entry[used], kind="stable")]  # by step, truth, estimate
+    pair = states.pair[used]
+    return Assigned(
+        step=states.begin[used],
+        truth=states.pair_truth[pair],
+        estimate=states.pair_estimate[pair],
+        entry=states.entry[used],
+        weight=weights[used] / ONE,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Switches:
+    """Changes of the assignment of each truth, by (step, truth).
+
+    Parameters
+    ----------
+    step, truth : (N,) int arrays
+        When and whose.
+    before, after : (N,) int arrays
+        The estimates with the largest loss and the largest gain, -1 where there is none.
+    variation : (N,) float array
+        Total variation, twice the number of switches.
+    """
+
+    step: Ints
+    truth: Ints
+    before: Ints
+    after: Ints
+    variation: Floats
+
+
+def read_switches(states: States, weights: Ints) -> Switches:
+    """Of a feasible assignment (S,), in units of 1/ONE."""
+    state, amount = changes(states, weights)
+    rises = weights[state] > weights[state - 1]
+    pair = states.pair[state]
+    step, truth = states.begin[state], states.pair_truth[pair]
+    order = np.lexsort((-amount, truth, step))
+    opens = np.ones(len(order), bool)
+    opens[1:] = (np.diff(step[order]) != 0) | (np.diff(truth[order]) != 0)
+    first = np.flatnonzero(opens)
+
+    def largest(chosen: NDArray[np.bool_]) -> Ints:
+        """Of each group the estimate of its first change that is chosen."""
+        place = np.where(chosen[order], np.arange(len(order)), len(order))
+        track = np.append(states.pair_estimate[pair[order]], -1)
+        found: Ints = track[np.minimum.reduceat(place, first)] if len(first) else first
+        return found
+
+    return Switches(
+        step=step[order[first]],
+        truth=truth[order[first]],
+        before=largest(~rises),
+        after=largest(rises),
+        variation=np.add.reduceat(amount[order], first) if len(first) else np.zeros(0),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PerTrack:
+    """What each trajectory of a side contributes, in units of c^p.
+
+    Parameters
+    ----------
+    localisation, unassigned, switch : (k,) float arrays
+        Costs: of errors, of steps at which it is missed, or false, and of its switches.
+    unassigned_count, switch_count : (k,) float arrays
+        Such steps, and switches.
+    """
+
+    localisation: Floats
+    unassigned: Floats
+    switch: Floats
+    unassigned_count: Floats
+    switch_count: Floats
+
+
+def read_tracks(states: States, weights: Ints, side: int) -> PerTrack:
+    """Of a feasible assignment (S,), in units of 1/ONE; side 0 are the truths, 1 the estimates."""
+    problem = states.problem
+    objects, pair_track = problem.sides[side], states.pair_tracks[side]
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    entry, weight = states.entry[used], weights[used]
+    free = np.full(len(objects.track), ONE)
+    np.subtract.at(free, objects.row[entry], weight)
+    changed, amount = changes(states, weights)
+
+    def total(index: Ints, value: Floats) -> Floats:
+        return sum_by(index, value, objects.count)
+
+    at = pair_track[states.pair[changed]]
+    return PerTrack(
+        localisation=total(pair_track[states.pair[used]], weight / ONE * problem.cost[entry]),
+        unassigned=total(objects.track, free / ONE * objects.price),
+        switch=total(at, amount * problem.switch_price_at[states.begin[changed]]),
+        unassigned_count=total(objects.track, free / ONE),
+        switch_count=0.5 * total(at, amount),
+    )
