@@ -19,7 +19,7 @@ from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.problem.unassigned import unpaired_prices
 from tgospa_eval.solvers.certified import Certified
 
-ASSIGNED = np.dtype([*ENTRY.descr, ("weight", "<f8")])
+ASSIGNED_PAIR = np.dtype([*ENTRY.descr, ("weight", "<f8")])
 """A near pair that is assigned, and how much of it."""
 
 SWITCHED = np.dtype(
@@ -142,7 +142,7 @@ def _tables(
     """The assignment with global numbers, by the names of the files."""
     truths, estimates = numbers
     used = read_assigned(states, weights)
-    assigned = np.empty(len(used.step), ASSIGNED)
+    assigned = np.empty(len(used.step), ASSIGNED_PAIR)
     assigned["step"] = used.step + np.int32(first)
     assigned["truth"], assigned["estimate"] = truths[used.truth], estimates[used.estimate]
     assigned["cost"], assigned["weight"] = states.problem.cost[used.entry], used.weight
