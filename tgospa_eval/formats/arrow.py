@@ -23,6 +23,7 @@ def arrow_rows(
     schema: "pa.Schema",
     read: Callable[[Sequence[str]], "pa.Table"],
     options: ReadOptions,
+    where: Callable[[int], str] | None = None,
 ) -> Rows:
     """The rows of a table of which only the columns in use are read.
 
@@ -36,6 +37,8 @@ def arrow_rows(
         The table with the columns of these names, in order.
     options : ReadOptions
         How.
+    where : callable, optional
+        Where a row is, of a table with rows of several files; by default in this one.
 
     Raises
     ------
@@ -50,11 +53,11 @@ def arrow_rows(
     if roles.klass is not None:
         used.add(roles.klass)
     subset = [names[column] for column in sorted(used)]
-    _check_types(schema, roles, path)
+    check_types(schema, roles, path)
     try:
         table = read(subset).select(subset)
         table.validate(full=True)  # pandas looks at texts later, or never
-        _check_dates(table, path)
+        check_dates(table, where or f"{path}, row {{}}".format)
         table = _exact(table, names[roles.id], None if roles.klass is None else names[roles.klass])
         frame = table.to_pandas(split_blocks=True, self_destruct=True, ignore_metadata=True)
     except (InputError, MemoryError):
@@ -66,7 +69,7 @@ def arrow_rows(
     shared = replace(options, shared=tuple(parse_columns(options.columns)[0]))
     found = find_roles(subset, shared, path)
     whole = {name: getattr(roles, name) for name in ("unused", "passed", "lacking")}
-    return frame_rows(frame, replace(found, **whole), path, options.decimal)
+    return frame_rows(frame, replace(found, **whole), path, options.decimal, where)
 
 
 def damaged(path: str, kind: str, error: Exception) -> InputError:
@@ -78,7 +81,7 @@ def damaged(path: str, kind: str, error: Exception) -> InputError:
     return InputError(f"{path}: no readable {kind} file: {text}")
 
 
-def _check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
+def check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
     """Whether the columns in use have plain values.
 
     Raises
@@ -104,7 +107,7 @@ def _check_types(schema: "pa.Schema", roles: Roles, path: str) -> None:
             )
 
 
-def _check_dates(table: "pa.Table", path: str) -> None:
+def check_dates(table: "pa.Table", where: Callable[[int], str]) -> None:
     """Whether Python has the dates; pandas makes them its own.
 
     Raises
@@ -125,7 +128,7 @@ def _check_dates(table: "pa.Table", path: str) -> None:
         row = pc.index(pc.or_(early, late), value=True).as_py()
         if row >= 0:
             raise InputError(
-                f"{path}, row {row}, column {quoted(name)}: a date out of range (the years 1 to "
+                f"{where(row)}, column {quoted(name)}: a date out of range (the years 1 to "
                 "9999); write texts or numbers"
             )
 

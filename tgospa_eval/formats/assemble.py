@@ -1,5 +1,6 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -23,7 +24,18 @@ if TYPE_CHECKING:
 
 AIS_UNKNOWN = (91.0, 181.0)
 """Latitude and longitude that ships send while they do not know theirs (ITU-R M.1371)."""
-AIS_SENTENCE = "without a position (latitude 91, longitude 181, of AIS): absent at that step"
+
+RULES_SAID = {
+    "blank": "with a blank or NaN position: absent at that step",
+    "no place": "without a position (latitude 91, longitude 181, of AIS): absent at that step",
+    "time": "left out by --time",
+    "class": "left out by --class",
+    "region": "left out by --region",
+}
+"""What is said of rows that do not take part, by the rule that leaves them out."""
+
+NO_CLASSES = "no column class: --class leaves all its rows in"
+CENTRES = "boxes are compared by their centres (x, y); overlap: --distance iou"
 
 
 def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
@@ -46,9 +58,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     for rule, (apart, sentence) in rows.apart.items():
         choice.keep(~apart, rule, sentence)
     filled = (state == state).all(axis=1)  # NaN is not
-    choice.keep(filled, "blank", "with a blank or NaN position: absent at that step")
+    choice.keep(filled, "blank")
     if roles.names[:2] == ("lat", "lon"):
-        choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place", AIS_SENTENCE)
+        choice.keep((state[:, :2] != AIS_UNKNOWN).any(axis=1), "no place")
     grid = _grid(rows, options, choice)
     _keep_classes(rows, options, choice)
     track_ids, track = rows.ids
@@ -94,13 +106,12 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         offered=roles.headers if options.attributes else (),
     )
     classes, klass = _classes(rows, taken, options, choice)
-    centres = ["boxes are compared by their centres (x, y); overlap: --distance iou"]
     return Reading(
         trajectories=trajectories,
         rows=len(state),
         notices=(
             *roles.notices(clouds=clouds is not None),
-            *(centres if roles.centres else ()),
+            *([CENTRES] if roles.centres else ()),
             *choice.notices,
         ),
         warnings=tuple(choice.warnings),
@@ -115,6 +126,23 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     )
 
 
+def said_of(rule: str, count: int, which: str) -> str:
+    """What is said of so many rows that a rule leaves out; `which` is that of `on_duplicate`."""
+    if rule == "duplicate":
+        rows_repeat = counted(count, "row repeats", "rows repeat")
+        return f"{rows_repeat} an (id, t): the {which} one was taken"
+    return f"{counted(count, 'row')} {RULES_SAID[rule]}"
+
+
+def classes_lacking(options: ReadOptions, there: Sequence[str]) -> list[str]:
+    """What is said of classes that are asked for and not among those that are there."""
+    asked = {name.strip() for name in options.classes or ()}
+    shown = ", ".join(map(quoted, there[:10])) or "none"
+    return [
+        f"no row of class {quoted(name)}; there are {shown}" for name in sorted(asked - {*there})
+    ]
+
+
 class _Choice:
     """Rows that still take part, what became of the others, and what the user should know."""
 
@@ -124,8 +152,8 @@ class _Choice:
         self.notices: list[str] = []
         self.warnings: list[Notice] = []
 
-    def keep(self, inside: Flags, rule: str, sentence: str) -> None:
-        """Leave out what is not inside."""
+    def keep(self, inside: Flags, rule: str, sentence: str = "") -> None:
+        """Leave out what is not inside; the sentence is that of the rule, or one of a format."""
         if inside.all():
             return
         before = int(np.count_nonzero(self.mask))
@@ -133,7 +161,8 @@ class _Choice:
         count = before - int(np.count_nonzero(self.mask))
         if count:
             self.left_out[rule] = count
-            self.notices.append(f"{counted(count, 'row')} {sentence}")
+            said = f"{counted(count, 'row')} {sentence}" if sentence else said_of(rule, count, "")
+            self.notices.append(said)
 
     def all(self) -> bool:
         """Whether nothing was left out."""
@@ -160,7 +189,7 @@ def _grid(rows: Rows, options: ReadOptions, choice: _Choice) -> _Grid:
     if options.moments is None:
         return _Grid(moments, step, labels)
     inside = options.moments.inside(moments, times.clock, rows.name)
-    choice.keep(inside[step], "time", "left out by --time")
+    choice.keep(inside[step], "time")
     labels = None if labels is None else labels[inside]
     return _Grid(moments[inside], (np.cumsum(inside) - 1)[step], labels)
 
@@ -170,14 +199,12 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
     if options.classes is None:
         return
     if rows.classes is None:
-        choice.notices.append("no column class: --class leaves all its rows in")
+        choice.notices.append(NO_CLASSES)
         return
     names = {name.strip() for name in options.classes}
     known = np.array([name in names for name in rows.classes[0]], bool)
-    choice.keep(known[rows.classes[1]], "class", "left out by --class")
-    for name in sorted(names - set(rows.classes[0])):
-        there = ", ".join(map(quoted, rows.classes[0][:10])) or "none"
-        choice.notices.append(f"no row of class {quoted(name)}; there are {there}")
+    choice.keep(known[rows.classes[1]], "class")
+    choice.notices += classes_lacking(options, rows.classes[0].tolist())
 
 
 def _keep_region(
@@ -195,7 +222,7 @@ def _keep_region(
     for column, (name, (low, high)) in zip(values.T, options.ranges.items(), strict=True):
         column = column * scale[name] if name in scale else column
         inside &= (column >= low) & (column <= high)
-    choice.keep(inside, "region", "left out by --region")
+    choice.keep(inside, "region")
 
 
 def _check_states(rows: Rows, state: Floats, chosen: Ints | None, options: ReadOptions) -> None:
@@ -256,8 +283,7 @@ def _repeats(
     if which == "error":
         raise InputError(refusal(taken, again, key, rows, format))
     choice.warnings += most_repeat(taken, again, rows, which)
-    rows_repeat = counted(len(again), "row repeats", "rows repeat")
-    choice.notices.append(f"{rows_repeat} an (id, t): the {which} one was taken")
+    choice.notices.append(said_of("duplicate", len(again), which))
     choice.left_out["duplicate"] = len(again)
     return again + 1 if which == "first" else again
 

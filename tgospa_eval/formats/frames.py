@@ -61,17 +61,23 @@ def from_frame(
     return assemble(frame_rows(frame, roles, name, options.decimal), options, "frame")
 
 
-def frame_rows(frame: pd.DataFrame, roles: Roles, name: str, decimal: str) -> Rows:
+def frame_rows(
+    frame: pd.DataFrame,
+    roles: Roles,
+    name: str,
+    decimal: str,
+    where: Callable[[int], str] | None = None,
+) -> Rows:
     """The rows of a DataFrame; `name` begins the messages, `decimal` is the mark in texts.
+
+    `where` says where a row is, for messages; by default in what is called `name`.
 
     Raises
     ------
     InputError
         A column has no numbers, ids or times, or an infinite one.
     """
-
-    def where(row: int) -> str:
-        return f"{name}, row {row}"
+    where = where or f"{name}, row {{}}".format
 
     def named(column: int, wanted: str) -> Numbered:
         header = f"column {quoted(frame.columns[column])}"
@@ -225,21 +231,24 @@ def id_text(value: object, name: str) -> str:
     return text
 
 
-def frame_times(column: pd.Series, name: str) -> Times:
-    """The times of a column by itself; `name` begins the messages.
+def frame_times(
+    column: pd.Series, name: str, decimal: str = ".", where: Callable[[int], str] | None = None
+) -> Times:
+    """The times of a column by itself; `name` and `where` as of `frame_rows`.
 
     Raises
     ------
     InputError
         A value is no time.
     """
+    where = where or f"{name}, row {{}}".format
     header = f"column {quoted(column.name)}"
     try:
-        return _times(column, header, name, ".")
+        return _times(column, header, name, decimal)
     except TimeError as error:
-        raise InputError(f"{name}, row {error.row}, {header}: {error}") from None
+        raise InputError(f"{where(error.row)}, {header}: {error}") from None
     except UNWRITTEN:
-        raise _unwritten(column, header, f"{name}, row {{}}".format) from None
+        raise _unwritten(column, header, where) from None
 
 
 def _times(column: pd.Series, header: str, name: str, decimal: str) -> Times:

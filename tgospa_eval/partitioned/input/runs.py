@@ -1,0 +1,196 @@
+"""Rows of a side in order of time: runs of bounded size, each sorted, from which blocks are read.
+
+A side whose files are not in order of time is read once. As many rows as are worked on together
+are sorted by time and written as a run; a block takes its share of each run, which is one range.
+"""
+
+import json
+import math
+import pickle
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.formats.columns.roles import Roles
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.rows import Numbered, Rows
+from tgospa_eval.formats.times import Times
+from tgospa_eval.partitioned.input.listing import File
+from tgospa_eval.partitioned.input.merging import (
+    Moments,
+    merged_moments,
+    merged_rows,
+    moments_of,
+)
+from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
+from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.tracks.trajectories import Ints, TimeArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """What of a file is read at once: a row group, or bytes of a text.
+
+    Parameters
+    ----------
+    file : File
+        The file.
+    begin, end : int
+        Row groups, or bytes.
+    """
+
+    file: File
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunsTask:
+    """Write the rows of some pieces as runs.
+
+    Parameters
+    ----------
+    pieces : tuple of Piece
+        In the order of the files.
+    options : ReadOptions
+        How to read them.
+    rows : int
+        Rows of a run, as soon as there are as many.
+    output : str
+        The folder.
+    """
+
+    pieces: tuple[Piece, ...]
+    options: ReadOptions
+    rows: int
+    output: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where consecutive rows of a run are from.
+
+    Parameters
+    ----------
+    begin : int
+        The first of them, as the run was before it was sorted.
+    piece : Piece
+        Where they are.
+    first : int
+        The place of the first: its row in a table, or in the piece of a text.
+    """
+
+    begin: int
+    piece: Piece
+    first: int
+
+
+def write_runs(task: RunsTask) -> None:
+    """Do a task."""
+    with writing(task.output) as folder:
+        folder.mkdir()
+        chunks: list[Chunk] = []
+        origins: list[Origin] = []
+        moments: list[Moments] = []
+        count = 0
+        for piece, chunk in _chunks(task):
+            origins.append(Origin(begin=count, piece=piece, first=int(chunk.place[0])))
+            chunks.append(chunk)
+            count += len(chunk.place)
+            if count >= task.rows:
+                moments.append(_write(folder / str(len(moments)), chunks, origins, task.options))
+                chunks, origins, count = [], [], 0
+        if chunks:
+            moments.append(_write(folder / str(len(moments)), chunks, origins, task.options))
+        (folder / "moments").write_bytes(pickle.dumps(moments))
+
+
+def _chunks(task: RunsTask) -> Iterator[tuple[Piece, Chunk]]:
+    for piece in task.pieces:
+        table = open_table(piece.file, task.options)
+        for group in range(piece.begin, piece.end):
+            for chunk in table.chunks(group, task.options):
+                yield piece, chunk
+
+
+def _write(
+    folder: Path, chunks: Sequence[Chunk], origins: Sequence[Origin], options: ReadOptions
+) -> Moments:
+    """Write a run, and say which times it has."""
+    folder.mkdir()
+    parts = list(rows_of_chunks(chunks, options))
+    found = merged_moments(moments_of(part.times, part.name) for part in parts)
+    assert found is not None  # there is a part
+    rows = merged_rows(parts[0].name, parts)
+    order = np.argsort(rows.times.value, kind="stable")
+    columns = {"time": rows.times.value, "id": rows.ids[1].astype(np.int32), "place": None}
+    if rows.classes is not None:
+        columns["class"] = rows.classes[1].astype(np.int32)
+    for name, column in columns.items():
+        np.save(folder / f"{name}.npy", order if column is None else column[order])
+    np.save(folder / "numbers.npy", np.asfortranarray(rows.numbers[order]))
+    names = {"id": rows.ids[0].tolist()}
+    if rows.classes is not None:
+        names["class"] = rows.classes[0].tolist()
+    (folder / "names.json").write_text(json.dumps(names), encoding="utf-8")
+    (folder / "origins").write_bytes(pickle.dumps((list(origins), found.clock)))
+    return found
+
+
+def run_rows(
+    folder: str, span: Span, roles: Roles, line: Callable[[Piece, int], str]
+) -> Rows | None:
+    """Rows of a run in a range of time, or None of none.
+
+    Parameters
+    ----------
+    folder : str
+        The run.
+    span : pair of numbers
+        The first and the last time.
+    roles : Roles
+        Of the columns.
+    line : callable
+        Where a row of a piece is, for messages.
+    """
+    path = Path(folder)
+
+    def column(name: str) -> Ints:
+        found: Ints = np.load(path / f"{name}.npy", mmap_mode="r")
+        return found
+
+    times: TimeArray = np.load(path / "time.npy", mmap_mode="r")
+    low, high = span
+    if times.dtype.kind == "i":  # numbers of another type would have all times converted
+        low, high = math.ceil(low), math.floor(high)
+    begin = int(np.searchsorted(times, low, side="left"))
+    end = int(np.searchsorted(times, high, side="right"))
+    if begin >= end:
+        return None
+    origins, clock = pickle.loads((path / "origins").read_bytes())
+    names = json.loads((path / "names.json").read_text(encoding="utf-8"))
+    place = column("place")
+
+    def where(row: int) -> str:
+        at = int(place[begin + row])
+        origin = origins[bisect_right(origins, at, key=lambda origin: origin.begin) - 1]
+        return line(origin.piece, origin.first + at - origin.begin)
+
+    def numbered(name: str) -> Numbered:
+        table = np.empty(len(names[name]), dtype=object)
+        table[:] = names[name]
+        return table, column(name)[begin:end].astype(np.int64)
+
+    return Rows(
+        name=origins[0].piece.file.path,
+        roles=roles,
+        ids=numbered("id"),
+        times=Times(value=cast(TimeArray, np.array(times[begin:end])), clock=clock, text=None),
+        numbers=np.load(path / "numbers.npy", mmap_mode="r")[begin:end],
+        where=where,
+        classes=numbered("class") if "class" in names else None,
+    )

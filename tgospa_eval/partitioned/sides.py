@@ -1,0 +1,338 @@
+"""One side that is read in parts: its times at once, its rows block by block.
+
+A block has the rows of a range of time as `formats.read` would give them if all files were one,
+whatever the files are, in which order and however their times overlap.
+"""
+
+import hashlib
+import os
+import pickle
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.arrays import freeze
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.words import natural
+from tgospa_eval.errors import InputError
+from tgospa_eval.formats.assemble import CENTRES, NO_CLASSES, assemble, classes_lacking, said_of
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.reading import Reading
+from tgospa_eval.formats.repeats import NO_TRACKS
+from tgospa_eval.formats.rows import Rows
+from tgospa_eval.formats.times import Times
+from tgospa_eval.partitioned.input.index import Index, index_tables
+from tgospa_eval.partitioned.input.listing import File, check_options, files_of
+from tgospa_eval.partitioned.input.merging import merged_rows
+from tgospa_eval.partitioned.input.runs import Piece, run_rows
+from tgospa_eval.partitioned.input.steps import Texts, steps_of, store_steps
+from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
+from tgospa_eval.partitioned.tasks import Run, writing
+from tgospa_eval.tracks.trajectories import Ints, TimeArray, Trajectories
+
+KEY_DIGITS = 16
+"""Of the digest of files and options that names the folder of a side's index."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Side:
+    """One side that is read in parts; it travels to whoever reads blocks.
+
+    Parameters
+    ----------
+    path : str
+        The folder or file.
+    role : {"truth", "estimate"}
+        What it is.
+    format : {"parquet", "csv"}
+        Of its files.
+    options : ReadOptions
+        How to read it.
+    store : str
+        The folder of its index.
+    columns : tuple of str
+        Names of the state columns.
+    clock : {"number", "local", "zoned"}
+        What the times are.
+    rows : int
+        Rows of all files.
+    left_out : dict of str to int
+        How many of them are outside the range of time.
+    headers : dict of str to str
+        Headers of the columns whose names are others.
+    lacking : dict of str to str
+        See `formats.Reading`.
+    notices : tuple of str
+        What the user should know before a block is read.
+    """
+
+    path: str
+    role: str
+    format: str
+    options: ReadOptions
+    store: str
+    columns: tuple[str, ...]
+    clock: str
+    rows: int
+    left_out: dict[str, int]
+    headers: dict[str, str]
+    lacking: dict[str, str]
+    notices: tuple[str, ...]
+
+    @property
+    def times(self) -> TimeArray:
+        """(T,) distinct times in order, on the clock of the evaluation."""
+        return steps_of(self.store).times
+
+    @property
+    def counts(self) -> Ints:
+        """(T,) rows at each time, those included that take no part."""
+        return steps_of(self.store).counts
+
+    @property
+    def shown(self) -> Sequence[str] | TimeArray:
+        """(T,) times as they were read."""
+        return steps_of(self.store).shown
+
+    def block(self, first: float, last: float) -> Trajectories:
+        """Rows of the times from `first` to `last`, both included.
+
+        Raises
+        ------
+        InputError
+            A row is wrong, an (id, t) is repeated, or a file is damaged; the message names them.
+        """
+        return self.read(first, last).trajectories
+
+    def read(self, first: float, last: float) -> Reading:
+        """The same with counts of the rows left out, and what the user should know of them.
+
+        Notices are left to `said`, which needs the counts of all blocks.
+        """
+        steps = steps_of(self.store)
+        begin = int(np.searchsorted(steps.times, first, side="left"))
+        end = int(np.searchsorted(steps.times, last, side="right"))
+        if begin >= end:
+            return Reading(trajectories=self._nothing(), rows=0, format=self.format)
+        span = steps.raw[begin].item(), steps.raw[end - 1].item()
+        rows = merged_rows(self.path, list(self._parts(span)))
+        value = cast(TimeArray, rows.times.value.astype(steps.raw.dtype, copy=False))
+        if steps.converted:
+            value = steps.times[np.searchsorted(steps.raw, value)]
+        ids = rows.ids
+        if [*ids[0][:2]] == ["-1"]:  # other blocks may have others: see `id_order`
+            ids = np.array(["-1", ""], dtype=object), ids[1]
+        rows = _BlockRows(
+            name=rows.name,
+            roles=rows.roles,
+            ids=ids,
+            times=Times(value=value, clock=rows.times.clock, text=None),
+            numbers=rows.numbers,
+            where=rows.where,
+            classes=rows.classes,
+            text=self._text,
+        )
+        reading = assemble(rows, _settled(self.options), self.format)
+        found = reading.trajectories
+        if found.clouds is not None:
+            raise InputError(
+                f"{self.path}: rows repeat an (id, t) and there are weights, as of clouds of "
+                "particles, which are not read in parts; give one file that fits into memory, or "
+                "one row per object and step"
+            )
+        if steps.labels is not None:
+            labels = np.empty(len(found.times), dtype=object)
+            labels[:] = list(Texts(steps.labels[begin:end]))
+            found = _labelled(found, labels)
+        return replace(reading, trajectories=found, notices=())
+
+    def said(self, left_out: Mapping[str, int], classes: Sequence[str]) -> tuple[str, ...]:
+        """What the user should know when all blocks are read.
+
+        Parameters
+        ----------
+        left_out : mapping of str to int
+            Sums over the blocks, by rule (`Reading.left_out`).
+        classes : sequence of str
+            Of all blocks (`Reading.named`), in natural order.
+        """
+        notices = [said_of(*item, self.options.on_duplicate) for item in left_out.items()]
+        if self.options.classes is not None and "class" not in self.lacking:
+            notices += classes_lacking(self.options, classes)
+        return (*self.notices, *notices)
+
+    def id_order(self, ids: Sequence[str]) -> Ints:
+        """Positions of the ids of all blocks, in the order in which one file would number them.
+
+        Digits compare as numbers: 2 before 10, then a2 before a10.
+
+        Raises
+        ------
+        InputError
+            The only id is -1, as of detections.
+        """
+        if [*ids] == ["-1"] and self.rows > 1:
+            raise InputError(
+                f"{self.path}: every id is {NO_TRACKS}; give a single track another id"
+            )
+        return np.array(sorted(range(len(ids)), key=lambda k: natural(ids[k])), np.int64)
+
+    def _parts(self, span: Span) -> Iterator[Rows]:
+        """Rows of the files in a range of time, in the order of the files."""
+        steps = steps_of(self.store)
+        low, high = span
+        chosen = np.flatnonzero((steps.lows <= high) & (steps.highs >= low)).tolist()
+        chunks: list[Chunk] = []
+        for unit in (steps.units[k] for k in chosen):
+            if unit.piece is None:
+                rows = run_rows(unit.folder, span, steps.roles, self._line)
+                if rows is not None:
+                    yield rows
+                continue
+            table = open_table(unit.piece.file, self.options)
+            chunks += table.chunks(unit.piece.begin, self.options, span)
+        yield from rows_of_chunks(chunks, self.options)
+
+    def _line(self, piece: Piece, row: int) -> str:
+        return f"{piece.file.path}, row {row}"
+
+    def _text(self, time: float) -> str | float:
+        """A time as it was read."""
+        at = int(np.searchsorted(self.times, time))
+        return self.shown[at] if at < len(self.times) else time
+
+    def _nothing(self) -> Trajectories:
+        return Trajectories(
+            step=np.zeros(0, np.int64),
+            track=np.zeros(0, np.int64),
+            state=np.zeros((0, len(self.columns))),
+            ids=np.zeros(0, dtype=object),
+            times=self.times[:0],
+            columns=self.columns,
+            clock=self.clock,
+        )
+
+
+def open_side(
+    path: str | os.PathLike[str],
+    options: ReadOptions,
+    role: str,
+    *,
+    work: Path,
+    rows_together: int,
+    run: Run[Any],
+) -> Side:
+    """Find out what a side has, and put its rows in order of time where they are not.
+
+    Parameters
+    ----------
+    path : path
+        A folder of Parquet or CSV files, with folders in it or without, or one such file.
+    options : ReadOptions
+        How to read it.
+    role : {"truth", "estimate"}
+        What it is.
+    work : Path
+        Folder for the index, and for rows in order of time; what is there already is used.
+    rows_together : int
+        Rows of the blocks that will be read, about.
+    run : callable
+        Does tasks, as `partitioned.tasks.run_tasks`.
+
+    Raises
+    ------
+    InputError
+        There is no file, one is wrong or damaged, or they do not fit one another.
+    ConfigError
+        Something is asked for that needs all rows at once, or a package is missing.
+    """
+    name = os.fsdecode(path)
+    check_options(name, options)
+    format, files = files_of(name)
+    store = work / f"{role}-{_key(format, files, options, rows_together)}"
+    opened = store / "side"
+    if format == "csv":
+        raise InputError(f"{name}: of text; only Parquet is read in parts")
+    if not opened.exists():
+        index = index_tables(files, options, store, rows_together, run)
+        side = _stored(index, options, store, name, role, format)
+        with writing(str(opened)) as beside:
+            beside.write_bytes(pickle.dumps(side))
+    found: Side = pickle.loads(opened.read_bytes())
+    return replace(found, path=name, options=options, store=str(store))
+
+
+def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together: int) -> str:
+    """What names the index of these files, read with these options."""
+    sha = hashlib.sha256(f"{format} {rows_together} {len(files)}".encode())
+    for file in files:
+        found = os.stat(file.path)
+        state = file.path, file.keys, found.st_size, found.st_mtime_ns
+        sha.update(repr(state).encode("utf-8", "surrogateescape"))
+    asked = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
+    sha.update(repr(asked).encode("utf-8", "surrogateescape"))
+    return sha.hexdigest()[:KEY_DIGITS]
+
+
+def _stored(
+    index: Index, options: ReadOptions, store: Path, name: str, role: str, format: str
+) -> Side:
+    """The side of an index, which is written."""
+    roles = index.roles
+    outside = rows = 0
+    clock = "number"
+    if index.moments is not None:
+        outside = store_steps(index, options, store, name)
+        rows, clock = int(index.moments.count.sum()), index.moments.clock
+    notices = [*roles.notices(clouds=False), *([CENTRES] if roles.centres else ())]
+    if options.classes is not None and roles.klass is None:
+        notices.append(NO_CLASSES)
+    return Side(
+        path=name,
+        role=role,
+        format=format,
+        options=options,
+        store=str(store),
+        columns=roles.names,
+        clock=clock,
+        rows=rows,
+        left_out={"time": outside} if outside else {},
+        headers=roles.called,
+        lacking=roles.lacking,
+        notices=tuple(notices),
+    )
+
+
+def _settled(options: ReadOptions) -> ReadOptions:
+    """Options for rows whose times are settled."""
+    conversion = replace(options.conversion, time_offset=0.0, time_scale=1.0)
+    return replace(options, time=None, conversion=conversion)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _BlockRows(Rows):
+    """Rows whose times are told as they were read.
+
+    Parameters
+    ----------
+    text : callable
+        Of a time.
+    """
+
+    text: Callable[[float], str | float]
+
+    def moment(self, row: int) -> str | float:
+        """Time of a row as read."""
+        return self.text(self.times.value[row].item())
+
+
+def _labelled(block: Trajectories, labels: NDArray[np.object_]) -> Trajectories:
+    """A block with its times as they were read; what was checked is not checked again."""
+    part = object.__new__(Trajectories)
+    vars(part).update(vars(block), labels=labels)
+    freeze(part)
+    return part
