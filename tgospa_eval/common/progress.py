@@ -45,6 +45,8 @@ class Progress:
         How much is done, 0 to 1.
     bracket : pair of float, optional
         Proven bounds of TGOSPA, of the part if there are several.
+    left : float, optional
+        Seconds that the part will take yet, about.
     """
 
     def __init__(self, *, watched: bool = False, stop: threading.Event | None = None) -> None:
@@ -54,6 +56,7 @@ class Progress:
         self.name = ""
         self.share = 0.0
         self.bracket: tuple[float, float] | None = None
+        self.left: float | None = None
         self.scale: Callable[[float], float] = lambda total: total
         self._span = (0.0, 1.0)
         self._due = time.monotonic() + SOON

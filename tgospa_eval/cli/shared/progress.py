@@ -3,9 +3,10 @@
 import math
 import os
 import sys
+import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 from tgospa_eval.cli.shared.interrupts import answering, are_heard
@@ -88,6 +89,28 @@ def run(work: Callable[[], T], stopwatch: Stopwatch, *, show: bool) -> T:
     return task.answer()
 
 
+@contextmanager
+def shown(stopwatch: Stopwatch, *, show: bool) -> Iterator[None]:
+    """While the block works, show how far it is; Ctrl-C is heard by the block."""
+    stopwatch.progress = Progress(watched=True)
+    if not show:
+        yield
+        return
+    ended = threading.Event()
+    with Display(stopwatch) as display:
+
+        def look() -> None:
+            while not ended.wait(0.2):
+                display.update()
+
+        looking = Task(look)
+        try:
+            yield
+        finally:
+            ended.set()
+            looking.wait(1.0)
+
+
 class Display:
     """A line on stderr: one that is written anew on a terminal, else a new one now and then."""
 
@@ -140,7 +163,10 @@ def line(stopwatch: Stopwatch, seconds: float) -> str:
     parts = [f"{name}: {(bounds or [stage])[0]}"] if name else [stage, *bounds]
     if progress.share > 0:
         parts.append(f"{100 * progress.share:.0f} % done")
-    return ", ".join((*parts, f"{_span(seconds)} so far"))
+    parts.append(f"{_span(seconds)} so far")
+    if progress.left is not None:
+        parts.append(f"{_span(progress.left)} left")
+    return ", ".join(parts)
 
 
 def _is_near(progress: Progress) -> bool:

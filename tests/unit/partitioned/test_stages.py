@@ -1,0 +1,65 @@
+"""What is said of a partitioned evaluation while it goes on."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from tgospa_eval.cli.shared.progress import line
+from tgospa_eval.common.progress import Progress
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.partitioned.progress import Stages
+from tgospa_eval.partitioned.share import Share
+from tgospa_eval.problem.tgospa import Parameters
+
+NOTHING = np.zeros(1)
+
+
+def share(objects: tuple[int, int], lower: float, upper: float) -> Share:
+    return Share(
+        first=0,
+        localisation=NOTHING,
+        missed=NOTHING,
+        false=NOTHING,
+        switch=NOTHING,
+        missed_count=NOTHING,
+        false_count=NOTHING,
+        switch_count=NOTHING,
+        truths=np.array([objects[0]]),
+        estimates=np.array([objects[1]]),
+        lower=np.array([lower / 2, lower / 2]),
+        upper=upper,
+    )
+
+
+def test_a_stage_tells_its_share_its_bracket_and_the_time_left(tmp_path: Path) -> None:
+    stopwatch = Stopwatch()
+    stopwatch.progress = progress = Progress(watched=True)
+    stages = Stages(stopwatch)
+    (tmp_path / "a").touch()  # done by the run before
+    tasks = {str(tmp_path / name): work for name, work in (("a", 2.0), ("b", 1.0), ("c", 1.0))}
+    a, b, c = tasks
+    stages.stage("scanning", {})
+    assert stopwatch.stage == "scanning"
+    stages.stage("solving", tasks)
+    assert (stopwatch.stage, progress.share, progress.left) == ("solving, 1 of 3", 0.5, None)
+    stages.expect(Parameters(cutoff=2.0, order=1.0, switch_penalty=1.0, rho=0.25), (8, 4))
+    assert progress.bracket is not None
+    assert np.allclose(progress.bracket, (0.0, 2 * (8 * 0.75 + 4 * 0.25)), rtol=1e-9)
+    stages.done(a, share((4, 4), 1.0, 1.5))
+    stages.done(b, share((2, 0), 0.25, 0.25))
+    assert np.allclose(progress.bracket, (2 * 1.25, 2 * (7 - 4 - 1.5 + 1.75)), rtol=1e-9)
+    assert progress.bracket[0] <= 2.5
+    assert progress.bracket[1] >= 6.5
+    assert progress.share == 0.75
+    assert progress.left is not None
+    assert math.isfinite(progress.left)
+    progress.left = 125.0
+    assert line(stopwatch, 60.0) == (
+        "solving, 2 of 3, 2.4999 <= TGOSPA <= 6.5001, 75 % done, 60 s so far, 2 min left"
+    )
+    stages.done(c)
+    stages.end()
+    assert progress.left is None
+    assert set(stopwatch.spans) == {"scanning", "solving"}
+    assert stopwatch.stage == ""

@@ -1,0 +1,126 @@
+"""What the stages of a partitioned evaluation say of themselves while they go on."""
+
+import math
+import os
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.partitioned.share import Share
+from tgospa_eval.problem.tgospa import Parameters
+
+OUTWARD = 1e-12
+"""Relative, by which bounds that are shown are wider: sums of sums are off by less."""
+
+
+class Stages:
+    """The stage, how much of it is done, the time that is left, and what is proven so far.
+
+    Who watches reads it from the stopwatch and its `progress`.
+
+    Parameters
+    ----------
+    stopwatch : Stopwatch
+        Gets the seconds of each stage.
+    """
+
+    def __init__(self, stopwatch: Stopwatch) -> None:
+        self.stopwatch = stopwatch
+        self._open = ExitStack()
+        self._name = ""
+        self._work: dict[str, float] = {}
+        self._before = self._done = self._begin = 0.0
+        self._left: set[str] = set()
+        self._prices = (0.0, 0.0)
+        self._sums: tuple[list[float], list[float]] = ([], [])
+
+    def notify(self, text: str) -> None:
+        """Tell the user something."""
+        self.stopwatch.notify(text)
+
+    def stage(self, name: str, tasks: Mapping[str, float]) -> None:
+        """Begin a stage, which ends the one before.
+
+        Parameters
+        ----------
+        name : str
+            What is done, in a word: ``"solving"``.
+        tasks : mapping of str to float
+            Outputs of its tasks, and how much work each is in any unit. What is there already is
+            known to be done.
+        """
+        self.end()
+        self._open.enter_context(self.stopwatch.span(name))
+        self._name, self._work, self._left = name, dict(tasks), set(tasks)
+        there = [task for task in tasks if os.path.exists(task)]
+        self._before = self._done = sum(tasks[task] for task in there)
+        self._left.difference_update(there)
+        self._begin = time.monotonic()
+        self.stopwatch.progress.share = 0.0
+        self._show()
+
+    def end(self) -> None:
+        """End the stage that goes on, if there is one."""
+        self._open.close()
+        self.stopwatch.progress.left = None
+
+    def done(self, task: str, share: Share | None = None) -> None:
+        """A task has ended, or was found done.
+
+        Parameters
+        ----------
+        task : str
+            Its output.
+        share : Share, optional
+            What it proves.
+        """
+        if task in self._left:
+            self._left.remove(task)
+            self._done += self._work[task]
+        if share is not None:
+            self._prove(share)
+        self._show()
+
+    def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
+        """Say what would be paid if nothing were assigned, before shares come.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            Of the metric.
+        objects : pair of int
+            All states of truth and of estimate.
+        """
+        self._prices = parameters.unassigned_prices
+        self._sums = ([], [self._unassigned(*objects)])
+        self.stopwatch.progress.scale = parameters.root
+        self._bracket()
+
+    def _unassigned(self, truths: float, estimates: float) -> float:
+        return self._prices[0] * truths + self._prices[1] * estimates
+
+    def _prove(self, share: Share) -> None:
+        """Below, shares that are known; above, them and all other objects unassigned."""
+        lower, upper = self._sums
+        lower.append(share.bracket[0])
+        upper.append(share.upper)
+        upper.append(-self._unassigned(float(share.truths.sum()), float(share.estimates.sum())))
+        self._bracket()
+
+    def _bracket(self) -> None:
+        lower, upper = map(math.fsum, self._sums)
+        self.stopwatch.progress.prove(lower * (1 - OUTWARD), upper * (1 + OUTWARD))
+
+    def _show(self) -> None:
+        progress, whole = self.stopwatch.progress, sum(self._work.values())
+        count = len(self._work)
+        done = f", {count - len(self._left):,} of {count:,}" if count else ""
+        self.stopwatch.stage = self._name + done
+        if not whole > 0:
+            return
+        progress.done(self._done / whole)
+        fresh = self._done - self._before
+        if fresh > 0:
+            seconds = time.monotonic() - self._begin
+            progress.left = seconds / fresh * (whole - self._done)
