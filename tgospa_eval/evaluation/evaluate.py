@@ -269,7 +269,7 @@ def evaluate_fitted(
         return result
     with stopwatch.span("slices"):
         sliced = cut.of(result)
-    return replace(result, sliced=sliced, timings=_nested(stopwatch))
+    return replace(result, sliced=sliced, timings=nested_timings(stopwatch))
 
 
 def solve(
@@ -334,7 +334,7 @@ def prove(
         gap=gap,
         settings={**prepared.settings, **solver_settings(solver)},
         solver=_solver_record(solver, solution, prepared.parameters, met=bounds.met(gap)),
-        timings=_nested(stopwatch),
+        timings=nested_timings(stopwatch),
         input=prepared.input,
         version=__version__,
         scene=prepared.scene,
@@ -372,7 +372,7 @@ def solver_settings(solver: Solver) -> dict[str, object]:
     return {"solver": solver.name, **changing}
 
 
-def _nested(stopwatch: Stopwatch) -> Timings:
+def nested_timings(stopwatch: Stopwatch) -> Timings:
     """Spans as a tree, with the names that are always there."""
     timings = {"read": 0.0, "distances": 0.0, "certify": 0.0, "report": 0.0}
     solve = {"preparation": 0.0, "sweeps": 0.0, "lp": 0.0}

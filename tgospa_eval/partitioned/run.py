@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.add_up import Whole, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
-from tgospa_eval.partitioned.scan import Block, Scanned, Side, constants, scan
+from tgospa_eval.partitioned.scan import Block, Readable, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import Shard, solve_shard
 from tgospa_eval.partitioned.shuffle import Sort, sort_entries
 from tgospa_eval.partitioned.tasks import T, run_tasks
-from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Times
 
@@ -32,7 +33,7 @@ class Plan:
 
     Parameters
     ----------
-    sides : pair of Side
+    sides : pair of Readable
         Truth and estimate.
     times : (T,) array
         The steps that count.
@@ -52,7 +53,7 @@ class Plan:
         Where tasks are done; in this process by default.
     """
 
-    sides: tuple[Side, Side]
+    sides: tuple[Readable, Readable]
     times: Times
     rows: Ints
     request: EvaluationRequest
@@ -75,6 +76,8 @@ class Evaluated:
     ----------
     whole : Whole
         Bounds, breakdown, what each track contributes.
+    blocks : list of Scanned
+        What is known of the blocks.
     tracks : pair of Tracks
         Those of truth and estimate.
     shards : Shards
@@ -83,16 +86,25 @@ class Evaluated:
         Near pairs.
     folders : tuple of Path
         One for each shard, with the tables of its assignment.
+    constants : Problem
+        Has errors and rounding of the whole.
     """
 
     whole: Whole
+    blocks: list[Scanned]
     tracks: tuple[Tracks, Tracks]
     shards: Shards
     entries: int
     folders: tuple[Path, ...]
+    constants: Problem
 
 
-def evaluate_parts(plan: Plan) -> Evaluated:
+def rows_together(memory: int) -> int:
+    """Rows of a block for a worker with so many bytes."""
+    return max(min(MOST_ROWS, memory // BYTES_A_ROW), 1)
+
+
+def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
     """Evaluate; goes on from what is in the folder of work.
 
     Raises
@@ -100,32 +112,36 @@ def evaluate_parts(plan: Plan) -> Evaluated:
     TgospaError
         Something is wrong with the data, or a process died.
     """
-    scanned = _scan(plan)
-    blocks = [Scanned.load(folder) for folder in scanned]
-    truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-    most = min(MOST_ENTRIES, plan.memory // BYTES_AN_ENTRY)
-    shards = make_shards(blocks, truths, estimates, most)
-    folders = _solve(plan, _shuffle(plan, scanned, blocks, (truths, estimates), shards), shards)
-    whole = add_up(
-        folders,
-        blocks,
-        len(plan.times),
-        (truths, estimates),
-        constants(plan.request, plan.columns, blocks),
-        plan.request.parameters,
-    )
+    stopwatch = stopwatch or Stopwatch()
+    with stopwatch.span("distances"):
+        scanned = _scan(plan)
+    with stopwatch.span("solve/preparation"):
+        blocks = [Scanned.load(folder) for folder in scanned]
+        truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
+        most = min(MOST_ENTRIES, plan.memory // BYTES_AN_ENTRY)
+        shards = make_shards(blocks, truths, estimates, most)
+        folders = _shuffle(plan, scanned, blocks, (truths, estimates), shards)
+    with stopwatch.span("solve/sweeps"):
+        solved = _solve(plan, folders, shards)
+    with stopwatch.span("certify"):
+        fixed = constants(plan.request, plan.columns, blocks)
+        whole = add_up(
+            solved, blocks, len(plan.times), (truths, estimates), fixed, plan.request.parameters
+        )
     return Evaluated(
         whole=whole,
+        blocks=blocks,
         tracks=(truths, estimates),
         shards=shards,
         entries=int(shards.entries.sum()),
-        folders=tuple(folders),
+        folders=tuple(solved),
+        constants=fixed,
     )
 
 
 def _scan(plan: Plan) -> list[Path]:
     """Blocks of whole steps with so many rows as fit."""
-    most = max(min(MOST_ROWS, plan.memory // BYTES_A_ROW), 1)
+    most = rows_together(plan.memory)
     before = np.cumsum(plan.rows) - plan.rows
     cuts = np.flatnonzero(np.diff(before // most, prepend=-1))
     edges = [*cuts.tolist(), len(plan.times)]

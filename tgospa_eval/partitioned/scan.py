@@ -1,5 +1,6 @@
 """A block of time: both sides read, near pairs found, objects counted."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -13,21 +14,22 @@ from tgospa_eval.distances import Effort
 from tgospa_eval.distances.gating import prepared_pairs
 from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.formats import Reading
+from tgospa_eval.partitioned.input.digests import block_digest
 from tgospa_eval.partitioned.share import ENTRY
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.problem.tgospa import tgospa_problem
 from tgospa_eval.tracks.alignment import Times
-from tgospa_eval.tracks.trajectories import Trajectories
 
 PAIR = np.dtype([("truth", "<i4"), ("estimate", "<i4"), ("entries", "<i8")])
 """Tracks that come near each other, by their numbers in a block, and at how many steps."""
 
 
-class Side(Protocol):
+class Readable(Protocol):
     """One side of the data, from which any stretch of time can be read."""
 
-    def block(self, first: float, last: float) -> Trajectories:
+    def read(self, first: float, last: float) -> Reading:
         """The rows from one time to another, both included."""
 
 
@@ -39,7 +41,7 @@ class Block:
     ----------
     output : str
         The folder that is written.
-    sides : pair of Side
+    sides : pair of Readable
         Truth and estimate.
     times : (L,) array
         The steps.
@@ -52,7 +54,7 @@ class Block:
     """
 
     output: str
-    sides: tuple[Side, Side]
+    sides: tuple[Readable, Readable]
     times: Times
     first: int
     request: EvaluationRequest
@@ -79,6 +81,8 @@ class Scanned:
         As `Problem.cost_slack`.
     blur : float
         As `Distance.last_place`; infinite without objects.
+    read : pair of Read
+        What else is known of the two sides.
     """
 
     first: int
@@ -88,6 +92,7 @@ class Scanned:
     pairs: NDArray[np.void]
     slack: float
     blur: float
+    read: "tuple[Read, Read]"
 
     @classmethod
     def load(cls, folder: Path) -> "Scanned":
@@ -97,13 +102,47 @@ class Scanned:
                 name: (found[f"truth_{name}"], found[f"estimate_{name}"])
                 for name in ("objects", "ids", "rows")
             }
+            first, second = (Read(**of) for of in json.loads(str(found["read"])))
             return cls(
                 **both,
                 first=int(found["first"]),
                 pairs=found["pairs"],
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
+                read=(first, second),
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Read:
+    """What is known of the rows of one side in a block.
+
+    Parameters
+    ----------
+    left_out : dict of str to int
+        Rows that take no part, by rule.
+    named : list of str
+        Classes, if they were asked for.
+    digest : str
+        Of what takes part, in hexadecimal: see `block_digest`.
+    warnings : list of dict
+        What was repaired, as `Notice` records it.
+    """
+
+    left_out: dict[str, int]
+    named: list[str]
+    digest: str
+    warnings: list[dict[str, str]]
+
+    @classmethod
+    def of(cls, reading: Reading) -> "Read":
+        """Of what was read."""
+        return cls(
+            left_out=reading.left_out,
+            named=list(reading.named),
+            digest=f"{block_digest(reading.trajectories):x}",
+            warnings=[vars(notice) for notice in reading.warnings],
+        )
 
 
 def scan(block: Block) -> None:
@@ -115,7 +154,8 @@ def scan(block: Block) -> None:
         Something is wrong with the data.
     """
     times, request = block.times, block.request
-    truth, estimate = (side.block(times[0], times[-1]) for side in block.sides)
+    readings = [side.read(times[0], times[-1]) for side in block.sides]
+    truth, estimate = (reading.trajectories for reading in readings)
     sides = fit(truth, estimate, request, block.names)
     problem, blur = _problem(sides, request)
     aligned = (sides.alignment.truth, sides.alignment.estimate)
@@ -131,6 +171,7 @@ def scan(block: Block) -> None:
         "pairs": _pairs(entry, len(aligned[1].ids)),
         "slack": problem.cost_slack,
         "blur": blur,
+        "read": json.dumps([vars(Read.of(reading)) for reading in readings]),
     }
     for role, side in zip(("truth", "estimate"), aligned, strict=True):
         found[f"{role}_objects"] = np.bincount(step_of[side.step], minlength=len(times))

@@ -13,6 +13,7 @@ from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import SolverError
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.sides import as_distance
+from tgospa_eval.formats import Reading
 from tgospa_eval.partitioned import components, run, tasks
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts
 from tgospa_eval.problem.tgospa import Parameters
@@ -27,12 +28,13 @@ class Held:
 
     whole: Trajectories
 
-    def block(self, first: float, last: float) -> Trajectories:
+    def read(self, first: float, last: float) -> Reading:
         whole = self.whole
         some = (whole.times >= first) & (whole.times <= last)
         rows = np.flatnonzero(some[whole.step])
         offset = int(np.argmax(some)) if some.any() else 0
-        return whole.chosen(rows, whole.step[rows] - offset, whole.times[some])
+        part = whole.chosen(rows, whole.step[rows] - offset, whole.times[some])
+        return Reading(trajectories=part, rows=len(rows))
 
 
 def scene(seed: int) -> tuple[Trajectories, Trajectories, Parameters]:

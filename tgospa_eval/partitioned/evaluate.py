@@ -1,0 +1,320 @@
+"""From two paths to a result, of data that are larger than memory."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from tgospa_eval._version import __version__
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.solver_status import Status
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.common.words import natural
+from tgospa_eval.distances import Distance
+from tgospa_eval.distances.checks import check_columns
+from tgospa_eval.engines.spread import Engine
+from tgospa_eval.engines.standing import Standing
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.evaluation.evaluate import nested_timings, solver_settings
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.rounding import within_rounding
+from tgospa_eval.formats import ROLES
+from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.partitioned.input.digests import combined_digest
+from tgospa_eval.partitioned.outcome import TrackSums, write_tables
+from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
+from tgospa_eval.partitioned.scan import Read
+from tgospa_eval.partitioned.sides import Side, open_side
+from tgospa_eval.partitioned.tables import Naming
+from tgospa_eval.partitioned.tasks import run_tasks
+from tgospa_eval.problem.compiled import KERNEL
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.tgospa import check_underflow
+from tgospa_eval.results.partitioned import Extent, PartitionedResult
+from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
+from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.tracks.alignment import Alignment, align
+from tgospa_eval.tracks.trajectories import Trajectories
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Means:
+    """Where an evaluation is done, and with what.
+
+    Parameters
+    ----------
+    work : Path
+        Folder for what is known on the way; the same evaluation goes on from what is there.
+    tables : Path
+        Folder for the tables of the result.
+    memory : int
+        Bytes, for all processes together.
+    jobs : int
+        How many processes share them.
+    engine : Engine, optional
+        Where they are; one job is done in this process.
+    assignments : bool
+        Whether the table of assigned pairs is wanted, which is as long as the data.
+    """
+
+    work: Path
+    tables: Path
+    memory: int
+    jobs: int = 1
+    engine: Engine | None = None
+    assignments: bool = True
+
+    @property
+    def share(self) -> int:
+        """Bytes for each process."""
+        return self.memory // self.jobs
+
+    @contextmanager
+    def workers(self) -> Iterator[Engine | None]:
+        """The engine with workers that stay until the end."""
+        if self.engine is None:
+            yield None
+            return
+        with Standing(self.engine, self.jobs) as engine:
+            yield engine
+
+
+def evaluate_partitioned(
+    paths: tuple[str, str],
+    reading: tuple[ReadOptions, ReadOptions],
+    request_of: Callable[[tuple[str, ...]], EvaluationRequest],
+    means: Means,
+    stopwatch: Stopwatch,
+) -> PartitionedResult:
+    """Evaluate two sides block by block and component by component.
+
+    Parameters
+    ----------
+    paths : pair of str
+        Truth and estimate: folders of Parquet or CSV files, or such files.
+    reading : pair of ReadOptions
+        How to read them.
+    request_of : callable
+        What is asked, given the names of the state columns.
+    means : Means
+        Where, and with what.
+    stopwatch : Stopwatch
+        Gets the time of each stage.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with the data, or asked for that needs them all at once.
+    """
+    with means.workers() as engine:
+        return _evaluate(paths, reading, request_of, replace(means, engine=engine), stopwatch)
+
+
+def _evaluate(
+    paths: tuple[str, str],
+    reading: tuple[ReadOptions, ReadOptions],
+    request_of: Callable[[tuple[str, ...]], EvaluationRequest],
+    means: Means,
+    stopwatch: Stopwatch,
+) -> PartitionedResult:
+    run = partial(run_tasks, engine=means.engine)
+    with stopwatch.span("read"):
+        truth, estimate = (
+            open_side(
+                path,
+                options,
+                role,
+                work=means.work / "sides",
+                rows_together=rows_together(means.share),
+                run=run,
+            )
+            for path, options, role in zip(paths, reading, ROLES, strict=True)
+        )
+        sides = truth, estimate
+        clocks = _times_of(truth), _times_of(estimate)
+        check_columns(*clocks, paths)
+        request = request_of(truth.columns)
+        _check_request(request)
+        grid = align(*clocks, request.time_matching, paths)
+        if grid.union and not len(grid.truth.times):
+            raise ConfigError(
+                f"--grid {request.time_matching.grid}: no step is left, none of {grid.union:,} "
+                "counts"
+            )
+    plan = Plan(
+        sides=sides,
+        times=grid.truth.times,
+        rows=_rows(sides, grid)[0],
+        request=request,
+        names=paths,
+        columns=len(truth.columns),
+        work=means.work,
+        memory=means.share,
+        engine=means.engine,
+    )
+    found = evaluate_parts(plan, stopwatch)
+    with stopwatch.span("report"):
+        result = _result(sides, grid, plan, found, means)
+        for notice in _said(sides, plan, found):
+            stopwatch.notify(str(notice))
+    return replace(
+        result,
+        timings=nested_timings(stopwatch),
+        files={"truth": paths[0], "estimate": paths[1]},
+    )
+
+
+def _check_request(request: EvaluationRequest) -> None:
+    """Whether an evaluation in parts has what is asked for.
+
+    Raises
+    ------
+    ConfigError
+        It needs all data at once.
+    """
+    if type(request.distance).fitted is not Distance.fitted:
+        raise ConfigError(
+            f"--distance {request.distance.name} takes settings from all data at once, which are "
+            "not in memory: evaluate a part, or choose a distance without such settings"
+        )
+    if not isinstance(request.solver, Certified):
+        raise ConfigError(
+            f"--solver {request.solver.name} solves what is in memory; data in parts are for the "
+            "solver certified"
+        )
+
+
+def _times_of(side: Side) -> Trajectories:
+    """The steps of a side without its rows."""
+    labels = None
+    if side.clock != "number":
+        labels = np.empty(len(side.times), dtype=object)
+        labels[:] = list(side.shown)
+    none = np.zeros(0, np.int32)
+    return Trajectories(
+        step=none,
+        track=none,
+        state=np.zeros((0, len(side.columns))),
+        ids=np.zeros(0, dtype=object),
+        times=side.times,
+        columns=side.columns,
+        clock=side.clock,
+        labels=labels,
+    )
+
+
+def _rows(sides: Sequence[Side], grid: Alignment) -> tuple[Ints, list[int]]:
+    """Rows of both sides at each step that counts (T,), and those of either at others."""
+    times = grid.truth.times
+    rows = np.zeros(len(times), np.int64)
+    left_out = []
+    for side in sides:
+        at = np.minimum(np.searchsorted(times, side.times), max(len(times) - 1, 0))
+        counted = times[at] == side.times if len(times) else np.zeros(len(side.times), bool)
+        rows[at[counted]] += side.counts[counted]
+        left_out.append(int(side.counts[~counted].sum()))
+    return rows, left_out
+
+
+def _result(
+    sides: tuple[Side, Side], grid: Alignment, plan: Plan, found: Evaluated, means: Means
+) -> PartitionedResult:
+    """The result, its tables written."""
+    request, whole = plan.request, found.whole
+    parameters, solver = request.parameters, request.solver
+    assert isinstance(solver, Certified)
+    check_underflow(found.constants, parameters, whole.bounds.upper)
+    shown = grid.truth.shown
+    truths, estimates = found.tracks
+    naming = Naming(times=shown, truths=truths.ids, estimates=estimates.ids, parameters=parameters)
+    tables = write_tables(
+        str(means.tables),
+        naming,
+        whole.breakdown,
+        (
+            TrackSums(rows=truths.rows, parts=whole.tracks[0]),
+            TrackSums(rows=estimates.rows, parts=whole.tracks[1]),
+        ),
+        found.folders if means.assignments else (),
+        partial(run_tasks, engine=means.engine),
+    )
+    met = whole.bounds.met(solver.gap)
+    record: SolverRecord = {
+        "name": solver.name,
+        "status": str(Status.SOLVED if met else Status.NOT_SOLVED),
+        "finished": met,
+        "iterations": whole.iterations,
+        "kernel": KERNEL,
+        "history": [],
+    }
+    read = [_input(sides[k], k, grid, found, plan.names[k]) for k in (0, 1)]
+    return PartitionedResult(
+        proof=Costs(parameters=parameters, bounds=whole.bounds, breakdown=whole.breakdown),
+        labels=Labels(times=shown.tolist(), truths=[], estimates=[], unit=request.unit),
+        gap=solver.gap,
+        settings={
+            **parameters.recorded,
+            "distance": request.distance.name,
+            **request.distance.settings(sides[0].columns),
+            "columns": list(sides[0].columns),
+            **request.time_matching.recorded,
+            "unit": request.unit,
+            **request.recorded,
+            **solver_settings(solver),
+        },
+        solver=record,
+        timings={"read": 0, "distances": 0, "solve": {}, "certify": 0, "report": 0, "total": 0},
+        input={role: one for role, (one, _) in zip(ROLES, read, strict=True)},
+        version=__version__,
+        warnings=(
+            *(notice for _, notices in read for notice in notices),
+            *within_rounding(whole.bounds, solver.gap),
+        ),
+        extent=Extent(
+            sizes={
+                "truth": len(truths.ids),
+                "estimates": len(estimates.ids),
+                "steps": len(plan.times),
+                "candidate_pairs": found.shards.pairs,
+                "pair_steps": found.entries,
+                "components": found.shards.components,
+            },
+            occupied=(whole.objects[0] + whole.objects[1]) > 0,
+            objects=(int(whole.objects[0].sum()), int(whole.objects[1].sum())),
+        ),
+        tables=tables,
+    )
+
+
+def _input(
+    side: Side, number: int, grid: Alignment, found: Evaluated, name: str
+) -> tuple[FileRecord, list[Notice]]:
+    """The record of a side, and what was repaired in it."""
+    blocks = [block.read[number] for block in found.blocks]
+    info = FileInfo(rows=side.rows, format=side.format, left_out=_left_out(side, blocks))
+    digest = combined_digest(side.columns, side.clock, (int(b.digest, 16) for b in blocks))
+    warnings = {tuple(one.items()): Notice(**one) for block in blocks for one in block.warnings}
+    record = info.record(digest, _rows([side], grid)[1][0])
+    return record, [notice.about(name) for notice in warnings.values()]
+
+
+def _left_out(side: Side, blocks: Sequence[Read]) -> dict[str, int]:
+    """Rows that take no part, by rule."""
+    left_out = dict(side.left_out)
+    for block in blocks:
+        for rule, count in block.left_out.items():
+            left_out[rule] = left_out.get(rule, 0) + count
+    return left_out
+
+
+def _said(sides: tuple[Side, Side], plan: Plan, found: Evaluated) -> Iterator[Notice]:
+    """What the user should know of the two sides."""
+    for number, side in enumerate(sides):
+        blocks = [block.read[number] for block in found.blocks]
+        classes = sorted({name for block in blocks for name in block.named}, key=natural)
+        for text in side.said(_left_out(side, blocks), classes):
+            yield Notice(text=f"{plan.names[number]}: {text}")
