@@ -118,6 +118,11 @@ def _begin(share: int | None, parent: int) -> None:
     Who that is has to be told: it may be gone already.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from joblib.externals.loky import process_executor  # here: slow to import
+
+    # Loky takes it for a leak when a worker has grown by 0.3 GB; large jobs do, and the limit is
+    # ours to set. Where it has no such number, nothing happens.
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
     if share is not None and sys.platform == "linux":
         import resource
 
