@@ -3,11 +3,12 @@
 import io
 import sys
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import BinaryIO
 
-from tgospa_eval.common.files import CHUNK, SETTINGS
+from tgospa_eval.common.files import CHUNK, SETTINGS, named
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 
@@ -15,6 +16,10 @@ ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 """Of the standard library, or the same for older versions."""
 
 PACKED_ENDINGS = (".gz", ".gzip", ".zst", ".zstd")
+
+
+PACKED_FROM = 8
+"""Bytes that tell how a file is compressed."""
 
 
 def is_packed(data: bytes) -> bool:
@@ -43,7 +48,7 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
     if opened is None:
         return data
     pieces, size = [], 0
-    stream, faults = opened(data, path)
+    stream, faults = opened(io.BytesIO(data), path)
     try:
         while piece := stream.read(CHUNK):
             size += len(piece)
@@ -54,9 +59,39 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
                 )
             pieces.append(piece)
     except faults as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise InputError(f"{path}: cannot be unpacked, it is damaged: {reason}") from None
+        raise damaged(path, error) from None
     return b"".join(pieces)
+
+
+@contextmanager
+def unpacking(path: str) -> Iterator[BinaryIO]:
+    """The content of a file, unpacked while it is read if it is compressed.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is damaged.
+    ConfigError
+        The package that unpacks it is missing.
+    """
+    with named(path, InputError), open(path, "rb") as file:
+        head = file.read(PACKED_FROM)
+        file.seek(0)
+        opened = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)
+        if opened is None:
+            yield file
+            return
+        stream, faults = opened(file, path)
+        try:
+            yield stream
+        except faults as error:
+            raise damaged(path, error) from None
+
+
+def damaged(path: str, error: Exception) -> InputError:
+    """Message about a compressed file that cannot be unpacked."""
+    why = (str(error).splitlines() or [type(error).__name__])[0]
+    return InputError(f"{path}: cannot be unpacked, it is damaged: {why}")
 
 
 def plain_name(path: str) -> str:
@@ -70,21 +105,21 @@ Opened = tuple[BinaryIO, tuple[type[Exception], ...]]
 """What reads the content, and the faults of a damaged file."""
 
 
-def _gzip(data: bytes, path: str) -> Opened:  # noqa: ARG001
+def _gzip(source: BinaryIO, path: str) -> Opened:  # noqa: ARG001
     import gzip  # here, as below: few files need it
 
-    return gzip.GzipFile(fileobj=io.BytesIO(data)), (OSError, EOFError, zlib.error)  # type: ignore[return-value]
+    return gzip.GzipFile(fileobj=source), (OSError, EOFError, zlib.error)  # type: ignore[return-value]
 
 
-def _zstd(data: bytes, path: str) -> Opened:
+def _zstd(source: BinaryIO, path: str) -> Opened:
     try:
         library = import_module(ZSTD)
     except ModuleNotFoundError:
         raise ConfigError(f"{path}: zstd needs the extra zstd: {install('zstd')}") from None
-    return library.ZstdFile(io.BytesIO(data)), (library.ZstdError, EOFError)
+    return library.ZstdFile(source), (library.ZstdError, EOFError)
 
 
-OPENERS: dict[bytes, Callable[[bytes, str], Opened]] = {
+OPENERS: dict[bytes, Callable[[BinaryIO, str], Opened]] = {
     b"\x1f\x8b": _gzip,
     b"\x28\xb5\x2f\xfd": _zstd,
 }

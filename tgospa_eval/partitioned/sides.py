@@ -19,16 +19,23 @@ from tgospa_eval.common.arrays import freeze
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.assemble import CENTRES, NO_CLASSES, assemble, classes_lacking, said_of
+from tgospa_eval.formats.assemble import (
+    CENTRES,
+    NO_CLASSES,
+    RULES_SAID,
+    assemble,
+    classes_lacking,
+    said_of,
+)
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.repeats import NO_TRACKS
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
-from tgospa_eval.partitioned.input.index import Index, index_tables
+from tgospa_eval.partitioned.input.index import Index, Source, index_tables, index_texts
 from tgospa_eval.partitioned.input.listing import File, check_options, files_of
 from tgospa_eval.partitioned.input.merging import merged_rows
-from tgospa_eval.partitioned.input.runs import Piece, run_rows
+from tgospa_eval.partitioned.input.runs import run_rows
 from tgospa_eval.partitioned.input.steps import Texts, steps_of, store_steps
 from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
 from tgospa_eval.partitioned.tasks import Run, writing
@@ -160,7 +167,9 @@ class Side:
         classes : sequence of str
             Of all blocks (`Reading.named`), in natural order.
         """
-        notices = [said_of(*item, self.options.on_duplicate) for item in left_out.items()]
+        which = self.options.on_duplicate
+        rules = (*RULES_SAID, "duplicate")
+        notices = [said_of(rule, left_out[rule], which) for rule in rules if rule in left_out]
         if self.options.classes is not None and "class" not in self.lacking:
             notices += classes_lacking(self.options, classes)
         return (*self.notices, *notices)
@@ -189,16 +198,13 @@ class Side:
         chunks: list[Chunk] = []
         for unit in (steps.units[k] for k in chosen):
             if unit.piece is None:
-                rows = run_rows(unit.folder, span, steps.roles, self._line)
+                rows = run_rows(unit.folder, span, steps.roles, self.options)
                 if rows is not None:
                     yield rows
                 continue
             table = open_table(unit.piece.file, self.options)
             chunks += table.chunks(unit.piece.begin, self.options, span)
         yield from rows_of_chunks(chunks, self.options)
-
-    def _line(self, piece: Piece, row: int) -> str:
-        return f"{piece.file.path}, row {row}"
 
     def _text(self, time: float) -> str | float:
         """A time as it was read."""
@@ -255,10 +261,9 @@ def open_side(
     format, files = files_of(name)
     store = work / f"{role}-{_key(format, files, options, rows_together)}"
     opened = store / "side"
-    if format == "csv":
-        raise InputError(f"{name}: of text; only Parquet is read in parts")
     if not opened.exists():
-        index = index_tables(files, options, store, rows_together, run)
+        source = Source(files=files, options=options, store=store, rows_together=rows_together)
+        index = (index_texts if format == "csv" else index_tables)(source, run)
         side = _stored(index, options, store, name, role, format)
         with writing(str(opened)) as beside:
             beside.write_bytes(pickle.dumps(side))
@@ -283,11 +288,7 @@ def _stored(
 ) -> Side:
     """The side of an index, which is written."""
     roles = index.roles
-    outside = rows = 0
-    clock = "number"
-    if index.moments is not None:
-        outside = store_steps(index, options, store, name)
-        rows, clock = int(index.moments.count.sum()), index.moments.clock
+    outside = store_steps(index, options, store, name)
     notices = [*roles.notices(clouds=False), *([CENTRES] if roles.centres else ())]
     if options.classes is not None and roles.klass is None:
         notices.append(NO_CLASSES)
@@ -298,8 +299,8 @@ def _stored(
         options=options,
         store=str(store),
         columns=roles.names,
-        clock=clock,
-        rows=rows,
+        clock=index.moments.clock,
+        rows=int(index.moments.count.sum()),
         left_out={"time": outside} if outside else {},
         headers=roles.called,
         lacking=roles.lacking,

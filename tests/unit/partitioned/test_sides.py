@@ -1,6 +1,8 @@
 """A side in parts has the rows that one file would have."""
 
+import pickle
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +11,11 @@ import pandas as pd
 import pytest
 
 from tgospa_eval.formats import ReadOptions, read
+from tgospa_eval.formats.unpack import ZSTD
+from tgospa_eval.partitioned.input import digests
 from tgospa_eval.partitioned.sides import Side, open_side
 from tgospa_eval.partitioned.tasks import run_tasks
+from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
 
 IDS: dict[str, Callable[[int], object]] = {
@@ -68,12 +73,180 @@ def check_blocks(side: Side, whole: Trajectories, cuts: Sequence[int] = (0, 3, 4
         check_same(side.block(side.times[first], side.times[last - 1]), part)
 
 
-@pytest.mark.parametrize("ids", IDS)
-def test_blocks_are_those_of_one_file(tmp_path: Path, ids: str) -> None:
-    frame = scene(ids=ids)
+def combined_digest(side: Side, blocks: Sequence[Trajectories]) -> str:
+    found = [digests.block_digest(block) for block in blocks]
+    return digests.combined_digest(side.columns, side.clock, found)
+
+
+def sorted_by_time(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    return [frame[k : k + 20] for k in range(0, len(frame), 20)]
+
+
+def shuffled(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    return sorted_by_time(frame.sample(frac=1, random_state=1))
+
+
+def overlapping(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    return [frame[:40:2], frame[1:40:2], frame[:0], frame[:39:-1]]
+
+
+def by_track(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    return sorted_by_time(frame.sort_values(["id", "t"], key=lambda c: c.astype(str)))
+
+
+def skewed(frame: pd.DataFrame) -> list[pd.DataFrame]:
+    return [frame[2::-1], frame[3:55], frame[55:]]
+
+
+LAYOUTS = [sorted_by_time, shuffled, overlapping, by_track, skewed]
+
+
+def written(
+    folder: Path, parts: Sequence[pd.DataFrame], ending: str = "parquet", **options: Any
+) -> tuple[Path, Trajectories]:
+    """A folder of parts, and what one file with their rows in the same order gives."""
+    write = {"parquet": pd.DataFrame.to_parquet}.get(ending, pd.DataFrame.to_csv)
+    whole = folder / f"whole.{ending}"
+    (folder / "parts").mkdir()
+    write(pd.concat(parts), whole, index=False)
+    for k, part in enumerate(parts, 9):  # part-9 comes before part-10
+        write(part, folder / "parts" / f"part-{k}.{ending}", index=False)
+    return folder / "parts", read(whole, ReadOptions(**options)).trajectories
+
+
+@pytest.mark.parametrize(
+    ("layout", "ending", "ids"),
+    [
+        *((layout, "parquet", "integer") for layout in LAYOUTS),
+        (by_track, "parquet", "text"),
+        (sorted_by_time, "csv", "integer"),
+        (overlapping, "csv", "text"),
+        (shuffled, "csv.gz", "integer"),
+    ],
+)
+def test_blocks_are_those_of_one_file(
+    tmp_path: Path, layout: Callable[[pd.DataFrame], list[pd.DataFrame]], ending: str, ids: str
+) -> None:
+    parts, whole = written(tmp_path, layout(scene(ids=ids)), ending)
+    for rows_together in (4, 1000):
+        side = opened(parts, tmp_path / "work", rows_together)
+        check_blocks(pickle.loads(pickle.dumps(side)), whole)
+
+
+@pytest.mark.parametrize(
+    ("column", "change"),
+    [
+        ("t", lambda t: t * 0.1),
+        ("t", lambda t: np.where(t > 5, t, t * 0.1)),  # some files have integers alone
+        ("t", lambda t: pd.Timestamp("2024-05-01") + pd.to_timedelta(t, "s")),
+        ("t", lambda t: pd.Timestamp("2024-05-01", tz="UTC") + pd.to_timedelta(t * 0.25, "s")),
+        ("t", lambda t: [f"2024-05-01T00:00:{k:02}+01:00" for k in t]),
+        ("t", lambda t: t.astype(str)),
+        ("id", lambda k: pd.Categorical(k.astype(str))),
+        ("id", lambda k: k.astype(float)),
+        ("x", lambda x: x.round(3).astype(str)),
+        ("x", lambda x: (100 * x).astype("int32")),
+    ],
+)
+def test_types_of_columns(tmp_path: Path, column: str, change: Callable[[Any], Any]) -> None:
+    frame = scene()
+    frame[column] = change(frame[column])
+    parts, whole = written(tmp_path, overlapping(frame))
+    for rows_together in (4, 1000):
+        check_blocks(opened(parts, tmp_path / "work", rows_together), whole)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"time": "3:8"},
+        {"time": "30:", "conversion": Conversion(time_offset=28.5, time_scale=0.5)},
+        {"conversion": Conversion(unit_scale=1000)},
+        {"classes": ("b",), "region": "x=-1:"},
+        {"columns": ("id=klass", "x"), "on_duplicate": "first"},
+        {"columns": ("id=klass", "x"), "on_duplicate": "last"},
+        {"covariance": True},
+    ],
+)
+@pytest.mark.parametrize("ending", ["parquet", "csv"])
+def test_options(tmp_path: Path, options: dict[str, Any], ending: str) -> None:
+    frame = scene().rename(columns={"klass": "class"})
+    frame["klass"] = frame["class"] = np.where(frame["id"] % 2, "a", "b")
+    frame["cov_xx"], frame["cov_xy"], frame["cov_yy"] = 2.0, frame["t"] / 10, 3.0
+    parts, _ = written(tmp_path, overlapping(frame), ending)
+    reading = read(tmp_path / f"whole.{ending}", ReadOptions(**options))
+    side = opened(parts, tmp_path / "work", 10, **options)
+    check_blocks(side, reading.trajectories, cuts=(0, 1, 3))
+    blocks = [side.read(time, time) for time in side.times]
+    assert sum(block.rows for block in blocks) + side.left_out.get("time", 0) == len(frame)
+    left_out = dict(side.left_out)
+    for rule, count in (item for block in blocks for item in block.left_out.items()):
+        left_out[rule] = left_out.get(rule, 0) + count
+    assert sum(left_out.values()) == sum(reading.left_out.values())
+    if options.get("time") is None:  # of rows outside that range no more is read
+        classes = sorted({name for block in blocks for name in block.named})
+        said = [notice for notice in reading.notices if "read as" not in notice]
+        assert [*side.said(left_out, classes)] == said
+
+
+def test_digests_do_not_depend_on_parts(tmp_path: Path) -> None:
+    frame = scene()
+    digests = set()
+    for number, layout in enumerate(LAYOUTS):
+        (tmp_path / str(number)).mkdir()
+        parts, whole = written(tmp_path / str(number), layout(frame))
+        side = opened(parts, tmp_path / "work")
+        blocks = [side.block(a, b) for a, b in ((0, 2), (3, 3), (4, 11))]
+        assert combined_digest(side, blocks[::-1]) == combined_digest(side, [whole])
+        digests.add(combined_digest(side, blocks))
+    frame.loc[7, "x"] += 1e-9
+    (tmp_path / "other").mkdir()
+    parts, whole = written(tmp_path / "other", [frame])
+    digests.add(combined_digest(opened(parts, tmp_path / "work"), [whole]))
+    assert len(digests) == 2
+
+
+def test_ids_are_in_the_order_of_one_file(tmp_path: Path) -> None:
+    frame = pd.DataFrame({"id": ["10", "a2", "2", "a10", "-1", "02"], "t": 0, "x": 1.0, "y": 2.0})
+    parts, whole = written(tmp_path, [frame[:3], frame[3:]])
+    side = opened(parts, tmp_path / "work")
+    ids = frame["id"].tolist()
+    assert [ids[k] for k in side.id_order(ids)] == whole.ids.tolist()
+
+
+def test_keys_of_folders_are_columns_if_needed(tmp_path: Path) -> None:
+    frame = scene(ids="text")
+    frame["class"] = np.where(frame["t"] % 2, "a car", "b")
+    for (klass, name), rows in frame.groupby(["class", "id"]):
+        folder = tmp_path / "parts" / f"class={klass.replace(' ', '%20')}" / f"id={name}"
+        folder.mkdir(parents=True)
+        rows[["x", "y", "t"]].to_parquet(folder / "0.parquet")
+        (folder / "_SUCCESS").touch()
     frame.to_parquet(tmp_path / "whole.parquet")
-    (tmp_path / "parts").mkdir()
-    for k in range(3):
-        frame[20 * k : 20 * k + 20].to_parquet(tmp_path / "parts" / f"{k}.parquet")
-    side = opened(tmp_path / "parts", tmp_path / "work")
-    check_blocks(side, read(tmp_path / "whole.parquet").trajectories)
+    for options in ({}, {"classes": ("a car",)}):
+        whole = read(tmp_path / "whole.parquet", ReadOptions(**options)).trajectories
+        check_blocks(opened(tmp_path / "parts", tmp_path / "work", 10, **options), whole)
+
+
+@pytest.mark.parametrize("ending", ["parquet", "csv", "csv.zst"])
+def test_one_file_beyond_memory(tmp_path: Path, ending: str) -> None:
+    frame = many()
+    path = tmp_path / f"one.{ending}"
+    if ending == "parquet":
+        frame.to_parquet(path, row_group_size=300)
+    else:
+        content = frame.to_csv(index=False).encode()
+        path.write_bytes(content if ending == "csv" else import_module(ZSTD).compress(content))
+    side = opened(path, tmp_path / "work", 50)
+    check_blocks(side, read(path).trajectories)
+    runs = list((tmp_path / "work").glob("*/runs/*/*/time.npy"))
+    assert len(runs) >= 5  # none of which has many rows
+    assert max(len(np.load(run)) for run in runs) < 400
+
+
+def many() -> pd.DataFrame:
+    rng = np.random.default_rng(5)
+    pairs = rng.permutation(40 * 50)[:1500]
+    return pd.DataFrame(
+        {"x": rng.normal(size=1500), "id": pairs % 50, "y": 1.0, "time": pairs // 50}
+    )

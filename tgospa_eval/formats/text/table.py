@@ -66,7 +66,7 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     large = len(data) >= bulk.BULK_BYTES
     whole = not (large and data.isascii() and b"\n" in data[:HEADER_BYTES])
     text = decode(data if whole else data[:HEADER_BYTES], path)
-    names, roles, delimiter, first, start = _header(text, path, options)
+    names, roles, delimiter, first, start = header_of(text, path, options)
     by_blanks = delimiter == BLANKS
     if by_blanks:
         text = text if whole else decode(data, path)
@@ -77,7 +77,7 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     rows = text[start:]
     if large:  # what is cut off in the middle of a number may look like another one
         rows = rows[: rows.rfind("\n") + 1]
-    roles, decimal = _with_decimal(rows, delimiter, roles, options.decimal)
+    roles, decimal = with_decimal(rows, delimiter, roles, options.decimal)
     del rows
     layout = bulk.Layout(path=path, first=first, delimiter=delimiter, width=len(names))
     name_id: Callable[[str], str] = str.strip
@@ -105,7 +105,7 @@ def read_table(path: str, data: bytes, options: ReadOptions, role: str, *, given
     return convert(fields, roles, decimal, path, names, name_id=name_id)[0]
 
 
-def _header(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
+def header_of(text: str, path: str, options: ReadOptions) -> tuple[list[str], Roles, str, int, int]:
     """The headers, what they are, the delimiter, number and begin of the line after them.
 
     It is the first line with content that is no comment; one that begins like a comment is the
@@ -173,7 +173,7 @@ def _delimiter(header: str, decimal: str) -> str:
     )
 
 
-def _with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
+def with_decimal(text: str, delimiter: str, roles: Roles, asked: str) -> tuple[Roles, str]:
     """The decimal mark of the first rows, with a notice in the roles if another one was asked for.
 
     It is another one only if no number has the one asked for and some have that for certain: 1,250

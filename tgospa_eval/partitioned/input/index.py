@@ -15,6 +15,7 @@ from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.partitioned.input.merging import Moments, merged_moments, moments_of
 from tgospa_eval.partitioned.input.runs import Piece, RunsTask, write_runs
 from tgospa_eval.partitioned.input.tables import Table, open_table
+from tgospa_eval.partitioned.input.texts import read_head, size_of
 from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.text import listed
 
@@ -23,6 +24,16 @@ TIMES_TOGETHER = 1 << 24
 
 REREAD = 4
 """Times that each row may be decoded, on average, before the side is sorted into runs instead."""
+
+
+BYTES_OF_LINE = 32
+"""Of a text, about: less, and there are more runs; more, and they are larger."""
+
+LEAST_TEXT, MOST_TEXT = 1 << 12, 1 << 26
+"""Bytes of text that are read at once."""
+
+PACKED_TO = 8
+"""Times its size to which a compressed text unpacks, about."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +90,14 @@ class Index:
     ----------
     units : list of Unit
         In the order of the files.
-    moments : Moments, optional
-        All times; None if there is no row at all.
+    moments : Moments
+        All times.
     roles : Roles
         Of the columns of the first file.
     """
 
     units: list[Unit]
-    moments: Moments | None
+    moments: Moments
     roles: Roles
 
 
@@ -102,9 +113,29 @@ def write_times(task: TimesTask) -> None:
         beside.write_bytes(pickle.dumps(found))
 
 
-def index_tables(
-    files: Sequence[File], options: ReadOptions, store: Path, rows_together: int, run: Run[Any]
-) -> Index:
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What an index is made of.
+
+    Parameters
+    ----------
+    files : sequence of File
+        In order.
+    options : ReadOptions
+        How to read them.
+    store : Path
+        The folder of the index.
+    rows_together : int
+        Rows of the blocks that will be read, about.
+    """
+
+    files: Sequence[File]
+    options: ReadOptions
+    store: Path
+    rows_together: int
+
+
+def index_tables(source: Source, run: Run[Any]) -> Index:
     """The index of Parquet files, which are sorted into runs if blocks would read them too often.
 
     Raises
@@ -112,20 +143,46 @@ def index_tables(
     InputError
         A file is damaged, or has other columns than the first.
     """
+    options = source.options
     tasks: list[TimesTask] = []
-    first = open_table(files[0], options)
-    for number, file in enumerate(files):
+    first = open_table(source.files[0], options)
+    for number, file in enumerate(source.files):
         table = open_table(file, options)
-        check_alike(table, first)
-        tasks += _tasks_of(table, options, str(store / "times" / f"{number:06}"))
+        check_alike(table.roles, first.roles, file, first.file)
+        tasks += _tasks_of(table, options, str(source.store / "times" / f"{number:06}"))
     run(write_times, tasks)
     units: list[Unit] = []
     whole = merged_moments(_gathered(tasks, units))
-    index = Index(units=units, moments=whole, roles=first.roles)
-    if whole is None or _decoded(units, whole, rows_together) <= REREAD * whole.count.sum():
-        return index
+    if _decoded(units, whole, source.rows_together) <= REREAD * whole.count.sum():
+        return Index(units=units, moments=whole, roles=first.roles)
     pieces = [(unit.piece, unit.rows) for unit in units if unit.piece is not None]
-    return index_pieces(pieces, first.roles, options, store, rows_together, run)
+    return _sorted(pieces, first.roles, source, run)
+
+
+def index_texts(source: Source, run: Run[Any]) -> Index:
+    """The index of CSV files, whose rows are read once and sorted into runs.
+
+    Raises
+    ------
+    InputError
+        A row is wrong, or a file has other columns than the first.
+    """
+    size = min(max(source.rows_together * BYTES_OF_LINE, LEAST_TEXT), MOST_TEXT)
+    first = read_head(source.files[0], source.options)
+    pieces: list[tuple[Piece, int]] = []
+    for file in source.files:
+        head = read_head(file, source.options)
+        check_alike(head.roles, first.roles, file, source.files[0])
+        whole = size_of(file)
+        if head.packed:
+            piece = Piece(file=file, begin=0, end=size, text=True)
+            pieces.append((piece, PACKED_TO * whole // BYTES_OF_LINE))
+            continue
+        for begin in range(0, whole, size):
+            end = min(begin + size, whole)
+            piece = Piece(file=file, begin=begin, end=end, text=True)
+            pieces.append((piece, (end - begin) // BYTES_OF_LINE))
+    return _sorted(pieces, first.roles, source, run)
 
 
 def _tasks_of(table: Table, options: ReadOptions, output: str) -> Iterator[TimesTask]:
@@ -150,7 +207,7 @@ def _gathered(tasks: Sequence[TimesTask], units: list[Unit]) -> Iterator[Moments
     for task in tasks:
         found = pickle.loads(Path(task.output).read_bytes())
         for group, moments in zip(range(task.begin, task.end), found, strict=True):
-            if moments is not None and len(moments.value):
+            if len(moments.value):
                 piece = Piece(file=task.file, begin=group, end=group + 1)
                 units.append(_unit(moments, piece=piece))
                 yield moments
@@ -168,34 +225,31 @@ def _unit(moments: Moments, piece: Piece | None = None, folder: str = "") -> Uni
 
 def _decoded(units: Sequence[Unit], whole: Moments, rows_together: int) -> int:
     """Rows that are decoded if blocks of so many rows are read from these units."""
+    if not units:
+        return 0
     block = (np.cumsum(whole.count) - 1) // rows_together
     first = block[np.searchsorted(whole.value, [unit.low for unit in units])]
     last = block[np.searchsorted(whole.value, [unit.high for unit in units])]
     return int(((last - first + 1) * [unit.rows for unit in units]).sum())
 
 
-def index_pieces(
-    pieces: Sequence[tuple[Piece, int]],
-    roles: Roles,
-    options: ReadOptions,
-    store: Path,
-    rows_together: int,
-    run: Run[Any],
+def _sorted(
+    pieces: Sequence[tuple[Piece, int]], roles: Roles, source: Source, run: Run[Any]
 ) -> Index:
     """The index of pieces, with their rows or an estimate of them, after they became runs."""
     tasks: list[RunsTask] = []
     waiting: list[Piece] = []
     rows = 0
-    for piece, count in pieces:
+    for number, (piece, count) in enumerate(pieces, 1):
         waiting.append(piece)
         rows += count
-        if rows >= rows_together or piece is pieces[-1][0]:
+        if rows >= source.rows_together or number == len(pieces):
             tasks.append(
                 RunsTask(
                     pieces=tuple(waiting),
-                    options=options,
-                    rows=rows_together,
-                    output=str(store / "runs" / f"{len(tasks):06}"),
+                    options=source.options,
+                    rows=source.rows_together,
+                    output=str(source.store / "runs" / f"{len(tasks):06}"),
                 )
             )
             waiting, rows = [], 0
@@ -206,14 +260,13 @@ def index_pieces(
         for task in tasks:
             found = pickle.loads(Path(task.output, "moments").read_bytes())
             for k, moments in enumerate(found):
-                if len(moments.value):
-                    units.append(_unit(moments, folder=str(Path(task.output, str(k)))))
-                    yield moments
+                units.append(_unit(moments, folder=str(Path(task.output, str(k)))))
+                yield moments
 
-    return Index(units=units, moments=merged_moments(gathered()), roles=roles)
+    return Index(moments=merged_moments(gathered()), units=units, roles=roles)
 
 
-def check_alike(table: Table, first: Table) -> None:
+def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> None:
     """Whether a file has the columns of the first.
 
     Raises
@@ -221,7 +274,7 @@ def check_alike(table: Table, first: Table) -> None:
     InputError
         It has others.
     """
-    mine, others = ({*columns_in_use(each.roles)} for each in (table, first))
+    mine, others = {*columns_in_use(roles)}, {*columns_in_use(first)}
     if mine == others:
         return
     lacking, beside = sorted(others - mine), sorted(mine - others)
@@ -230,7 +283,7 @@ def check_alike(table: Table, first: Table) -> None:
         + [f"is read by column {listed(beside)}"] * bool(beside)
     )
     raise InputError(
-        f"{table.file.path}: {what}, other than {first.file.path}; write the same columns into all "
+        f"{file.path}: {what}, other than {first_file.path}; write the same columns into all "
         "files, or name those to be read with --columns"
     )
 

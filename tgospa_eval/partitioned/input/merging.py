@@ -43,6 +43,16 @@ class Moments:
     source: str
 
 
+NO_MOMENTS = Moments(
+    value=np.zeros(0, np.int64),
+    count=np.zeros(0, np.int64),
+    clock="number",
+    label=None,
+    source="",
+)
+"""Of no rows."""
+
+
 def moments_of(times: Times, source: str) -> Moments:
     """The distinct times of rows that are in the order of their file."""
     value, label = times.value, None
@@ -59,15 +69,15 @@ def moments_of(times: Times, source: str) -> Moments:
     return Moments(value=found, count=count, clock=times.clock, label=label, source=source)
 
 
-def merged_moments(parts: Iterable[Moments]) -> Moments | None:
-    """The distinct times of all parts, given in the order of the files; None of none.
+def merged_moments(parts: Iterable[Moments]) -> Moments:
+    """The distinct times of all parts, given in the order of the files.
 
     Raises
     ------
     InputError
         They are of several kinds.
     """
-    whole: Moments | None = None
+    whole = NO_MOMENTS
     waiting: list[Moments] = []
     size = 0
     for part in parts:
@@ -79,10 +89,10 @@ def merged_moments(parts: Iterable[Moments]) -> Moments | None:
     return _merged([whole, *waiting])
 
 
-def _merged(given: Sequence[Moments | None]) -> Moments | None:
-    filled = [part for part in given if part is not None and len(part.value)]
+def _merged(given: Sequence[Moments]) -> Moments:
+    filled = [part for part in given if len(part.value)]
     if len(filled) < 2:
-        return filled[0] if filled else next((part for part in given if part is not None), None)
+        return filled[0] if filled else NO_MOMENTS
     first = filled[0]
     for part in filled:
         if part.clock != first.clock:

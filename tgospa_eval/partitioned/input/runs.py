@@ -8,7 +8,7 @@ import json
 import math
 import pickle
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -27,13 +27,14 @@ from tgospa_eval.partitioned.input.merging import (
     moments_of,
 )
 from tgospa_eval.partitioned.input.tables import Chunk, Span, open_table, rows_of_chunks
+from tgospa_eval.partitioned.input.texts import text_rows
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.tracks.trajectories import Ints, TimeArray
 
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """What of a file is read at once: a row group, or bytes of a text.
+    """What of a file is read at once: row groups, or the lines of a text that begin in some bytes.
 
     Parameters
     ----------
@@ -41,11 +42,23 @@ class Piece:
         The file.
     begin, end : int
         Row groups, or bytes.
+    text : bool
+        Whether it is a text.
     """
 
     file: File
     begin: int
     end: int
+    text: bool = False
+
+    def where(self, row: int, options: ReadOptions) -> str:
+        """Where a row is, for messages: of a table by its place there, of a text in the piece."""
+        if not self.text:
+            return f"{self.file.path}, row {row}"
+        for rows, first in text_rows(self.file, self.begin, self.end, options):
+            if row < first + len(rows.times.value):
+                return rows.where(row - first)
+        return self.file.path  # it has changed meanwhile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,38 +106,47 @@ def write_runs(task: RunsTask) -> None:
     """Do a task."""
     with writing(task.output) as folder:
         folder.mkdir()
-        chunks: list[Chunk] = []
+        parts: list[Chunk | Rows] = []
         origins: list[Origin] = []
         moments: list[Moments] = []
         count = 0
-        for piece, chunk in _chunks(task):
-            origins.append(Origin(begin=count, piece=piece, first=int(chunk.place[0])))
-            chunks.append(chunk)
-            count += len(chunk.place)
+        for part, piece, first in _parts(task):
+            size = len(part.place) if isinstance(part, Chunk) else len(part.times.value)
+            if not size:
+                continue
+            origins.append(Origin(begin=count, piece=piece, first=first))
+            parts.append(part)
+            count += size
             if count >= task.rows:
-                moments.append(_write(folder / str(len(moments)), chunks, origins, task.options))
-                chunks, origins, count = [], [], 0
-        if chunks:
-            moments.append(_write(folder / str(len(moments)), chunks, origins, task.options))
+                moments.append(_write(folder / str(len(moments)), parts, origins, task.options))
+                parts, origins, count = [], [], 0
+        if parts:
+            moments.append(_write(folder / str(len(moments)), parts, origins, task.options))
         (folder / "moments").write_bytes(pickle.dumps(moments))
 
 
-def _chunks(task: RunsTask) -> Iterator[tuple[Piece, Chunk]]:
+def _parts(task: RunsTask) -> Iterator[tuple[Chunk | Rows, Piece, int]]:
+    """What the pieces have, and the piece and the place in it that each part begins at."""
     for piece in task.pieces:
+        if piece.text:
+            for rows, first in text_rows(piece.file, piece.begin, piece.end, task.options):
+                yield rows, piece, first
+            continue
         table = open_table(piece.file, task.options)
         for group in range(piece.begin, piece.end):
             for chunk in table.chunks(group, task.options):
-                yield piece, chunk
+                yield chunk, piece, int(chunk.place[0])
 
 
 def _write(
-    folder: Path, chunks: Sequence[Chunk], origins: Sequence[Origin], options: ReadOptions
+    folder: Path, given: Sequence[Chunk | Rows], origins: Sequence[Origin], options: ReadOptions
 ) -> Moments:
     """Write a run, and say which times it has."""
     folder.mkdir()
-    parts = list(rows_of_chunks(chunks, options))
+    chunks = [part for part in given if isinstance(part, Chunk)]
+    parts = [part for part in given if isinstance(part, Rows)]  # one of both is empty
+    parts += rows_of_chunks(chunks, options)
     found = merged_moments(moments_of(part.times, part.name) for part in parts)
-    assert found is not None  # there is a part
     rows = merged_rows(parts[0].name, parts)
     order = np.argsort(rows.times.value, kind="stable")
     columns = {"time": rows.times.value, "id": rows.ids[1].astype(np.int32), "place": None}
@@ -141,9 +163,7 @@ def _write(
     return found
 
 
-def run_rows(
-    folder: str, span: Span, roles: Roles, line: Callable[[Piece, int], str]
-) -> Rows | None:
+def run_rows(folder: str, span: Span, roles: Roles, options: ReadOptions) -> Rows | None:
     """Rows of a run in a range of time, or None of none.
 
     Parameters
@@ -154,8 +174,8 @@ def run_rows(
         The first and the last time.
     roles : Roles
         Of the columns.
-    line : callable
-        Where a row of a piece is, for messages.
+    options : ReadOptions
+        How its files were read.
     """
     path = Path(folder)
 
@@ -171,6 +191,7 @@ def run_rows(
     end = int(np.searchsorted(times, high, side="right"))
     if begin >= end:
         return None
+    origins: list[Origin]
     origins, clock = pickle.loads((path / "origins").read_bytes())
     names = json.loads((path / "names.json").read_text(encoding="utf-8"))
     place = column("place")
@@ -178,7 +199,7 @@ def run_rows(
     def where(row: int) -> str:
         at = int(place[begin + row])
         origin = origins[bisect_right(origins, at, key=lambda origin: origin.begin) - 1]
-        return line(origin.piece, origin.first + at - origin.begin)
+        return origin.piece.where(origin.first + at - origin.begin, options)
 
     def numbered(name: str) -> Numbered:
         table = np.empty(len(names[name]), dtype=object)

@@ -83,7 +83,6 @@ def store_steps(index: Index, options: ReadOptions, store: Path, name: str) -> i
         Times cannot be converted, or are of another kind than --time.
     """
     moments = index.moments
-    assert moments is not None  # there is a row
     labels = None
     if moments.label is not None:
         labels = np.empty(len(moments.label), dtype=object)
