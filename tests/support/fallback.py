@@ -2,10 +2,11 @@
 
 import pytest
 
-from tgospa_eval.problem import certificate, merging, paths, slots, states
+from tgospa_eval.problem import certificate, merging, paths, slots, states, weights
+from tgospa_eval.solvers import block_costs, far_cutoff
 
 
 def without_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make merging and the certificate use their NumPy twins."""
-    for module in (slots, states, merging, paths, certificate):
+    """Make merging, the certificate and what is known by block use their NumPy twins."""
+    for module in (slots, states, merging, paths, certificate, weights, block_costs, far_cutoff):
         monkeypatch.setattr(module, "kernels", None)

@@ -30,7 +30,7 @@ def split_localisation(prepared: Prepared, proof: Proof) -> dict[str, float] | N
 
 def _split_of_distances(sides: Sides, distance: Distance, proof: Proof) -> dict[str, float] | None:
     """Cost of localisation by means and by spreads, if the cost is a square and has such parts."""
-    if proof.parameters.order != 2:
+    if proof.parameters.order != 2 or type(distance).parts is Distance.parts:
         return None
     states, problem = proof.states, proof.states.problem
     used = np.flatnonzero((states.entry >= 0) & (proof.weights > 0))

@@ -91,7 +91,8 @@ class States:
     @cached_property
     def track_blocks(self) -> tuple[Ints, Ints]:
         """Block of each truth, and of each estimate, -1 for those without a near pair."""
-        blocks = np.full(self.problem.truths, -1), np.full(self.problem.estimates, -1)
+        sizes = self.problem.truths, self.problem.estimates
+        blocks = np.full(sizes[0], -1, np.int64), np.full(sizes[1], -1, np.int64)
         for block, track in zip(blocks, self.pair_tracks, strict=True):
             block[track] = self.pair_block
         return blocks

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.slots import PART, Slots, changed, divided, parts
 from tgospa_eval.problem.states import States
@@ -31,6 +32,9 @@ def repair(states: States, weights: Floats) -> Ints:
 
 def whole_weights(weights: Floats, whole: Ints) -> None:
     """The weights in units of 1/ONE, clipped and snapped; both may be the same memory."""
+    if kernels:
+        kernels.whole_weights(weights, whole, ONE, SNAP_WHOLE)
+        return
     for part in parts(len(weights)):
         used = np.flatnonzero(weights[part] != 0)
         fixed = np.fmin(np.fmax(weights[part][used], 0.0), 1.0)  # NaN becomes 0

@@ -1,6 +1,7 @@
 """The result that a user holds. Knows no solver and no file."""
 
 from collections.abc import Mapping
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -159,7 +160,7 @@ class Result(Summary):
         """Numbers of trajectories, steps, near pairs, their steps, and components."""
         return sizes_of(self.proof.states)
 
-    @property
+    @cached_property
     def occupied(self) -> NDArray[np.bool_]:
         """Steps at which something exists (T,)."""
         problem = self.proof.states.problem

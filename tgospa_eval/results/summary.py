@@ -134,16 +134,18 @@ class Summary(Numbers, ABC):
         """
         scored = {} if self.calibration is None else {"similarity": self.similarity().score}
         names = [*LOGGED, *self.split_parts]
-        groups: dict[str, Mapping[str, float]] = {
-            "counts": self.counts,
-            "normalised": self.normalised,
-            **{f"with.{name}": numbers for name, numbers in self.with_.items()},
+        groups = {"counts": self.counts, "normalised": self.normalised}
+        return {
+            **{name: float(getattr(self, name)) for name in names},
+            **scored,
+            **_dotted(groups),
+            **self.other_numbers,
         }
-        return {**{name: float(getattr(self, name)) for name in names}, **scored} | {
-            f"{group}.{name}": float(value)
-            for group, found in groups.items()
-            for name, value in found.items()
-        }
+
+    @property
+    def other_numbers(self) -> dict[str, float]:
+        """Those of them that are of other metrics."""
+        return _dotted({f"with.{name}": numbers for name, numbers in self.with_.items()})
 
     @abstractmethod
     def slices(self, *by: str) -> tuple[Slicing, ...]:
@@ -381,6 +383,13 @@ class Summary(Numbers, ABC):
             The folder cannot be written, or holds files of others.
         """
         import_module("tgospa_eval.plots.result_pictures").save(self, folder, force=force)
+
+
+def _dotted(groups: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """Numbers of several groups in one dict, with a dot between the names."""
+    return {
+        f"{group}.{name}": float(x) for group, found in groups.items() for name, x in found.items()
+    }
 
 
 def _count(amount: float | None) -> str:

@@ -252,10 +252,10 @@ def _answer(batch: Batch, routine: Routine) -> Answer:
         answer = replace(answer, open=np.flatnonzero(open_))
     begin = time.perf_counter()
     settle(states, batch.wanted, batch.weights)
-    spent = {"rounding": time.perf_counter() - begin, "preparation": preparation}
-    for name, seconds in answer.seconds.items():
+    spent = answer.seconds  # that of this answer alone
+    for name, seconds in (("rounding", time.perf_counter() - begin), ("preparation", preparation)):
         spent[name] = spent.get(name, 0.0) + seconds
-    return replace(answer, seconds=spent)
+    return answer
 
 
 def _book(stopwatch: Stopwatch, answers: list[Answer], elapsed: float) -> None:

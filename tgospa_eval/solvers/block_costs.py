@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, sum_by
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, changes, repair
@@ -17,10 +18,20 @@ def price_cap(states: States) -> Floats:
     From (L - 1) g on no switch pays (docs/theory/reductions.md, "Switch price cap"). LP tolerances
     are absolute, so huge prices harm.
     """
-    first = states.pair_first[
-        np.searchsorted(states.pair_block, np.arange(len(states.block_begin)))
-    ]
-    most: Floats = np.maximum.reduceat(states.gain, first)
+    blocks, price = len(states.block_begin), states.problem.pair_price
+    most: Floats
+    if kernels and price is not None:
+        most = kernels.largest_gains_of_blocks(
+            states.pair_first,
+            states.pair_block,
+            states.entry,
+            states.problem.cost,
+            price,
+            blocks,
+        )
+    else:
+        first = states.pair_first[np.searchsorted(states.pair_block, np.arange(blocks))]
+        most = np.maximum.reduceat(states.gain, first)
     return 2.0 * (states.block_end - states.block_begin + 1) * most
 
 
@@ -48,6 +59,9 @@ def unassigned_costs(states: States) -> Floats:
     """Cost of each block if all its objects stay unassigned, (B,)."""
     total = np.zeros(len(states.block_begin))
     for block, price in zip(states.track_blocks, states.problem.unassigned_costs, strict=True):
+        if kernels:
+            total += kernels.block_sums(block, price, len(total))
+            continue
         mine = np.flatnonzero(block >= 0)
         total += sum_by(block[mine], price[mine], len(total))
     return total

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tgospa_eval.common.progress import Limit
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.problem.certificate import home_blocks, lower_bounds, of_whole
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.reduced import reduce_cutoff
 from tgospa_eval.problem.solution import Reduced, Solution
@@ -101,11 +102,8 @@ def fitting_scales(states: States) -> Floats:
     blocks = len(states.block_begin)
     if problem.pair_price is None or not len(problem.cost):
         return np.ones(blocks)
-    most = np.zeros(blocks)
-    # Truths alone often show that no cutoff is far; their entries are neighbours.
-    first = np.concatenate(([0], np.flatnonzero(np.diff(problem.truth_row)) + 1))
-    of_first = states.track_blocks[0][problem.truth_track[problem.truth_row[first]]]
-    np.maximum.at(most, of_first, np.minimum.reduceat(problem.cost, first))
+    # Truths alone often show that no cutoff is far.
+    most = _largest_least_costs(states)
     if (CUTOFF_ROOM * most > FAR_CUTOFF).all():
         return np.ones(blocks)
     for side, blocks_of in zip(problem.sides, states.track_blocks, strict=True):
@@ -120,6 +118,20 @@ def fitting_scales(states: States) -> Floats:
         cost = problem.cost[_entries_of(states, block)]
         least[block] = min(least[block], cost.min(where=cost > 0, initial=np.inf))
     return _powers(np.where(most > 0, most, np.where(least < np.inf, least, 0.0)), FAR_CUTOFF)
+
+
+def _largest_least_costs(states: States) -> Floats:
+    """Of the least cost of each truth at each step the largest of its block, (B,)."""
+    problem, blocks_of = states.problem, states.track_blocks[0]
+    blocks = len(states.block_begin)
+    row, track = problem.truth_row, problem.truth_track
+    if kernels and row.dtype == track.dtype == np.int32:
+        found: Floats = kernels.largest_least_costs(row, track, blocks_of, problem.cost, blocks)
+        return found
+    most = np.zeros(blocks)
+    first = np.concatenate(([0], np.flatnonzero(np.diff(row)) + 1))  # entries are in order
+    np.maximum.at(most, blocks_of[track[row[first]]], np.minimum.reduceat(problem.cost, first))
+    return most
 
 
 def _entries_of(states: States, block: int) -> Ints:

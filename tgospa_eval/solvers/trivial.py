@@ -14,7 +14,8 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
     Blocks of one step, and all steps apart if switches are free, are linear assignments. `weights`
     and `prices` come as zeros.
     """
-    if not np.any(states.problem.switch_price):
+    price = states.problem.switch_price
+    if not price if isinstance(price, float) else not price.any():
         _assign_steps(states, np.flatnonzero(states.entry >= 0), weights, prices)
         _hold(states, weights)
         return np.zeros(0, np.int64)

@@ -21,8 +21,10 @@ from tgospa_eval.problem.paths import best_values, relative_gains, row_steps
 from tgospa_eval.problem.problem import Problem, sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
-from tgospa_eval.problem.weights import ONE, repair
+from tgospa_eval.problem.weights import ONE, repair, whole_weights
 from tgospa_eval.solvers import dual_ascent as ascent
+from tgospa_eval.solvers import far_cutoff
+from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
 
@@ -214,6 +216,32 @@ def test_sums_over_open_blocks_have_the_bits_of_numpy(blocks: int) -> None:
     assert field.open_cost == np.maximum(field.most - field.primal, 0.0)[kept].sum()
     assert field.brackets.open_dual == field.dual[kept].sum()
     assert np.array_equal(field.wide(0.1), kept & (field.gap > 0.1 * field.cost))
+
+
+@compiled_only
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_what_is_known_by_block_has_the_bits_of_numpy(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    states = merge_runs(PROBLEMS[name]())
+    rng = np.random.default_rng(3)
+    weights = rng.choice([0.0, -1.0, 1e-10, 1 / 3, 0.5, 1.0, 1 - 1e-10, 2.0, np.nan], 200)
+    weights[:100] *= rng.random(100)
+
+    def answers() -> list[np.ndarray]:
+        whole = np.empty(len(weights), np.int64)
+        whole_weights(weights, whole)
+        return [
+            price_cap(states),
+            unassigned_costs(states),
+            far_cutoff._largest_least_costs(states),
+            whole,
+        ]
+
+    compiled = answers()
+    without_kernels(monkeypatch)
+    for fast, plain in zip(compiled, answers(), strict=True):
+        assert fast.tobytes() == plain.tobytes()
 
 
 @compiled_only

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -118,13 +119,14 @@ def key_of(
 
 def digest_of(path: str) -> bytes:
     """Of the bytes of a file. What cannot be read counts as nothing; the job will say so."""
-    with suppress(OSError), open(path, "rb") as file:
+    with suppress(OSError), open(path, "rb", buffering=0) as file:
         start = file.read(SMALL)
         more = hashlib.file_digest(file, "sha256").digest() if len(start) == SMALL else b""
         return hashlib.sha256(start).digest() + more
     return b""
 
 
+@lru_cache(maxsize=64)  # most jobs of a batch have the same
 def given_text(options: EvaluationOptions) -> str:
     """The options that change the number, and the schema of a result."""
     return json.dumps((RESULT_SCHEMA, options.given), sort_keys=True, default=str)
@@ -268,7 +270,7 @@ def numbers(result: Summary) -> Row:
         "distance": str(result.parameters["distance"]),
         "parameters": json.dumps(result.parameters, sort_keys=True),
         **{f"input.{role}.sha256": side["sha256"] for role, side in result.input.items()},
-        **{name: value for name, value in result.metrics().items() if name.startswith("with.")},
+        **result.other_numbers,
         **{f"with.{name}": value for name, value in result.sums.items()},
     }
 

@@ -26,13 +26,19 @@ def header_by_blanks(line: str, after: str) -> str | None:
     A comment mark in front is left out if the line after has as many words: else it is a comment.
     """
     line = line.strip()
-    if any(mark in re.sub(r'"[^"]*"', "", line) for mark in ",;\t|"):
+    plain = unquoted(line)
+    if any(mark in plain for mark in ",;\t|"):
         return None
     mark = next((mark for mark in COMMENTS if line.startswith(mark)), "")
     words = _tabbed(line.removeprefix(mark).strip())
     count = words.count("\t") + 1
     fits = not mark or not after.strip() or len(after.split()) == count
     return words if count >= FEWEST and fits else None
+
+
+def unquoted(line: str) -> str:
+    """A line without what is in quotes."""
+    return re.sub(r'"[^"]*"', "", line) if '"' in line else line
 
 
 def rows_by_tabs(text: str) -> tuple[str, int]:

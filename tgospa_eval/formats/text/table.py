@@ -25,7 +25,7 @@ from tgospa_eval.formats.guess import COMMENTS, foreign
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.text import bulk
-from tgospa_eval.formats.text.by_blanks import header_by_blanks, rows_by_tabs
+from tgospa_eval.formats.text.by_blanks import header_by_blanks, rows_by_tabs, unquoted
 from tgospa_eval.formats.text.comments import Oddities, with_comments
 from tgospa_eval.formats.text.convert import (
     Block,
@@ -166,7 +166,7 @@ def _explained(error: InputError | csv.Error, line: str, where: str) -> InputErr
 
 def _delimiter(header: str, decimal: str) -> str:
     """The most frequent delimiter outside quotes; the decimal mark only if there is no other."""
-    plain = re.sub(r'"[^"]*"', "", header)
+    plain = unquoted(header)
     return max(
         DELIMITERS,
         key=lambda mark: (mark != decimal, plain.count(mark)) if plain.count(mark) else (False, 0),
