@@ -78,7 +78,7 @@ def solve_shard(task: Shard) -> None:
     )
     with writing(task.output) as folder:
         folder.mkdir()
-        for name, table in _tables(states, weights, first, numbers).items():
+        for name, table in tables_of(states, weights, first, numbers).items():
             np.save(folder / f"{name}.npy", table)
         for side, name in enumerate(("truths", "estimates")):
             found = vars(read_tracks(states, weights, side))
@@ -136,7 +136,7 @@ def problem_of(
     )
 
 
-def _tables(
+def tables_of(
     states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]
 ) -> dict[str, NDArray[np.void]]:
     """The assignment with global numbers, by the names of the files."""

@@ -8,6 +8,7 @@ Both bounds are rounded outward (docs/theory/certificate.md, "Rounding").
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -165,18 +166,13 @@ def _bounds_of_prices(
     groups = np.zeros(states.nodes)
     taken: list[Ints] = []
     for rows, _ in row_parts(states):
-        steps = row_steps(rows)
-        price = rows.columns.spans(running)
-        runs = np.flatnonzero(rows.entry < 0)
-        price[runs] = np.nextafter(price[runs], 0.0)
-        gains = relative_gains(rows, steps, price)
-        terms[:, 1] -= best_values(rows, gains.relative, steps, gains.offset)
-        terms[:, 2] += lower_sums(_put_aside(rows, steps, gains.best, left), steps.first)
-        found = gains.best >= 0
-        groups += sum_parts(found.astype(np.float64), steps.first)
+        found = row_terms(rows, running, left)
+        terms[:, 1] -= found.best
+        terms[:, 2] += found.aside
+        groups += found.pairs
         if objects.alike is None:
-            taken.append(rows.entry[gains.best[found]])
-    terms[:, 0], terms[:, 3] = _idle_prices(running, left, columns.first)
+            taken.append(found.entry)
+    terms[:, 0], terms[:, 3] = idle_prices(running, left, columns.first)
     blocks = len(states.block_begin)
     first = np.searchsorted(states.node_block, np.arange(blocks + 1)).tolist()
     if objects.alike is not None:
@@ -195,6 +191,41 @@ def _bounds_of_prices(
         for part, a, b in zip(constant, first[:-1], first[1:], strict=True)
     ]
     return np.maximum(down(np.array(sums_of)), 0.0)
+
+
+class RowTerms(NamedTuple):
+    """What some rows add to a lower bound, by node.
+
+    Parameters
+    ----------
+    best : (nodes,) float array
+        Upper bounds of the values of the best paths, less the best pair of each row and step.
+    aside : (nodes,) float array
+        Lower bounds of the cost of these best pairs.
+    pairs : (nodes,) float array
+        Their number.
+    entry : int array
+        Their entries.
+    """
+
+    best: Floats
+    aside: Floats
+    pairs: Floats
+    entry: Ints
+
+
+def row_terms(rows: States, running: tuple[Floats, Ints], left: Ints) -> RowTerms:
+    """Of rows at prices given as `Slots.running`; one less is `left` where a pair is put aside."""
+    steps = row_steps(rows)
+    price = rows.columns.spans(running)
+    runs = np.flatnonzero(rows.entry < 0)
+    price[runs] = np.nextafter(price[runs], 0.0)
+    gains = relative_gains(rows, steps, price)
+    best = best_values(rows, gains.relative, steps, gains.offset)
+    aside = lower_sums(_put_aside(rows, steps, gains.best, left), steps.first)
+    found = gains.best >= 0
+    pairs = sum_parts(found.astype(np.float64), steps.first)
+    return RowTerms(best, aside, pairs, rows.entry[gains.best[found]])
 
 
 def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
@@ -222,7 +253,7 @@ def _put_aside(rows: States, steps: Slots, best: Ints, left: Ints) -> Floats:
     return least
 
 
-def _idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
+def idle_prices(running: tuple[Floats, Ints], left: Ints, first: Ints) -> Floats:
     """``-sum (left v)`` of each node, from above, in two halves, so that no sum overflows."""
     if kernels:
         found: Floats = kernels.idle_prices(*running, left, first)

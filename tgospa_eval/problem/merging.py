@@ -42,7 +42,7 @@ def merge_runs(problem: Problem, *, transpose: bool = True) -> States:
         check_size(what, count)
     entry_step = problem.entry_step
     pair_of, graph = _pair_graph(problem, entry_step, transpose)
-    pair_first, begin, entry = _split(
+    pair_first, begin, entry = split_pairs(
         pair_of,
         entry_step,
         graph.block_begin[graph.block],
@@ -159,7 +159,7 @@ def _windows(block: Ints, step: Ints, blocks: int) -> Ints:
     return window
 
 
-def _split(
+def split_pairs(
     pair_of: Ints, step: Ints, first: Ints, last: Ints, *, single: bool
 ) -> tuple[Ints, Ints, Ints]:
     """First state of every pair, begin and entry of every state, sorted by (pair, begin).

@@ -92,7 +92,7 @@ def test_more_states_than_indices_are_refused(plain: bool, monkeypatch: pytest.M
         without_kernels(monkeypatch)
     ends = np.zeros(2, np.int32), np.full(2, 2**30, np.int32)
     with pytest.raises(InputError, match="2147483650 states are too many"):
-        merging._split(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
+        merging.split_pairs(np.arange(2, dtype=np.int32), ends[0], *ends, single=True)
     for field, what in (("steps", "steps"), ("truths", "trajectories")):
         large = dataclasses.replace(problem, **{field: 2**31 - 1})
         with pytest.raises(InputError, match=f"{what} are too many"):

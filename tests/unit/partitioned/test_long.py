@@ -1,0 +1,227 @@
+"""Components in windows: the bracket of the whole, whatever the windows, or an honest one."""
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.partitioned.long.component import Joined, Long
+from tgospa_eval.partitioned.long.run import prove_unfinished, solve_long
+from tgospa_eval.partitioned.shards import problem_of
+from tgospa_eval.partitioned.share import ENTRY, PARTS_OF_TRACKS
+from tgospa_eval.partitioned.tasks import Task, run_tasks
+from tgospa_eval.problem.certificate import certify
+from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.problem import Problem
+from tgospa_eval.problem.solution import Bounds, Breakdown
+from tgospa_eval.problem.states import connected_components
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.weights import ONE
+from tgospa_eval.solvers.certified import Certified
+
+Entries = NDArray[np.void]
+
+
+def walkers(seed: int, steps: int) -> tuple[Entries, Parameters]:
+    """The largest component of random walks and estimates of them that change whom they follow."""
+    rng = np.random.default_rng(seed)
+    truths, estimates = (int(number) for number in rng.integers(2, 9, 2))
+    truth = np.cumsum(rng.normal(0, 0.2, (truths, steps, 2)), axis=1) + rng.normal(
+        0, 1, (truths, 1, 2)
+    )
+    whom = np.cumsum(rng.random((estimates, steps)) < 0.03, axis=1) + np.arange(estimates)[:, None]
+    estimate = np.moveaxis(truth, 0, 1)[np.arange(steps), whom % truths]
+    estimate = estimate + rng.normal(0, rng.choice([0.1, 0.4]), (estimates, steps, 2))
+    there = [rng.random((number, steps)) < 0.8 for number in (truths, estimates)]
+    for life in itertools.chain(*there):  # ids come and go
+        if rng.random() < 0.5:
+            begin, end = np.sort(rng.integers(0, steps, 2))
+            life[:begin] = life[end:] = False
+    cutoff = float(rng.choice([0.5, 2.0, 10.0]))
+    order = float(rng.choice([1, 2, 3]))
+    distance = np.linalg.norm(truth[:, None] - estimate[None], axis=-1)
+    cost = (distance / cutoff) ** order
+    step, i, j = np.nonzero(np.moveaxis((cost < 1) & there[0][:, None] & there[1][None], 2, 0))
+    root = connected_components(
+        i.astype(np.int32), (j + truths).astype(np.int32), truths + estimates
+    )[i]
+    kept = root == np.bincount(root, minlength=1).argmax()
+    entries = np.empty(int(kept.sum()), ENTRY)
+    # Numbers of the whole have gaps, and there is a time without any of these.
+    entries["step"] = 5 + step[kept] + 40 * (step[kept] > steps // 2) * (seed % 2)
+    entries["truth"], entries["estimate"] = 3 * i[kept] + 4, 2 * j[kept] + 1
+    entries["cost"] = cost[i, j, step][kept]
+    return entries, Parameters(
+        cutoff=cutoff,
+        order=order,
+        switch_penalty=float(rng.choice([0, 0.5, 1])) * cutoff,
+        rho=float(rng.choice([0.5, 0.5, 0.2])),
+    )
+
+
+def component(
+    work: Path, entries: Entries, parameters: Parameters, together: int, overlap: int
+) -> Long:
+    """In files of which none has whole steps only."""
+    work.mkdir()
+    paths = [str(work / f"{number}.npy") for number in range(3)]
+    for path, part in zip(paths, np.array_split(entries, 3), strict=True):
+        np.save(path, part)
+    return Long(
+        entries=tuple(paths),
+        parameters=parameters,
+        work=str(work / "work"),
+        together=together,
+        overlap=overlap,
+    )
+
+
+def whole(entries: Entries, parameters: Parameters) -> tuple[Problem, Bounds, Breakdown]:
+    numbers = np.unique(entries["truth"]), np.unique(entries["estimate"])
+    problem = problem_of(entries, int(entries["step"][0]), numbers, parameters)
+    states = merge_runs(problem)
+    bounds, _, breakdown = certify(states, Certified(jobs=1)(states, Stopwatch()))
+    return problem, bounds, breakdown
+
+
+def check_parts(joined: Joined, problem: Problem, entries: Entries, parameters: Parameters) -> None:
+    """Cost and constraints of what is held, step by step and pair by pair; sums by track."""
+    truths, estimates = np.unique(entries["truth"]), np.unique(entries["estimate"])
+    first = int(entries["step"][0])
+    held = np.concatenate(
+        [np.load(path) for folder in joined.folders for path in Path(folder).glob("by_est*te.npy")]
+    )
+    weight = np.zeros((len(truths), len(estimates), problem.steps), np.int64)
+    for row in held:
+        i, j = np.searchsorted(truths, row["truth"]), np.searchsorted(estimates, row["estimate"])
+        weight[i, j, row["begin"] - first : row["end"] - first + 1] += row["weight"]
+    assert weight.sum(axis=0).max() <= ONE
+    assert weight.sum(axis=1).max() <= ONE
+    near = np.zeros(weight.shape, bool)
+    at = (
+        np.searchsorted(truths, entries["truth"]),
+        np.searchsorted(estimates, entries["estimate"]),
+        entries["step"] - first,
+    )
+    near[at] = True
+    used = weight * near / ONE
+    missed, false = parameters.unassigned_prices
+    share = joined.share
+    switch = np.abs(np.diff(weight / ONE, axis=2, prepend=weight[:, :, :1] / ONE)).sum((0, 1))
+    cost = np.zeros(weight.shape)
+    cost[at] = entries["cost"]
+    expected = {
+        "localisation": (used * cost).sum((0, 1)),
+        "missed": missed * (near.any(1) - used.sum(1)).sum(0),
+        "false": false * (near.any(0) - used.sum(0)).sum(0),
+        "switch": parameters.switch_price * switch,
+        "switch_count": 0.5 * switch,
+    }
+    for name, value in expected.items():
+        np.testing.assert_allclose(getattr(share, name), value, rtol=1e-12, atol=1e-11)
+    for name, number, price in (("truths", truths, missed), ("estimates", estimates, false)):
+        parts = {part: np.zeros(number[-1] + 1) for part in (*PARTS_OF_TRACKS, "rows")}
+        for folder in joined.folders:
+            with np.load(Path(folder) / f"{name}.npz") as found:
+                for part, values in parts.items():
+                    np.add.at(values, found["track"], found[part])
+        axis = 1 if name == "truths" else 0
+        rows = near.any(axis).sum(1)
+        assert (parts["rows"][number] == rows).all()
+        free = rows - used.sum((axis, 2))
+        np.testing.assert_allclose(parts["unassigned"][number], price * free, atol=1e-11)
+        assert parts["localisation"].sum() == pytest.approx(share.localisation.sum(), rel=1e-12)
+        assert parts["switch_count"].sum() == pytest.approx(share.switch_count.sum(), rel=1e-12)
+    assigned = np.concatenate([np.load(Path(folder) / "assigned.npy") for folder in joined.folders])
+    assert assigned["weight"].sum() == pytest.approx(used.sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3, 6])
+def test_the_bracket_is_that_of_the_whole(seed: int, tmp_path: Path) -> None:
+    entries, parameters = walkers(seed, 160)
+    problem, bounds, _ = whole(entries, parameters)
+    overlap = (10, 20)[seed % 2]
+    together = 120 * len(entries) // problem.steps
+    long = component(tmp_path / "long", entries, parameters, together, overlap)
+    joined = solve_long(long, run_tasks)
+    lower, upper = joined.share.bracket
+    rounding = 1e-12 * bounds.upper
+    assert len(joined.pieces) > 1
+    assert joined.share.solved
+    assert lower == pytest.approx(bounds.lower, abs=rounding + long.gap * upper)
+    assert upper == pytest.approx(bounds.upper, abs=rounding + long.gap * upper)
+    assert lower <= upper
+    check_parts(joined, problem, entries, parameters)
+
+
+@pytest.mark.parametrize("seed", [5, 13, 14])
+def test_windows_that_are_too_short_leave_an_honest_bracket(seed: int, tmp_path: Path) -> None:
+    entries, parameters = walkers(seed, 30)
+    problem, bounds, _ = whole(entries, parameters)
+    joined = solve_long(
+        component(tmp_path / "long", entries, parameters, len(entries) // 3, 1), run_tasks
+    )
+    lower, upper = joined.share.bracket
+    rounding = 1e-12 * bounds.upper
+    assert lower <= bounds.upper + rounding
+    assert upper >= bounds.lower - rounding
+    assert joined.share.solved == (upper - lower <= 1e-9 * upper)
+    check_parts(joined, problem, entries, parameters)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+class KilledError(Exception):
+    pass
+
+
+def killed_after(most: int) -> Callable[[Callable[[Task], None], Sequence[Task]], None]:
+    """Runs the tasks from the last to the first, and so many in all."""
+
+    def run(function: Callable[[Task], None], tasks: Sequence[Task]) -> None:
+        def one(task: Task) -> None:
+            if next(left, None) is None:
+                raise KilledError
+            function(task)
+
+        run_tasks(one, list(reversed(tasks)))
+
+    left: Iterator[int] = iter(range(most))
+    return run
+
+
+def test_a_killed_run_proves_what_is_there_and_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+    entries, parameters = walkers(3, 60)
+    _, bounds, _ = whole(entries, parameters)
+    together = len(entries) // 2
+    once = component(tmp_path / "once", entries, parameters, together, 5)
+    straight = solve_long(once, run_tasks)
+    again = component(tmp_path / "again", entries, parameters, together, 5)
+    widths = [math.inf]
+    for most in (5, 1):
+        with pytest.raises(KilledError):
+            solve_long(again, killed_after(most))
+        lower, upper = prove_unfinished(again, run_tasks).share.bracket
+        assert lower <= bounds.lower * (1 + 1e-12)
+        assert upper >= bounds.upper * (1 - 1e-12)
+        assert upper - lower <= widths[-1]
+        widths.append(upper - lower)
+    assert widths[-1] < widths[1]
+    joined = solve_long(again, run_tasks)
+    assert joined.share.bracket == straight.share.bracket
+    there = files(tmp_path / "again")
+    assert (
+        files(tmp_path / "once").items()
+        <= {name: content for name, content in there.items() if "unfinished" not in name}.items()
+    )

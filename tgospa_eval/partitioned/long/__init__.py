@@ -1,0 +1,1 @@
+"""One component larger than memory: windows in time, joined, proven as a whole, repaired."""

@@ -1,0 +1,249 @@
+"""Estimates of a long component: their prices in one unit each, and what is left of them."""
+
+from pathlib import Path
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import SolverError
+from tgospa_eval.partitioned.long.contribution import contribute
+from tgospa_eval.partitioned.long.sums import expansion
+from tgospa_eval.partitioned.long.tables import BUSY, PRICE_AT, Piece, Table, fraction, load_pieces
+from tgospa_eval.partitioned.share import HELD, PARTS_OF_TRACKS
+from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.problem.certificate import idle_prices
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.rows import Places
+from tgospa_eval.problem.slots import exact_running
+from tgospa_eval.problem.weights import ONE
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Columns:
+    """The task to put together what windows say of some estimates.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    pieces : tuple of Piece
+        All steps.
+    number : int
+        Which shard of estimates.
+    estimates : int array
+        Their numbers.
+    """
+
+    output: str
+    pieces: tuple[Piece, ...]
+    number: int
+    estimates: Ints
+
+
+def join_columns(task: Columns) -> None:
+    """Sort prices and busy stretches by estimate."""
+    places = load_pieces(task.pieces, "places", task.number, PRICE_AT)
+    places = places[np.lexsort((places["step"], places["estimate"]))]
+    busy = load_pieces(task.pieces, "busy", task.number, BUSY)
+    busy = busy[np.lexsort((busy["begin"], busy["estimate"]))]
+    present = load_pieces(task.pieces, "present", task.number, BUSY)
+    size = len(task.estimates)
+    rows = np.zeros(size, np.int64)
+    whose = np.searchsorted(task.estimates, present["estimate"])
+    np.add.at(rows, whose, present["end"] - present["begin"] + 1)
+    first = np.searchsorted(places["estimate"], _ends(task.estimates))
+    unit, sums = exact_running(np.ascontiguousarray(places["price"]), first.astype(np.int32))
+    with writing(task.output) as folder:
+        folder.mkdir()
+        np.save(folder / "estimates.npy", task.estimates)
+        np.save(folder / "rows.npy", rows)
+        np.save(folder / "first.npy", first)
+        np.save(folder / "step.npy", places["step"])
+        np.save(folder / "whole.npy", sums[1:] - sums[:-1])
+        np.save(folder / "unit.npy", unit[:size])
+        np.save(folder / "busy_first.npy", np.searchsorted(busy["estimate"], _ends(task.estimates)))
+        np.save(folder / "busy.npy", busy)
+
+
+def _ends(numbers: Ints) -> Ints:
+    return np.append(numbers, numbers[-1] + 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SomeColumns:
+    """What `join_columns` knows of some estimates.
+
+    Parameters
+    ----------
+    places : Places
+        Their prices; estimates are numbered in the order asked for.
+    index : (K,) int array
+        Number of each place among those of all estimates.
+    busy : table of BUSY
+        Likewise numbered.
+    """
+
+    places: Places
+    index: Ints
+    busy: Table
+
+
+def load_columns(folders: tuple[str, ...], estimates: Ints, first_step: int) -> SomeColumns:
+    """Of some estimates, sorted; steps are counted from the first."""
+    counts, steps, wholes, units, indices, busies = [], [], [], [], [], []
+    before = done = 0
+    for place in map(Path, folders):
+        known = np.load(place / "estimates.npy")
+        first = np.load(place / "first.npy")
+        low, high = np.searchsorted(estimates, (known[0], known[-1] + 1)).tolist()
+        mine = np.searchsorted(known, estimates[low:high])
+        index, count = _ranges(first, mine)
+        counts.append(count)
+        steps.append(np.load(place / "step.npy", mmap_mode="r")[index] - np.int32(first_step))
+        wholes.append(np.load(place / "whole.npy", mmap_mode="r")[index])
+        units.append(np.load(place / "unit.npy")[mine])
+        indices.append(index + before)
+        index, count = _ranges(np.load(place / "busy_first.npy"), mine)
+        busy = np.array(np.load(place / "busy.npy", mmap_mode="r")[index])
+        busy["estimate"] = np.repeat(np.arange(low, high), count)
+        busies.append(busy)
+        before += int(first[-1])
+        done = high
+    if done != len(estimates):
+        raise SolverError("estimates of a component are in none of its parts: please report this")
+    first = np.concatenate(([0], np.cumsum(np.concatenate(counts))))
+    busy = np.concatenate(busies)
+    busy["begin"] -= first_step
+    busy["end"] -= first_step
+    return SomeColumns(
+        places=Places(
+            first=first.astype(np.int32),
+            step=np.concatenate(steps).astype(np.int32),
+            whole=np.concatenate(wholes),
+            unit=np.concatenate(units),
+        ),
+        index=np.concatenate(indices),
+        busy=busy,
+    )
+
+
+def _ranges(first: Ints, chosen: Ints) -> tuple[Ints, Ints]:
+    """The places of chosen parts one after the other, and how many each has."""
+    count = first[chosen + 1] - first[chosen]
+    shift = np.repeat(first[chosen] - (np.cumsum(count) - count), count)
+    return np.arange(int(count.sum())) + shift, count
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rest:
+    """The task to add up what rows leave of the prices of some estimates, and to check sums.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    columns : str
+        Output of `Columns`.
+    before : int
+        Places of the estimates before these.
+    rows : tuple of str
+        Outputs of all tasks `Rows`.
+    window : pair of int
+        First and last step of the component.
+    price : float
+        Of a step at which an estimate is unassigned.
+    """
+
+    output: str
+    columns: str
+    before: int
+    rows: tuple[str, ...]
+    window: tuple[int, int]
+    price: float
+
+
+def add_rest(task: Rest) -> None:
+    """Terms of the lower bound for prices that nobody pays; where these are, by step."""
+    place = Path(task.columns)
+    first = np.load(place / "first.npy")
+    whole, unit = np.load(place / "whole.npy"), np.load(place / "unit.npy")
+    left = np.ones(len(whole), np.int32)
+    for folder in map(Path, task.rows):
+        index = np.load(folder / "aside.npy", mmap_mode="r")
+        low, high = np.searchsorted(index, (task.before, task.before + len(whole)))
+        own = index[low:high] - task.before
+        left[own] -= np.load(folder / "asides.npy", mmap_mode="r")[low:high]
+    sums = np.zeros(len(whole) + 1, np.int64)
+    np.cumsum(whole, out=sums[1:])
+    terms = idle_prices((unit, sums), left, first.astype(np.int32))
+    estimates = np.load(place / "estimates.npy")
+    held = _held(task.rows, estimates)
+    step = np.load(place / "step.npy")
+    owner = np.repeat(estimates, np.diff(first))
+    lost = whole * np.repeat(unit, np.diff(first)) * (1 - _loads(held, owner, step) / ONE)
+    size = task.window[1] - task.window[0] + 1
+    rows = np.load(place / "rows.npy")
+    free = rows - _assigned(task.rows, estimates)
+    nothing = np.zeros(len(estimates))
+    tracks = {
+        "track": estimates,
+        "rows": rows,
+        **dict.fromkeys(PARTS_OF_TRACKS, nothing),
+        "unassigned": task.price * free,
+        "unassigned_count": free,
+    }
+    with writing(task.output) as folder:
+        folder.mkdir()
+        with (folder / "sums.npz").open("wb") as file:
+            np.savez(
+                file,
+                lower=expansion(terms.ravel().tolist()),
+                lost=np.bincount(step - task.window[0], lost, minlength=size),
+            )
+        contribute(folder, estimates=tracks)
+
+
+def _assigned(rows: tuple[str, ...], estimates: Ints) -> Floats:
+    """At how many steps with a near pair each estimate is assigned."""
+    sums = np.zeros((2, len(estimates)), np.int64)
+    for folder in map(Path, rows):
+        track = np.load(folder / "columns.npy")
+        low, high = np.searchsorted(track, (estimates[0], estimates[-1] + 1))
+        at = np.searchsorted(estimates, track[low:high])
+        sums[:, at] += np.load(folder / "assigned_columns.npy")[:, low:high]
+    return fraction(sums)
+
+
+def _held(rows: tuple[str, ...], estimates: Ints) -> Table:
+    """All assignments of some estimates by (estimate, begin)."""
+    found = [np.zeros(0, HELD)]
+    for folder in map(Path, rows):
+        held = np.load(folder / "by_estimate.npy", mmap_mode="r")
+        whose = np.load(folder / "by_estimate.key.npy")
+        low, high = np.searchsorted(whose, (estimates[0], estimates[-1] + 1))
+        found.append(np.array(held[low:high]))
+    held = np.concatenate(found)
+    return held[np.lexsort((held["begin"], held["estimate"]))]
+
+
+def _loads(held: Table, estimate: Ints, step: Ints) -> Floats:
+    """How much of estimates is assigned at steps, in units of 1/ONE; checks that it is at most ONE.
+
+    Raises
+    ------
+    SolverError
+        It is more at any step, which only a fault of this program can bring about.
+    """
+    whose = np.concatenate((held["estimate"], held["estimate"])).astype(np.int64) << 32
+    moment = whose + np.concatenate((held["begin"], held["end"].astype(np.int64) + 1))
+    change = np.concatenate((held["weight"], -held["weight"]))
+    # What ends comes before what begins at the same step.
+    order = np.lexsort((change > 0, moment))
+    load = np.cumsum(change[order])
+    if load.max(initial=0) > ONE:
+        raise SolverError(
+            "an assignment to prove is none: please report this as a bug, with the two files"
+        )
+    sought = (estimate.astype(np.int64) << 32) + step
+    at = np.searchsorted(moment[order], sought, side="right")
+    return np.concatenate(([0], load))[at]

@@ -1,0 +1,108 @@
+"""What pairs hold through runs without gain, once it is known how much of each gain is assigned.
+
+A run of a pair is held with u, at most what is assigned at the gains next to it, where
+- the windows that it lies in hold at least u of it at each of its steps, or
+- nothing else gains on its row and its column while it lasts.
+
+No sum exceeds 1 then. Let holds of the second kind cover a step. Any other hold at that step has
+its ends outside their runs, or the gain there would forbid them; so all of them are there at the
+last step before the runs of the second kind begin (or at the first after they end, where these
+reach the border), with at most what one window has assigned or held there, which sums to at most 1.
+"""
+
+import numpy as np
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.partitioned.long.tables import BUSY, Table
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.problem.states import States
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """What windows have found of some rows, with the numbers of the tracks and steps of `States`.
+
+    Parameters
+    ----------
+    weights : (N,) int array
+        What is assigned of each entry.
+    holds : table of HELD
+        What windows hold without gain; of a pair, no step is held twice.
+    busy : table of BUSY
+        When the estimates gain, by (estimate, begin), from whatever row.
+    """
+
+    weights: Ints
+    holds: Table
+    busy: Table
+
+
+def hold_runs(states: States, known: Known) -> Ints:
+    """Weights of all states, (S,), of those with a gain as they are."""
+    weights = np.zeros(len(states.begin), np.int64)
+    gains = np.flatnonzero(states.entry >= 0)
+    weights[gains] = known.weights[states.entry[gains]]
+    pair = states.pair
+    runs, most = _ends(states, weights, pair)
+    whole = states.end[runs]
+    begin, pair = states.begin[runs].astype(np.int64), pair[runs]
+    window = _held_by_windows(states, known.holds)[runs]
+    held = np.minimum(window, most)
+    free = np.flatnonzero(held < most)
+    steps = states.problem.steps
+    used = gains[weights[gains] > 0]
+    rows = np.empty(len(used), BUSY)
+    rows["estimate"] = states.pair_row[states.pair[used]]
+    rows["begin"] = rows["end"] = states.begin[used]
+    rows.sort(order=("estimate", "begin"))
+    for busy, track in ((known.busy, states.pair_estimate), (rows, states.pair_row)):
+        at = pair[free]
+        idle = _idle(busy, track[at], begin[free], whole[free], steps)
+        free = free[idle]
+    held[free] = most[free]
+    weights[runs] = held
+    return weights
+
+
+def _ends(states: States, weights: Ints, pair: Ints) -> tuple[Ints, Ints]:
+    """The runs next to gains in use, and the least that is assigned at their ends."""
+    runs = np.flatnonzero(states.entry < 0)
+    before, after = runs - 1, np.minimum(runs + 1, len(weights) - 1)
+    top = np.iinfo(np.int64).max
+    first = states.pair_first[pair[runs]] == runs
+    last = states.pair_first[pair[runs] + 1] - 1 == runs
+    most = np.minimum(np.where(first, top, weights[before]), np.where(last, top, weights[after]))
+    used = (most > 0) & (most < top)
+    return runs[used], most[used]
+
+
+def _held_by_windows(states: States, holds: Table) -> Ints:
+    """The least that windows hold of each run at any of its steps, (S,)."""
+    steps = states.problem.steps
+    width = max(states.problem.estimates, 1)
+    pairs = states.pair_truth.astype(np.int64) * width + states.pair_estimate
+    order = np.argsort(pairs, kind="stable")
+    sought = holds["truth"].astype(np.int64) * width + holds["estimate"]
+    at = np.minimum(np.searchsorted(pairs, sought, sorter=order), len(pairs) - 1)
+    pair = order[at]
+    block = states.pair_block[pair]
+    begin = np.maximum(holds["begin"], states.block_begin[block]).astype(np.int64)
+    end = np.minimum(holds["end"], states.block_end[block]).astype(np.int64)
+    known = (pairs[pair] == sought) & (begin <= end)
+    pair, begin, end = pair[known], begin[known], end[known]
+    keys = states.pair.astype(np.int64) * steps + states.begin
+    state = np.searchsorted(keys, pair * np.int64(steps) + begin, side="right") - 1
+    least = np.full(len(keys), np.iinfo(np.int64).max)
+    np.minimum.at(least, state, holds["weight"][known])
+    covered = np.bincount(state, end - begin + 1, minlength=len(keys))
+    return np.where(covered == states.end - states.begin + 1, least, 0)
+
+
+def _idle(busy: Table, track: Ints, begin: Ints, end: Ints, steps: int) -> np.ndarray:
+    """Whether nothing of the track is busy from begin to end; the table is by (track, begin)."""
+    offset = track.astype(np.int64) * steps
+    whose = busy["estimate"].astype(np.int64) * steps
+    begun = np.searchsorted(whose + busy["begin"], offset + end, side="right")
+    ended = np.searchsorted(whose + busy["end"], offset + begin)
+    idle: np.ndarray = begun == ended
+    return idle

@@ -1,0 +1,198 @@
+"""Some truths of a long component over all its time: their bounds, and what they hold."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.errors import SolverError
+from tgospa_eval.partitioned.long.columns import SomeColumns, load_columns
+from tgospa_eval.partitioned.long.contribution import contribute
+from tgospa_eval.partitioned.long.holding import Known, hold_runs
+from tgospa_eval.partitioned.long.sums import expansion
+from tgospa_eval.partitioned.long.tables import GAIN, Piece, Table, halves, load_pieces
+from tgospa_eval.partitioned.shards import problem_of, tables_of
+from tgospa_eval.partitioned.share import HELD
+from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.problem.certificate import row_terms
+from tgospa_eval.problem.paths import best_values
+from tgospa_eval.problem.problem import REGRET, Floats, Ints, sum_by
+from tgospa_eval.problem.readout import read_tracks
+from tgospa_eval.problem.rows import rows_of_component, running_of
+from tgospa_eval.problem.slots import changed
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.problem.weights import ONE, row_parts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """The task to prove what there is of some truths.
+
+    Parameters
+    ----------
+    output : str
+        The folder that is written.
+    pieces : tuple of Piece
+        All steps.
+    number : int
+        Which shard of truths.
+    columns : tuple of str
+        Outputs of all tasks `Columns`.
+    window : pair of int
+        First and last step of the component.
+    parameters : Parameters
+        Of the metric.
+    """
+
+    output: str
+    pieces: tuple[Piece, ...]
+    number: int
+    columns: tuple[str, ...]
+    window: tuple[int, int]
+    parameters: Parameters
+
+
+def prove_rows(task: Rows) -> None:
+    """Best paths at the prices, runs that are held, switches, intervals, regrets."""
+    first, last = task.window
+    gains = load_pieces(task.pieces, "gains", task.number, GAIN)
+    numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
+    problem = replace(problem_of(gains, first, numbers, task.parameters), steps=last - first + 1)
+    entry_weights = np.ascontiguousarray(gains["weight"])
+    del gains
+    columns = load_columns(task.columns, numbers[1], first)
+    states = rows_of_component(problem, columns.places)
+    weights = hold_runs(
+        states,
+        Known(
+            weights=entry_weights,
+            holds=_local_holds(task, numbers),
+            busy=columns.busy,
+        ),
+    )
+    _check_rows(states, weights)
+    terms, pairs, left = _bound(states, columns)
+    moved = np.flatnonzero(changed(states.pair_first, weights))
+    variation = np.abs(weights[moved] - weights[moved - 1])
+    intervals = _intervals(states, weights, first, numbers)
+    with writing(task.output) as folder:
+        folder.mkdir()
+        contribute(
+            folder,
+            tables=tables_of(states, weights, first, numbers),
+            truths=_tracks(states, weights, numbers, 0),
+            estimates=_tracks(states, weights, numbers, 1),
+        )
+        np.save(folder / "columns.npy", numbers[1])
+        np.save(folder / "assigned_columns.npy", _assigned(states, weights))
+        aside = np.flatnonzero(left != 1)
+        np.save(folder / "aside.npy", columns.index[aside])
+        np.save(folder / "asides.npy", 1 - left[aside])
+        by_estimate = intervals[np.lexsort((intervals["begin"], intervals["estimate"]))]
+        np.save(folder / "by_estimate.npy", by_estimate)
+        np.save(folder / "by_estimate.key.npy", by_estimate["estimate"])
+        with (folder / "sums.npz").open("wb") as file:
+            np.savez(
+                file,
+                lower=expansion(terms),
+                pairs=pairs,
+                states=len(states.begin),
+                variation=halves(variation, states.begin[moved], problem.steps),
+                regret=_regrets(states, weights, columns, first),
+            )
+
+
+def _tracks(
+    states: States, weights: Ints, numbers: tuple[Ints, Ints], side: int
+) -> dict[str, NDArray[np.generic]]:
+    """What tracks contribute; where estimates are unassigned, other rows have to say."""
+    parts = vars(read_tracks(states, weights, side))
+    size = len(numbers[side])
+    rows = np.bincount(states.problem.sides[side].track, minlength=size)
+    if side == 1:
+        parts |= {"unassigned": np.zeros(size), "unassigned_count": np.zeros(size)}
+        rows = np.zeros(size, np.int64)
+    return {"track": numbers[side], "rows": rows, **parts}
+
+
+def _assigned(states: States, weights: Ints) -> Ints:
+    """How much of each estimate is assigned where it gains, as `halves` has it."""
+    used = np.flatnonzero((states.entry >= 0) & (weights > 0))
+    estimate = states.pair_estimate[states.pair[used]]
+    return halves(weights[used], estimate, states.problem.estimates)
+
+
+def _local_holds(task: Rows, numbers: tuple[Ints, Ints]) -> Table:
+    holds = load_pieces(task.pieces, "holds", task.number, HELD)
+    for name, known in zip(("truth", "estimate"), numbers, strict=True):
+        holds[name] = np.searchsorted(known, holds[name])
+    for name in ("begin", "end"):
+        holds[name] -= task.window[0]
+    return holds
+
+
+def _check_rows(states: States, weights: Ints) -> None:
+    """Refuse what sums to more than 1 in a row, or is negative."""
+    most = weights.max(initial=0)
+    for part, own in row_parts(states):
+        most = max(most, part.rows.sums(weights[own]).max(initial=0))
+    if most > ONE or weights.min(initial=0) < 0:
+        raise SolverError(
+            "an assignment to prove is none: please report this as a bug, with the two files"
+        )
+
+
+def _bound(states: States, columns: SomeColumns) -> tuple[list[float], int, Ints]:
+    """Terms of the lower bound, pairs put aside, and what these leave of each place."""
+    running = running_of(columns.places, states.problem.truths)
+    left = np.ones(len(columns.index), np.int32)
+    terms: list[float] = []
+    pairs = 0
+    for part, _ in row_parts(states):
+        found = row_terms(part, running, left)
+        terms += (-found.best).tolist()
+        terms += found.aside.tolist()
+        pairs += int(found.pairs.sum())
+    return terms, pairs, left
+
+
+def _intervals(states: States, weights: Ints, first: int, numbers: tuple[Ints, Ints]) -> Table:
+    """What is assigned, by (truth, estimate, begin); neighbours of one weight are one."""
+    opens = changed(states.pair_first, weights)
+    opens[states.pair_first[:-1]] = True
+    start = np.flatnonzero(opens)
+    stop = np.append(start[1:], len(weights)) - 1
+    used = weights[start] > 0
+    start, stop = start[used], stop[used]
+    pair = states.pair[start]
+    found = np.zeros(len(start), HELD)
+    found["truth"] = numbers[0][states.pair_truth[pair]]
+    found["estimate"] = numbers[1][states.pair_estimate[pair]]
+    found["begin"], found["end"] = states.begin[start] + first, states.end[stop] + first
+    found["weight"] = weights[start]
+    return found
+
+
+def _regrets(states: States, weights: Ints, columns: SomeColumns, first: int) -> Floats:
+    """Rows that could do better at these prices: by how much, and their first and last step."""
+    price = states.columns.spans(running_of(columns.places, states.problem.truths))
+    value = states.gain - price
+    used = np.flatnonzero(weights)
+    row = states.pair_row[states.pair]
+    own = sum_by(row[used], weights[used] / ONE * value[used], states.nodes)
+    moved = np.flatnonzero(changed(states.pair_first, weights))
+    amount = np.abs(weights[moved] - weights[moved - 1]) / ONE
+    own -= states.problem.switch_price_at[1] * sum_by(row[moved], amount, states.nodes)
+    regret = np.zeros(states.nodes)
+    for part, _ in row_parts(states):
+        regret += best_values(part, value[_])
+    regret -= own
+    gains = np.flatnonzero(states.entry >= 0)
+    begin = np.full(states.nodes, states.problem.steps)
+    end = np.zeros(states.nodes, np.int64)
+    np.minimum.at(begin, row[gains], states.begin[gains])
+    np.maximum.at(end, row[gains], states.begin[gains])
+    open_ = np.flatnonzero(regret[: states.problem.truths] > REGRET)
+    return np.stack((regret[open_], begin[open_] + first, end[open_] + first))

@@ -1,0 +1,242 @@
+"""One long component: planned, solved in windows, joined, proven, repaired where it is open."""
+
+import itertools
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.partitioned.long.columns import Columns, Rest, add_rest, join_columns
+from tgospa_eval.partitioned.long.component import Joined, Long
+from tgospa_eval.partitioned.long.contribution import contribute
+from tgospa_eval.partitioned.long.plan import Count, Plan, count_entries, make_plan
+from tgospa_eval.partitioned.long.rows import Rows, prove_rows
+from tgospa_eval.partitioned.long.seams import repairs
+from tgospa_eval.partitioned.long.tables import Piece, fraction
+from tgospa_eval.partitioned.long.windows import Window, pieces_of, solve_window
+from tgospa_eval.partitioned.share import Share
+from tgospa_eval.partitioned.tasks import Run, writing
+from tgospa_eval.problem.paths import down
+
+REPAIR_ROUNDS = 4
+"""How often open seams are solved again, each time with twice the overlap."""
+
+LITTLE_PROGRESS = 0.9
+"""A round that leaves more of the bracket than this was the last."""
+
+WINDOW_ENTRIES = 200_000
+"""Entries of a window beside which no more pay: a solver takes the longer for each."""
+
+
+def solve_long(component: Long, run: Run[Any]) -> Joined:
+    """Solve a component, until its gap is met or repairs end."""
+    plan = plan_long(component, run)
+    windows = first_windows(component, plan)
+    run(solve_window, windows)
+    overlap = component.overlap
+    joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
+    for number in range(REPAIR_ROUNDS):
+        if joined.share.solved:
+            break
+        again, pieces = repairs(component, plan, joined, overlap, number)
+        run(solve_window, again)
+        before, joined = joined, prove_long(component, plan, pieces, f"round-{number + 1}", run)
+        if width(joined) > LITTLE_PROGRESS * width(before):
+            return min(joined, before, key=width)
+        overlap *= 2
+    return joined
+
+
+def width(joined: Joined) -> float:
+    """Of its bracket."""
+    lower, upper = joined.share.bracket
+    return upper - lower
+
+
+def prove_unfinished(component: Long, run: Run[Any]) -> Joined:
+    """What the windows that are solved by now prove, where others leave all unassigned."""
+    plan = plan_long(component, run)
+    windows = first_windows(component, plan)
+    there = [Path(window.output).exists() for window in windows]
+    name = f"unfinished-{sum(there)}"  # what is there stays there
+    left = [
+        window
+        if found
+        else replace(
+            window,
+            output=f"{component.work}/{name}/{number:06d}",
+            around=window.core,
+            entries=plan.between(*window.core),
+            gap=None,
+        )
+        for number, (window, found) in enumerate(zip(windows, there, strict=True))
+    ]
+    run(solve_window, left)
+    return prove_long(component, plan, pieces_of(left), name, run)
+
+
+def plan_long(component: Long, run: Run[Any]) -> Plan:
+    """Count the entries and divide them."""
+    counts = [
+        Count(output=f"{component.work}/counts/{number:05d}.npz", entries=path)
+        for number, path in enumerate(component.entries)
+    ]
+    run(count_entries, counts)
+    return make_plan(
+        component.entries, [c.output for c in counts], component.together, 2 * component.together
+    )
+
+
+def first_windows(component: Long, plan: Plan) -> list[Window]:
+    """Windows whose cores follow one another."""
+    size = max(min(WINDOW_ENTRIES, component.together // 2), 1)
+    windows = []
+    for number, core in enumerate(plan.cores(size)):
+        around = plan.around(*core, component.overlap, component.together // 4)
+        windows.append(
+            Window(
+                output=f"{component.work}/windows/{number:06d}",
+                entries=plan.between(*around),
+                around=around,
+                core=core,
+                parameters=component.parameters,
+                truth_bounds=plan.truth_bounds,
+                estimate_bounds=plan.estimate_bounds,
+                gap=0.25 * component.gap,
+            )
+        )
+    return windows
+
+
+def prove_long(
+    component: Long, plan: Plan, pieces: tuple[Piece, ...], name: str, run: Run[Any]
+) -> Joined:
+    """Join pieces that have all steps, and prove what they say."""
+    work = f"{component.work}/{name}"
+    bounds = np.searchsorted(plan.estimates, plan.estimate_bounds).tolist()
+    columns = [
+        Columns(
+            output=f"{work}/columns/{n:05d}",
+            pieces=pieces,
+            number=n,
+            estimates=plan.estimates[low:high],
+        )
+        for n, (low, high) in enumerate(itertools.pairwise(bounds))
+    ]
+    run(join_columns, columns)
+    joined = tuple(task.output for task in columns)
+    rows = [
+        Rows(
+            output=f"{work}/rows/{n:05d}",
+            pieces=pieces,
+            number=n,
+            columns=joined,
+            window=plan.window,
+            parameters=component.parameters,
+        )
+        for n in range(len(plan.truth_bounds) - 1)
+    ]
+    run(prove_rows, rows)
+    places = [int(np.load(f"{folder}/first.npy")[-1]) for folder in joined]
+    proven = tuple(task.output for task in rows)
+    rest = [
+        Rest(
+            output=f"{work}/rest/{n:05d}",
+            columns=folder,
+            before=sum(places[:n]),
+            rows=proven,
+            window=plan.window,
+            price=component.parameters.unassigned_prices[1],
+        )
+        for n, folder in enumerate(joined)
+    ]
+    run(add_rest, rest)
+    return _add_up(component, plan, pieces, proven, tuple(task.output for task in rest), work)
+
+
+def _add_up(
+    component: Long,
+    plan: Plan,
+    pieces: tuple[Piece, ...],
+    rows: tuple[str, ...],
+    rest: tuple[str, ...],
+    work: str,
+) -> Joined:
+    first, last = plan.window
+    size = last - first + 1
+    by_step = _steps(pieces)
+    lower: list[float] = []
+    regrets = [np.zeros((3, 0))]
+    variation = np.zeros((2, size), np.int64)
+    pairs = states = 0
+    for folder in rows:
+        with np.load(f"{folder}/sums.npz") as found:
+            lower += found["lower"].tolist()
+            pairs += int(found["pairs"])
+            states += int(found["states"])
+            variation += found["variation"]
+            regrets.append(found["regret"])
+    lost = np.zeros(size)
+    for folder in rest:
+        with np.load(f"{folder}/sums.npz") as found:
+            lower += found["lower"].tolist()
+            lost += found["lost"]
+    missed_price, false_price = component.parameters.unassigned_prices
+    objects = [int(by_step[name].sum()) for name in ("truths", "estimates")]
+    idle = np.array([missed_price, false_price]) * [count - pairs for count in objects]
+    lower += down(idle).tolist()
+    if math.fsum(lower) < 0:
+        lower = [0.0]
+    missed, false = (fraction(by_step[f"free_{name}s"]) for name in ("truth", "estimate"))
+    total = fraction(variation)
+    parts = {
+        "localisation": by_step["localisation"],
+        "missed": missed_price * missed,
+        "false": false_price * false,
+        "switch": component.parameters.switch_price * total,
+    }
+    upper = math.fsum(np.concatenate(list(parts.values())).tolist())
+    counts = [np.load(f"{folder}/counts.npy") for folder in sorted({p.folder for p in pieces})]
+    share = Share(
+        **parts,
+        first=first,
+        missed_count=missed,
+        false_count=false,
+        switch_count=0.5 * total,
+        truths=by_step["truths"],
+        estimates=by_step["estimates"],
+        lower=np.array(lower),
+        upper=upper,
+        iterations=int(sum(count[0] for count in counts)),
+        states=states,
+        solved=upper - math.fsum(lower) <= component.gap * upper,
+    )
+    whole = f"{work}/whole"
+    if not Path(whole).exists():
+        with writing(whole) as beside:
+            beside.mkdir()
+            contribute(beside, share=share)
+    return Joined(
+        share=share,
+        folders=(*rows, *rest, whole),
+        pieces=pieces,
+        lost=lost,
+        regret=np.concatenate(regrets, axis=1),
+    )
+
+
+def _steps(pieces: tuple[Piece, ...]) -> dict[str, NDArray[Any]]:
+    """What windows say of each step."""
+    parts: dict[str, list[NDArray[Any]]] = {}
+    for piece in pieces:
+        with np.load(f"{piece.folder}/steps.npz") as found:
+            low = int(found["first"])
+            for name in found.files:
+                if name != "first":
+                    parts.setdefault(name, []).append(
+                        found[name][..., piece.low - low : piece.high - low]
+                    )
+    return {name: np.concatenate(found, axis=-1) for name, found in parts.items()}

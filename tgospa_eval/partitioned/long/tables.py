@@ -1,0 +1,98 @@
+"""What passes between the tasks of a long component: tables in the parts that other tasks read."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.partitioned.share import ENTRY
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.weights import ONE
+
+Table = NDArray[np.void]
+
+GAIN = np.dtype([*ENTRY.descr, ("weight", "<i8")])
+"""A near pair and how much of it is assigned, in units of `weights.ONE`."""
+
+PRICE_AT = np.dtype([("estimate", "<i4"), ("step", "<i4"), ("price", "<f8")])
+"""A price of an estimate at a step."""
+
+BUSY = np.dtype([("estimate", "<i4"), ("begin", "<i4"), ("end", "<i4")])
+"""From when to when an estimate is assigned where it gains, both steps included."""
+
+HALF_BITS = 25
+"""Bits of the lower half of a weight: sums of as many as there can be of either are no overflow."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """Steps of which one window has the answer.
+
+    Parameters
+    ----------
+    folder : str
+        Of the window.
+    low, high : int
+        The steps from `low` to before `high`.
+    """
+
+    folder: str
+    low: int
+    high: int
+
+    def inside(self, begin: Ints, end: Ints) -> NDArray[np.bool_]:
+        """Whether stretches of steps have one in common with it."""
+        return (begin < self.high) & (end >= self.low)
+
+
+def save_parts(folder: Path, name: str, table: Table, part: Ints, parts: int) -> None:
+    """Write a table by the part that each of its rows belongs to, in the order they come in."""
+    small = part.astype(np.uint16 if parts <= 1 << 16 else np.int64)  # the first: sorted by radix
+    first = np.zeros(parts + 1, np.int64)
+    np.cumsum(np.bincount(part, minlength=parts), out=first[1:])
+    np.save(folder / f"{name}.first.npy", first)
+    np.save(folder / f"{name}.npy", table[np.argsort(small, kind="stable")])
+
+
+def load_part(folder: Path, name: str, part: int | None = None) -> Table:
+    """One part of a table, or all."""
+    table = np.load(folder / f"{name}.npy", mmap_mode="r")
+    if part is None:
+        return np.array(table)
+    first = np.load(folder / f"{name}.first.npy")
+    return np.array(table[first[part] : first[part + 1]])
+
+
+def load_pieces(
+    pieces: Iterable[Piece], name: str, part: int | None, dtype: np.dtype[np.void]
+) -> Table:
+    """One part of a table, or all, of the steps of some pieces; stretches are cut to them."""
+    begin, end = ("begin", "end") if "begin" in (dtype.names or ()) else ("step", "step")
+    found = [np.zeros(0, dtype)]
+    for piece in pieces:
+        table = load_part(Path(piece.folder), name, part)
+        inside = piece.inside(table[begin], table[end])
+        if not inside.all():
+            table = table[inside]
+        if begin != end:
+            np.maximum(table[begin], piece.low, out=table[begin])
+            np.minimum(table[end], piece.high - 1, out=table[end])
+        found.append(table)
+    return np.concatenate(found)
+
+
+def halves(weight: Ints, index: Ints, size: int) -> Ints:
+    """Sums of the weights that share an index, in two halves, (2, size)."""
+    sums = np.zeros((2, size), np.int64)
+    np.add.at(sums[0], index, weight & ((1 << HALF_BITS) - 1))
+    np.add.at(sums[1], index, weight >> HALF_BITS)
+    return sums
+
+
+def fraction(sums: Ints) -> Floats:
+    """What `halves` sums up, in units of 1, rounded twice."""
+    low, high = sums
+    value: Floats = (high * 2.0**HALF_BITS + low) / ONE
+    return value
