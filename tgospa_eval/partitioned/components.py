@@ -16,6 +16,11 @@ SHARD_ENTRIES = 1_000_000
 so that results do not depend on the machine."""
 
 
+FEW_PAIRS = 1 << 20
+"""Pairs of blocks wait until they are so many, and as many as are known, before they are sorted in:
+each is sorted few times, however many blocks there are."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracks:
     """The tracks of one side.
@@ -93,14 +98,16 @@ def make_shards(
     """
     width = max(len(estimates.ids), 1)
     keys, counts = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    waiting: list[tuple[Ints, Ints]] = []
+    rows = 0
     for number, block in enumerate(blocks):
         truth = truths.numbers[number][block.pairs["truth"]].astype(np.int64)
         key = truth * width + estimates.numbers[number][block.pairs["estimate"]]
-        both = np.concatenate((keys, key))
-        keys, inverse = np.unique(both, return_inverse=True)
-        counts = np.bincount(
-            inverse, np.concatenate((counts, block.pairs["entries"])), minlength=len(keys)
-        ).astype(np.int64)
+        waiting.append((key, block.pairs["entries"]))
+        rows += len(key)
+        if rows > len(keys) + FEW_PAIRS or number == len(blocks) - 1:
+            keys, counts = _merged([(keys, counts), *waiting])
+            waiting, rows = [], 0
     truth, estimate = np.divmod(keys, width)
     m = len(truths.ids)
     root = connected_components(truth, estimate + m, m + len(estimates.ids))[truth]
@@ -116,6 +123,13 @@ def make_shards(
         components=len(entries),
         pairs=len(keys),
     )
+
+
+def _merged(parts: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
+    """Distinct keys, and the sums of their counts."""
+    keys, at = np.unique(np.concatenate([key for key, _ in parts]), return_inverse=True)
+    counts = np.bincount(at, np.concatenate([count for _, count in parts]), minlength=len(keys))
+    return keys, counts.astype(np.int64)
 
 
 def _cut(entries: Ints, most: int) -> tuple[Ints, NDArray[np.bool_]]:
