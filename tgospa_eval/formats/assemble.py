@@ -276,10 +276,14 @@ def _repeats(
     detections = which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]
     if not len(again) and not detections:
         return None
-    from tgospa_eval.formats.repeats import NO_TRACKS, most_repeat, refusal  # few files need them
+    from tgospa_eval.formats.repeats import (
+        most_repeat,
+        only_detections,
+        refusal,
+    )  # few files need them
 
     if not len(again):
-        raise InputError(f"{rows.name}: every id is {NO_TRACKS}; give a single track another id")
+        raise InputError(only_detections(rows.name))
     if which == "error":
         raise InputError(refusal(taken, again, key, rows, format))
     choice.warnings += most_repeat(taken, again, rows, which)

@@ -19,6 +19,11 @@ NEARLY_ALL = 0.9
 """Share of rows from which one id is that of nearly all."""
 
 
+def only_detections(name: str) -> str:
+    """Message for a file whose only id is -1."""
+    return f"{name}: every id is {NO_TRACKS}; give a single track another id"
+
+
 def refusal(taken: Ints, again: Ints, key: Ints, rows: Rows, format: str) -> str:
     """Message for the repeated row that comes first in the file.
 

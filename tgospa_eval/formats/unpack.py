@@ -64,8 +64,15 @@ def unpack(data: bytes, path: str, most: int = SETTINGS) -> bytes:
 
 
 @contextmanager
-def unpacking(path: str) -> Iterator[BinaryIO]:
+def unpacking(place: str, path: str) -> Iterator[BinaryIO]:
     """The content of a file, unpacked while it is read if it is compressed.
+
+    Parameters
+    ----------
+    place : str
+        Where the file is.
+    path : str
+        What it is called in messages.
 
     Raises
     ------
@@ -74,7 +81,7 @@ def unpacking(path: str) -> Iterator[BinaryIO]:
     ConfigError
         The package that unpacks it is missing.
     """
-    with named(path, InputError), open(path, "rb") as file:
+    with named(path, InputError), open(place, "rb") as file:
         head = file.read(PACKED_FROM)
         file.seek(0)
         opened = next((opener for magic, opener in OPENERS.items() if head.startswith(magic)), None)

@@ -225,6 +225,8 @@ def _result(
 ) -> PartitionedResult:
     """The result, its tables written."""
     request, whole = plan.request, found.whole
+    for side, numbered in zip(sides, found.tracks, strict=True):
+        side.check_ids(numbered.ids)
     parameters, solver = request.parameters, request.solver
     assert isinstance(solver, Certified)
     check_underflow(found.constants, parameters, whole.bounds.upper)

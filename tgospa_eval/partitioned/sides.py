@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import freeze
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import natural
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.assemble import (
     CENTRES,
@@ -29,7 +28,7 @@ from tgospa_eval.formats.assemble import (
 )
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
-from tgospa_eval.formats.repeats import NO_TRACKS
+from tgospa_eval.formats.repeats import only_detections
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
 from tgospa_eval.partitioned.input.index import Index, Source, index_tables, index_texts
@@ -131,7 +130,7 @@ class Side:
         if steps.converted:
             value = steps.times[np.searchsorted(steps.raw, value)]
         ids = rows.ids
-        if [*ids[0][:2]] == ["-1"]:  # other blocks may have others: see `id_order`
+        if [*ids[0][:2]] == ["-1"]:  # other blocks may have others: see `check_ids`
             ids = np.array(["-1", ""], dtype=object), ids[1]
         rows = _BlockRows(
             name=rows.name,
@@ -174,21 +173,17 @@ class Side:
             notices += classes_lacking(self.options, classes)
         return (*self.notices, *notices)
 
-    def id_order(self, ids: Sequence[str]) -> Ints:
-        """Positions of the ids of all blocks, in the order in which one file would number them.
-
-        Digits compare as numbers: 2 before 10, then a2 before a10.
+    def check_ids(self, ids: NDArray[np.str_]) -> None:
+        """Whether the ids of all blocks are those of tracks.
 
         Raises
         ------
         InputError
             The only id is -1, as of detections.
         """
-        if [*ids] == ["-1"] and self.rows > 1:
-            raise InputError(
-                f"{self.path}: every id is {NO_TRACKS}; give a single track another id"
-            )
-        return np.array(sorted(range(len(ids)), key=lambda k: natural(ids[k])), np.int64)
+        only = ids[0] if len(ids) == 1 else ""
+        if only == "-1" and self.rows > 1 and self.options.on_duplicate == "error":
+            raise InputError(only_detections(self.path))
 
     def _parts(self, span: Span) -> Iterator[Rows]:
         """Rows of the files in a range of time, in the order of the files."""
@@ -259,7 +254,7 @@ def open_side(
     name = os.fsdecode(path)
     check_options(name, options)
     format, files = files_of(name)
-    store = work / f"{role}-{_key(format, files, options, rows_together)}"
+    store = work.absolute() / f"{role}-{_key(format, files, options, rows_together)}"
     opened = store / "side"
     if not opened.exists():
         source = Source(files=files, options=options, store=store, rows_together=rows_together)
@@ -275,8 +270,8 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
     """What names the index of these files, read with these options."""
     sha = hashlib.sha256(f"{format} {rows_together} {len(files)}".encode())
     for file in files:
-        found = os.stat(file.path)
-        state = file.path, file.keys, found.st_size, found.st_mtime_ns
+        found = os.stat(file.place)
+        state = file.path, file.place, file.keys, found.st_size, found.st_mtime_ns
         sha.update(repr(state).encode("utf-8", "surrogateescape"))
     asked = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
     sha.update(repr(asked).encode("utf-8", "surrogateescape"))

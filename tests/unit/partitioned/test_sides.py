@@ -206,14 +206,6 @@ def test_digests_do_not_depend_on_parts(tmp_path: Path) -> None:
     assert len(digests) == 2
 
 
-def test_ids_are_in_the_order_of_one_file(tmp_path: Path) -> None:
-    frame = pd.DataFrame({"id": ["10", "a2", "2", "a10", "-1", "02"], "t": 0, "x": 1.0, "y": 2.0})
-    parts, whole = written(tmp_path, [frame[:3], frame[3:]])
-    side = opened(parts, tmp_path / "work")
-    ids = frame["id"].tolist()
-    assert [ids[k] for k in side.id_order(ids)] == whole.ids.tolist()
-
-
 def test_keys_of_folders_are_columns_if_needed(tmp_path: Path) -> None:
     frame = scene(ids="text")
     frame["class"] = np.where(frame["t"] % 2, "a car", "b")

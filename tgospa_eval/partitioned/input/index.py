@@ -274,21 +274,16 @@ def check_alike(roles: Roles, first: Roles, file: File, first_file: File) -> Non
     InputError
         It has others.
     """
-    mine, others = {*columns_in_use(roles)}, {*columns_in_use(first)}
-    if mine == others:
+    if columns_in_use(roles) == columns_in_use(first):
         return
-    lacking, beside = sorted(others - mine), sorted(mine - others)
-    what = " and ".join(
-        [f"lacks column {listed(lacking)}"] * bool(lacking)
-        + [f"is read by column {listed(beside)}"] * bool(beside)
-    )
     raise InputError(
-        f"{file.path}: {what}, other than {first_file.path}; write the same columns into all "
-        "files, or name those to be read with --columns"
+        f"{file.path}: read by its columns {listed(columns_in_use(roles))}, and "
+        f"{first_file.path} by {listed(columns_in_use(first))}; write the same into all files, or "
+        "name them with --columns"
     )
 
 
 def columns_in_use(roles: Roles) -> list[str]:
-    """Headers of ids, times, classes and numbers, in this order."""
+    """Headers of ids, times, classes and numbers, in an order that is not that of the file."""
     columns = [roles.id, roles.time, *([] if roles.klass is None else [roles.klass])]
     return [roles.headers[column] for column in (*columns, *roles.numbers)]

@@ -14,14 +14,8 @@ from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.unpack import is_packed, plain_name
 from tgospa_eval.text import listed, quoted
 
-TABLE_ENDINGS = {
-    ".parquet": "parquet",
-    ".pq": "parquet",
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-}
-"""What is read in parts, by the end of a name without that of a compressed file."""
+PARQUET_ENDINGS, CSV_ENDINGS = (".parquet", ".pq"), (".csv", ".tsv")
+"""Of names, without those of compressed files."""
 
 HIDDEN = ("_", ".")
 """How names begin of what writers leave beside the data: _SUCCESS, _metadata, .crc."""
@@ -36,12 +30,15 @@ class File:
     Parameters
     ----------
     path : str
-        Where it is.
+        What it is called in messages.
+    place : str
+        Where it is, for workers in whatever folder.
     keys : tuple of pairs of str
         Names and values of the folders ``key=value`` that it is in.
     """
 
     path: str
+    place: str
     keys: tuple[tuple[str, str], ...] = ()
 
 
@@ -87,7 +84,7 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
         if not os.path.exists(path):
             raise InputError(f"{path}: no such file or folder")
     if not os.path.isdir(path):
-        return _kind(path), (File(path),)
+        return _kind(path), (File(path, os.path.abspath(path)),)
     if is_table_folder(path):
         raise InputError(f"{path}: a folder of nuScenes; {NOT_IN_PARTS}")
     found = sorted(_walk(path), key=lambda file: natural(file.path))
@@ -97,7 +94,7 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
     if not found:
         raise InputError(f"{path}: no file in this folder; write Parquet or CSV files into it")
     if len(kinds) > 1:
-        both = listed(sorted(kinds.values()))
+        both = listed(sorted(os.path.relpath(each, path) for each in kinds.values()))
         raise InputError(f"{path}: files of two formats, {both}; write all as Parquet, or as CSV")
     return next(iter(kinds)), tuple(found)
 
@@ -116,7 +113,8 @@ def _walk(folder: str) -> Iterator[File]:
             keys = tuple((key, _value(text)) for key, equals, text in pairs if equals and key)
             for name in names:
                 if not name.startswith(HIDDEN):
-                    yield File(os.path.join(place, name), keys)
+                    path = os.path.join(place, name)
+                    yield File(path, os.path.abspath(path), keys)
 
 
 def _value(text: str) -> str:
@@ -134,16 +132,18 @@ def _kind(path: str) -> str:
     """
     with named(path, InputError), open(path, "rb") as file:
         head = file.read(GUESSED_FROM)
-    ending = re.search(r"\.[^./\\]*$", plain_name(path))
-    kind = TABLE_ENDINGS.get(ending[0] if ending else "")
     if head.startswith(b"PAR1"):
         return "parquet"
-    if kind == "parquet" and is_packed(head):
-        raise InputError(f"{path}: a compressed Parquet file; unpack it, or compress its columns")
-    if kind is None or (kind == "csv" and ending and ending[0] == ".txt"):
-        chosen = "csv" if is_packed(head) else guess(path, head)
-        if chosen != "csv" or (kind is None and ending):
-            what = f"looks like {chosen}" if chosen != "csv" else "is no table by its name"
-            raise InputError(f"{path}: {what}; {NOT_IN_PARTS}: take it out, or convert it")
+    found = re.search(r"\.[^./\\]*$", plain_name(path))
+    ending = found[0] if found else ""
+    if ending in PARQUET_ENDINGS:
+        if is_packed(head):
+            raise InputError(
+                f"{path}: a compressed Parquet file; unpack it, or compress its columns"
+            )
+        return "parquet"
+    looks = "csv" if is_packed(head) or ending in CSV_ENDINGS else guess(path, head)
+    if looks == "csv" and ending in (*CSV_ENDINGS, ".txt", ""):
         return "csv"
-    return kind
+    what = "is no table by its name" if looks == "csv" else f"looks like {looks}"
+    raise InputError(f"{path}: {what}; {NOT_IN_PARTS}: take it out, or convert it")

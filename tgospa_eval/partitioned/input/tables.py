@@ -190,12 +190,12 @@ def open_table(file: File, options: ReadOptions) -> Table:
             f"{file.path}: Parquet files need the extra parquet: {install('parquet')}"
         ) from None
     with named(file.path, InputError):
-        if not os.path.getsize(file.path):
+        if not os.path.getsize(file.place):
             raise InputError(
                 f"{file.path}: the file is empty; a part without objects has a schema and no rows"
             )
     try:
-        content = pq.ParquetFile(file.path, buffer_size=BYTES_OF_COLUMN)
+        content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN)
         schema = content.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
         raise damaged(file.path, "Parquet", error) from None

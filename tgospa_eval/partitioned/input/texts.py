@@ -50,9 +50,9 @@ def read_head(file: File, options: ReadOptions) -> Head:
         It is no table, or lacks columns.
     """
     path = file.path
-    with named(path, InputError), open(path, "rb") as source:
+    with named(path, InputError), open(file.place, "rb") as source:
         packed = is_packed(source.read(PACKED_FROM))
-    with unpacking(path) as stream:
+    with unpacking(file.place, path) as stream:
         data = stream.read(HEADER_BYTES)
         data += stream.readline() if data else b""
     check_text(data, path)
@@ -125,7 +125,7 @@ Cut = tuple[bytes, Callable[[], int]]
 def _cut(file: File, head: Head, begin: int, end: int) -> Iterator[Cut]:
     """The lines that begin between two bytes of a file."""
     start = max(begin, len(head.content))
-    with named(file.path, InputError), open(file.path, "rb") as source:
+    with named(file.path, InputError), open(file.place, "rb") as source:
         if start > len(head.content):
             source.seek(start - 1)
             start += len(source.readline()) - 1
@@ -134,13 +134,13 @@ def _cut(file: File, head: Head, begin: int, end: int) -> Iterator[Cut]:
         if content and not content.endswith(b"\n"):
             content += source.readline()
     if content:
-        yield content, cache(partial(_lines, file.path, len(head.content), start))
+        yield content, cache(partial(_lines, file, len(head.content), start))
 
 
-def _lines(path: str, begin: int, end: int) -> int:
+def _lines(file: File, begin: int, end: int) -> int:
     """Lines between two bytes of a file."""
     count = 0
-    with named(path, InputError), open(path, "rb") as source:
+    with named(file.path, InputError), open(file.place, "rb") as source:
         source.seek(begin)
         while begin < end and (content := source.read(min(CHUNK, end - begin))):
             count += content.count(b"\n")
@@ -151,7 +151,7 @@ def _lines(path: str, begin: int, end: int) -> int:
 def _unpacked(file: File, head: Head, size: int) -> Iterator[Cut]:
     """All lines of a compressed file, so many bytes at a time."""
     before = 0
-    with unpacking(file.path) as stream:
+    with unpacking(file.place, file.path) as stream:
         stream.read(len(head.content))
         while content := stream.read(size):
             content += stream.readline()
@@ -162,4 +162,4 @@ def _unpacked(file: File, head: Head, size: int) -> Iterator[Cut]:
 def size_of(file: File) -> int:
     """Bytes of a file as it is stored."""
     with named(file.path, InputError):
-        return os.path.getsize(file.path)
+        return os.path.getsize(file.place)
