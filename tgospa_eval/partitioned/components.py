@@ -97,7 +97,8 @@ def make_shards(
     Components of more than `most_entries` are long.
     """
     width = max(len(estimates.ids), 1)
-    keys, counts = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    keys: Ints = np.zeros(0, np.int64)
+    counts: Ints = np.zeros(0, np.int64)
     waiting: list[tuple[Ints, Ints]] = []
     rows = 0
     for number, block in enumerate(blocks):
