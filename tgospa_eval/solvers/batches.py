@@ -1,9 +1,12 @@
 """Blocks in batches, batches in threads; what comes out does not depend on the threads."""
 
+import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -18,12 +21,17 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import block_costs, settle, unassigned_costs
 from tgospa_eval.solvers.bracket_progress import BatchProgress, BracketProgress
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
+from tgospa_eval.solvers.time_windows import Division, TimeWindow, divisible_blocks
+from tgospa_eval.solvers.warm_start import WarmStart
 
-if TYPE_CHECKING:
-    from tgospa_eval.solvers.warm_start import WarmStart
+T = TypeVar("T")
+R = TypeVar("R")
 
 BATCH_STATES = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
+
+BEFORE_SEAMS = 0.9
+"""Share of the work that windows are of a long block."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +63,7 @@ class Batch:
     prices: Floats
     limit: Limit
     progress: BatchProgress
-    warm_start: "WarmStart | None" = None
+    warm_start: WarmStart | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,12 +118,15 @@ class Routine:
         Threads, all cores by default.
     tries : bool
         Whether `solve` looks at blocks that are only to be tried.
+    divides : bool
+        Whether long blocks are solved in windows of time first, for `solve` to begin from.
     """
 
     trivial: Trivial
     solve: Callable[[Batch], Answer]
     jobs: int | None
     tries: bool = False
+    divides: bool = False
 
 
 def solve_in_batches(
@@ -125,7 +136,7 @@ def solve_in_batches(
     *,
     gap: float,
     time_limit: float | None,
-    warm_start: "WarmStart | None" = None,
+    warm_start: WarmStart | None = None,
 ) -> Solution:
     """Solve batch by batch, what is trivial first, and put the answers together.
 
@@ -169,21 +180,34 @@ def _solve_some(
     routine: Routine,
     stopwatch: Stopwatch,
     limit: Limit,
-    warm_start: "WarmStart | None",
+    warm_start: WarmStart | None,
 ) -> Solution:
-    """The wanted blocks batch by batch, and those of the others that are `quickly` solved."""
+    """The wanted blocks batch by batch, and those of the others that are `quickly` solved.
+
+    Long blocks are batches of their own, which begin from what is found for windows of them.
+    """
     wanted, quickly = masks
     weights = np.zeros(len(states.begin))
     prices = np.zeros(len(states.columns.step))
 
-    cuts = states.cuts(BATCH_STATES)
+    long: Ints = np.zeros(0, np.int64)
+    if routine.divides and warm_start is None:
+        long = divisible_blocks(states)
+        long = long[wanted[long] & ~quickly[long]]
+    cuts = _apart(states.cuts(BATCH_STATES), long)
     bracket = BracketProgress(states, cuts, limit.progress)
+    divided = {
+        number: _Divided(states.between(*cut)[0], number, routine, limit, bracket)
+        for number, cut in enumerate(cuts)
+        if len(long) and cut[0] in long
+    }
 
     def work(number: int) -> Answer:
         blocks = slice(*cuts[number])
         if not (wanted[blocks].any() or quickly[blocks].any()):
             return Answer()
         part, state, slot = states.between(*cuts[number])
+        start = None if warm_start is None else warm_start.between(state, slot)
         batch = Batch(
             states=part,
             wanted=wanted[blocks],
@@ -192,7 +216,7 @@ def _solve_some(
             prices=prices[slot],
             limit=limit,
             progress=BatchProgress(bracket, number, part, weights[state], quickly[blocks]),
-            warm_start=None if warm_start is None else warm_start.between(state, slot),
+            warm_start=divided.pop(number).start() if number in divided else start,
         )
         with np.errstate(under="ignore"):  # whatever the caller has set: threads begin anew
             answer = _answer(batch, routine)
@@ -201,15 +225,16 @@ def _solve_some(
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    threads = min(routine.jobs or cores(), len(cuts))
-    if threads <= 1:
-        answers = list(map(work, range(len(cuts))))
-    else:
-        from concurrent.futures import ThreadPoolExecutor  # here: small problems do without
-
-        with ThreadPoolExecutor(threads) as pool:
-            answers = list(pool.map(work, range(len(cuts))))
-    _book(stopwatch, answers, time.perf_counter() - begin)
+    windows = [partial(d.solve, window) for d in divided.values() for window in d.windows]
+    whole = [number for number in range(len(cuts)) if number not in divided]
+    last = list(divided)
+    first: list[Callable[[], Answer]] = [*windows, *(partial(work, number) for number in whole)]
+    with _threads(min(routine.jobs or cores(), len(first))) as in_threads:
+        found = in_threads(lambda task: task(), first)
+        by_number = dict(zip(whole, found[len(windows) :], strict=True))
+        by_number.update(zip(last, in_threads(work, last), strict=True))
+    answers = [by_number[number] for number in range(len(cuts))]
+    _book(stopwatch, [*found[: len(windows)], *answers], time.perf_counter() - begin)
 
     missing = sum(len(answer.open) for answer in answers)
     open_ = np.zeros(len(states.block_begin), bool)
@@ -224,12 +249,86 @@ def _solve_some(
         status=worst.status,
         detail=worst.detail,
         unsolved=(missing, sum(len(a.left) for a in answers)) if missing else None,
-        iterations=sum(answer.iterations for answer in answers),
+        iterations=sum(answer.iterations for answer in (*found[: len(windows)], *answers)),
         finished=not missing,
         history=_merge(states, cuts, answers, weights),
         disposable=True,
         missing=open_,
     )
+
+
+class InThreads(Protocol):
+    """`map` to a list, in threads or not."""
+
+    def __call__(self, work: Callable[[T], R], items: Iterable[T], /) -> list[R]:
+        """The answers in order."""
+
+
+@contextmanager
+def _threads(count: int) -> Iterator[InThreads]:
+    """So many threads to work in."""
+    if count <= 1:
+        yield lambda work, items: list(map(work, items))
+        return
+    from concurrent.futures import ThreadPoolExecutor  # here: small problems do without
+
+    with ThreadPoolExecutor(count) as pool:
+        yield lambda work, items: list(pool.map(work, items))
+
+
+def _apart(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
+    """The cuts, further divided so that each of the long blocks is by itself."""
+    if not len(long):
+        return cuts
+    edges = sorted({*(low for low, _ in cuts), cuts[-1][1], *long.tolist(), *(long + 1).tolist()})
+    return list(itertools.pairwise(edges))
+
+
+class _Divided:
+    """A batch of one long block, in windows of time.
+
+    Parameters
+    ----------
+    states : States
+        The block.
+    number : int
+        Of the batch.
+    routine, limit, bracket
+        How windows are solved, until when, and where it is said how many are.
+    """
+
+    def __init__(
+        self, states: States, number: int, routine: Routine, limit: Limit, bracket: BracketProgress
+    ) -> None:
+        self.division = Division(states)
+        self.windows = self.division.windows()
+        self.number, self.bracket, self.done = number, bracket, 0
+        self.routine = replace(routine, jobs=1, divides=False)
+        self.limit = replace(limit, progress=limit.progress.silent())
+
+    def solve(self, window: TimeWindow) -> Answer:
+        """Solve one window; called from several threads."""
+        begin = time.perf_counter()
+        piece = self.division.cut(window)
+        every = np.ones(len(piece.block_begin), bool)
+        spent, watch = time.perf_counter() - begin, Stopwatch()
+        with np.errstate(under="ignore"):
+            found = _solve_some(piece, (every, ~every), self.routine, watch, self.limit, None)
+        begin = time.perf_counter()
+        self.division.take(window, piece, found.weights, found.prices)
+        self.done += 1
+        self.bracket.advance(self.number, BEFORE_SEAMS * self.done / len(self.windows))
+        spent += time.perf_counter() - begin
+        seconds = {name.removeprefix("solve/"): time_ for name, time_ in watch.spans.items()}
+        seconds["preparation"] = seconds.get("preparation", 0.0) + spent
+        return Answer(
+            iterations=found.iterations, work=watch.work, sweeping=watch.busy, seconds=seconds
+        )
+
+    def start(self) -> WarmStart:
+        """What the windows have found, joined."""
+        division = self.division
+        return WarmStart(weights=(division.join(),), prices=division.prices, near=True)
 
 
 def _answer(batch: Batch, routine: Routine) -> Answer:

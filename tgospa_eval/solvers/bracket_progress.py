@@ -57,6 +57,12 @@ class BracketProgress:
         )
         self.progress.done(float(self._sizes() @ self.shares))
 
+    def advance(self, number: int, share: float) -> None:
+        """Of a batch: how much is done, where nothing is proven yet."""
+        self.shares[number] = share
+        if self.progress.due:
+            self.progress.done(float(self._sizes() @ self.shares))
+
     def _sizes(self) -> Floats:
         """Of the batches, as shares of the whole."""
         states = self.states

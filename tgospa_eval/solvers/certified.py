@@ -72,6 +72,7 @@ class Certified:
                 self._ascend if kernels else _without_kernels,
                 self.jobs,
                 tries=bool(kernels),
+                divides=bool(kernels),
             ),
             stopwatch,
             gap=self.gap,

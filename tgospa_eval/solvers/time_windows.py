@@ -1,0 +1,219 @@
+"""Windows in time: a long component in pieces that overlap, and their answers joined.
+
+    core |---------|---------|---------|
+         |------------|                  a window: its core, and some steps to either side
+              |---------------|
+
+Of each window the weights and prices of its core are kept. Whatever is joined bounds the optimum,
+for any prices >= 0 do, and any feasible weights (docs/theory/windows-in-time.md); how well it fits
+at the seams is measured afterwards, on the whole component.
+"""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.merging import merge_runs
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.slots import Slots
+from tgospa_eval.problem.states import States
+from tgospa_eval.problem.weights import ONE, repair
+from tgospa_eval.solvers.capacities import load
+from tgospa_eval.solvers.schedule import TIME_WINDOWS
+
+FULLER = 1e-15
+"""Sums of weights that exceed 1 by more are scaled."""
+
+UNKNOWN = -1.0
+"""The weight of a state that no window has answered for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimeWindow:
+    """Steps that are solved together; ends are the step after the last.
+
+    Parameters
+    ----------
+    begin, end : int
+        Of the core, what is kept.
+    first, stop : int
+        Of all.
+    """
+
+    begin: int
+    end: int
+    first: int
+    stop: int
+
+
+def divisible_blocks(states: States) -> Ints:
+    """The blocks that are solved in windows: very large ones with rows that compete, over time.
+
+    With switch prices that vary a run is several states, and gains that may be negative are for
+    other purposes; such problems are solved whole.
+    """
+    problem = states.problem
+    if problem.signed or not isinstance(problem.switch_price, float) or not problem.switch_price:
+        return np.zeros(0, np.int64)
+    if len(states.begin) < TIME_WINDOWS.least:
+        return np.zeros(0, np.int64)
+    blocks = len(states.block_begin)
+    first = states.pair_first[np.searchsorted(states.pair_block, np.arange(blocks + 1))]
+    steps = states.block_end - states.block_begin + 1
+    long = steps >= TIME_WINDOWS.steps
+    large = np.diff(first) >= TIME_WINDOWS.least
+    return np.flatnonzero(large & long & ~states.transposed)
+
+
+class Division:
+    """One block in windows, and the answers of these as they come; windows may be in threads.
+
+    Parameters
+    ----------
+    states : States
+        The block.
+
+    Attributes
+    ----------
+    weights, prices : (S,), (K,) float arrays
+        What is joined so far.
+    """
+
+    def __init__(self, states: States) -> None:
+        self.states = states
+        self.weights = np.full(len(states.begin), UNKNOWN)
+        self.prices = np.zeros(len(states.columns.step))
+        gains = np.flatnonzero(states.entry >= 0)
+        entry = states.entry[gains]
+        order = np.argsort(entry)
+        self._entry, self._state = entry[order], gains[order].astype(np.int32)
+        problem = states.problem
+        self._step = problem.truth_step[problem.truth_row[self._entry]]
+        self._end = states.end
+
+    def windows(self) -> list[TimeWindow]:
+        """Windows of whole steps with about as many gains each."""
+        begin, end = int(self.states.block_begin[0]), int(self.states.block_end[0]) + 1
+        count = len(self.weights) // TIME_WINDOWS.size
+        count = max(min(count, (end - begin) // TIME_WINDOWS.shortest), 1)
+        at = len(self._step) * np.arange(1, count) // count
+        seams = [begin, *np.unique(self._step[at]).tolist(), end]
+        return [
+            TimeWindow(
+                begin=low,
+                end=high,
+                first=max(low - TIME_WINDOWS.overlap, begin),
+                stop=min(high + TIME_WINDOWS.overlap, end),
+            )
+            for low, high in itertools.pairwise(seams)
+            if low < high
+        ]
+
+    def cut(self, window: TimeWindow) -> States:
+        """The window as a problem of its own, of which the first step is 0."""
+        problem, steps = self.states.problem, (window.first, window.stop)
+        own = slice(*np.searchsorted(self._step, steps).tolist())
+        truths = slice(*np.searchsorted(problem.truth_step, steps).tolist())
+        estimates = slice(*np.searchsorted(problem.estimate_step, steps).tolist())
+        entry = self._entry[own]
+        piece = replace(
+            problem,
+            steps=window.stop - window.first,
+            truth_step=problem.truth_step[truths] - window.first,
+            truth_track=problem.truth_track[truths],
+            truth_price=problem.truth_price[truths],
+            estimate_step=problem.estimate_step[estimates] - window.first,
+            estimate_track=problem.estimate_track[estimates],
+            estimate_price=problem.estimate_price[estimates],
+            truth_row=problem.truth_row[entry] - truths.start,
+            estimate_row=problem.estimate_row[entry] - estimates.start,
+            cost=problem.cost[entry],
+            distance_power=None,
+        )
+        # Columns are estimates, as in the block: each may need its prices.
+        return merge_runs(piece, transpose=False)
+
+    def take(self, window: TimeWindow, piece: States, weights: Floats, prices: Floats) -> None:
+        """Keep what was found for the core of a window.
+
+        A state is kept that lies in the core, and the price of a slot that begins there.
+        """
+        whole = self.states
+        home = self._homes(window, piece)
+        begin = whole.begin[home]
+        inside = begin >= window.begin
+        inside &= self._end[home] < window.end
+        self.weights[home[inside]] = weights[inside]
+        slot = piece.columns.begin
+        shared = np.diff(piece.columns.first)[piece.pair_column] > 0
+        priced = np.repeat(shared, np.diff(piece.pair_first))
+        priced &= (begin == piece.begin + window.first) & (begin >= window.begin)
+        priced &= begin < window.end
+        self.prices[whole.columns.begin[home[priced]]] = prices[slot[priced]]
+
+    def _homes(self, window: TimeWindow, piece: States) -> Ints:
+        """Where each state of a window is in the block; of a run cut off, the run."""
+        start = int(np.searchsorted(self._step, window.first))
+        home = np.empty(len(piece.begin), np.int32)
+        run = piece.entry < 0
+        gains = np.flatnonzero(~run)
+        home[gains] = self._state[start + piece.entry[gains]]
+        opens = np.zeros(len(home), bool)
+        opens[piece.pair_first[:-1]] = True
+        leading = np.flatnonzero(run & opens)
+        other = np.flatnonzero(run & ~opens)
+        home[other] = home[other - 1] + 1
+        home[leading] = home[leading + 1] - 1
+        return home
+
+    def join(self) -> Floats:
+        """Weights of all states, feasible: runs that no window holds whole are filled in.
+
+        A run between two gains costs nothing at the lesser weight of both, and frees most room
+        there; at the ends of the block it costs nothing at the weight of its gain.
+        """
+        states, weights = self.states, self.weights
+        run = np.flatnonzero(states.entry < 0)
+        first = np.zeros(len(weights) + 1, bool)
+        first[states.pair_first] = True
+        around = np.maximum(weights, 0.0)
+        before = np.where(first[run], np.inf, around[run - 1])
+        after = np.where(first[run + 1], np.inf, around[np.minimum(run + 1, len(around) - 1)])
+        most = np.minimum(before, after)
+        known = weights[run] >= 0
+        joined: Floats = around
+        joined[run] = np.where(known, np.minimum(weights[run], most), most)
+        seams = run[~known & (most > 0)]
+        _make_room(states, joined, seams)
+        if any(_too_full(slots, joined).any() for slots in (states.rows, states.columns)):
+            joined = repair(states, joined) / ONE
+        return joined
+
+
+def _too_full(slots: Slots, weights: Floats) -> NDArray[np.bool_]:
+    return load(slots, weights) > 1 + FULLER
+
+
+def _make_room(states: States, weights: Floats, runs: Ints) -> None:
+    """Lessen the weights of those runs where a slot is too full, in place; the shortest stay."""
+    sides = [(slots, slots.begin[runs], slots.end[runs]) for slots in (states.rows, states.columns)]
+    clash = np.zeros(len(runs), bool)
+    for slots, begin, end in sides:
+        full = np.concatenate(([0], np.cumsum(_too_full(slots, weights))))
+        clash |= full[end] > full[begin]
+    if not clash.any():
+        return
+    chosen = np.flatnonzero(clash)
+    length = states.end[runs[chosen]] - states.begin[runs[chosen]]
+    wanted = weights[runs]
+    weights[runs[chosen]] = 0.0
+    room = [1.0 - load(slots, weights) for slots, _, _ in sides]
+    for k in chosen[np.argsort(length, kind="stable")].tolist():
+        spans = [own[begin[k] : end[k]] for own, (_, begin, end) in zip(room, sides, strict=True)]
+        held = max(min(wanted[k], *(float(span.min(initial=1.0)) for span in spans)), 0.0)
+        weights[runs[k]] = held
+        for span in spans:
+            span -= held
