@@ -12,9 +12,11 @@ from tgospa_eval.engines.spread import Engine
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.add_up import Whole, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
+from tgospa_eval.partitioned.long.component import Long
+from tgospa_eval.partitioned.long.run import solve_long
 from tgospa_eval.partitioned.scan import Block, Readable, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import Shard, solve_shard
-from tgospa_eval.partitioned.shuffle import Sort, sort_entries
+from tgospa_eval.partitioned.shuffle import Sort, long_name, sort_entries
 from tgospa_eval.partitioned.tasks import T, run_tasks
 from tgospa_eval.problem.problem import Ints, Problem
 from tgospa_eval.solvers.certified import Certified
@@ -104,6 +106,11 @@ def rows_together(memory: int) -> int:
     return max(min(MOST_ROWS, memory // BYTES_A_ROW), 1)
 
 
+def most_entries(memory: int) -> int:
+    """Entries that a worker with so many bytes can hold."""
+    return max(min(MOST_ENTRIES, memory // BYTES_AN_ENTRY), 1)
+
+
 def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
     """Evaluate; goes on from what is in the folder of work.
 
@@ -118,8 +125,7 @@ def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
     with stopwatch.span("solve/preparation"):
         blocks = [Scanned.load(folder) for folder in scanned]
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
-        most = min(MOST_ENTRIES, plan.memory // BYTES_AN_ENTRY)
-        shards = make_shards(blocks, truths, estimates, most)
+        shards = make_shards(blocks, truths, estimates, most_entries(plan.memory))
         folders = _shuffle(plan, scanned, blocks, (truths, estimates), shards)
     with stopwatch.span("solve/sweeps"):
         solved = _solve(plan, folders, shards)
@@ -173,7 +179,7 @@ def _shuffle(
             scanned=str(folder),
             numbers=(tracks[0].numbers[k], tracks[1].numbers[k]),
             shard=shards.of_truth[tracks[0].numbers[k]],
-            shards=len(shards.long),
+            long=shards.long,
         )
         for k, folder in enumerate(scanned)
         if len(blocks[k].pairs)
@@ -183,6 +189,7 @@ def _shuffle(
 
 
 def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
+    """Folders with what the shards contribute, those of long components last."""
     solver = plan.request.solver
     assert isinstance(solver, Certified)
     tasks = [
@@ -193,7 +200,17 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
             parameters=plan.request.parameters,
             solver=solver,
         )
-        for number in range(len(shards.long))
+        for number in np.flatnonzero(~shards.long).tolist()
     ]
     plan.run(solve_shard, sorted(tasks, key=lambda task: -int(shards.entries[task.number])))
-    return [Path(task.output) for task in tasks]
+    found = [Path(task.output) for task in tasks]
+    for number in np.flatnonzero(shards.long).tolist():
+        component = Long(
+            entries=tuple(str(Path(folder) / long_name(number)) for folder in folders),
+            parameters=plan.request.parameters,
+            work=str(plan.work / "long" / f"{number:06d}"),
+            gap=solver.gap,
+            together=most_entries(plan.memory),
+        )
+        found += map(Path, solve_long(component, plan.run).folders)
+    return found

