@@ -1,8 +1,10 @@
 """How much memory there is, and which errors come from having none."""
 
+import os
 from contextlib import suppress
 
 MEMINFO = "/proc/meminfo"
+CONTAINER = "/sys/fs/cgroup/memory.max"
 
 NO_MEMORY = (
     "annot allocate memory",
@@ -21,6 +23,16 @@ def available_memory() -> int | None:
             if line.startswith("MemAvailable:"):
                 return 1024 * int(line.split()[1])
     return None
+
+
+def machine_memory() -> int | None:
+    """Bytes of memory of the machine, or of the container that this runs in if that has less."""
+    found = []
+    with suppress(OSError, ValueError, AttributeError):
+        found.append(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+    with suppress(OSError, ValueError), open(CONTAINER, encoding="ascii") as file:
+        found.append(int(file.read()))  # or max, which is no number
+    return min(found, default=None)
 
 
 def is_of_memory(error: BaseException | None) -> bool:

@@ -241,8 +241,9 @@ def _result(
             TrackSums(rows=truths.rows, parts=whole.tracks[0]),
             TrackSums(rows=estimates.rows, parts=whole.tracks[1]),
         ),
-        found.folders if means.assignments else (),
+        found.folders,
         partial(run_tasks, engine=means.engine),
+        assignments=means.assignments,
     )
     met = whole.bounds.met(solver.gap)
     record: SolverRecord = {

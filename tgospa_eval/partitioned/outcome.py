@@ -35,6 +35,8 @@ def write_tables(
     tracks: tuple[TrackSums, TrackSums],
     shards: Sequence[Path],
     run: Callable[[Callable[[Part], None], Sequence[Part]], None] = run_tasks,
+    *,
+    assignments: bool = True,
 ) -> StoredTables:
     """Write all tables, those that are not there yet.
 
@@ -52,6 +54,9 @@ def write_tables(
         Folders with ``assigned.npy`` and ``switched.npy``, each by time.
     run : callable
         Does tasks.
+    assignments : bool
+        Whether the table of assigned pairs is wanted, which is as long as the data; else it has no
+        rows.
 
     Raises
     ------
@@ -75,7 +80,7 @@ def write_tables(
         write_tracks(path, "false", tracks[1].rows, tracks[1].parts, naming)
     if path := missing("switches"):
         write_all_switches(path, [shard / "switched.npy" for shard in shards], naming)
-    pieces = [shard / "assigned.npy" for shard in shards]
-    assignments = str(place / name_of(IN_PARTS))
-    run(write_part, parts_of(assignments, pieces, len(naming.times), names, naming.parameters))
+    pieces = [shard / "assigned.npy" for shard in shards if assignments]
+    parts = str(place / name_of(IN_PARTS))
+    run(write_part, parts_of(parts, pieces, len(naming.times), names, naming.parameters))
     return StoredTables(folder)

@@ -4,7 +4,6 @@ import math
 import os
 import time
 from collections.abc import Mapping
-from contextlib import ExitStack
 
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.partitioned.share import Share
@@ -22,22 +21,18 @@ class Stages:
     Parameters
     ----------
     stopwatch : Stopwatch
-        Gets the seconds of each stage.
+        Of the work.
     """
 
     def __init__(self, stopwatch: Stopwatch) -> None:
         self.stopwatch = stopwatch
-        self._open = ExitStack()
+        self._outer = stopwatch.stage
         self._name = ""
         self._work: dict[str, float] = {}
         self._before = self._done = self._begin = 0.0
         self._left: set[str] = set()
         self._prices = (0.0, 0.0)
         self._sums: tuple[list[float], list[float]] = ([], [])
-
-    def notify(self, text: str) -> None:
-        """Tell the user something."""
-        self.stopwatch.notify(text)
 
     def stage(self, name: str, tasks: Mapping[str, float]) -> None:
         """Begin a stage, which ends the one before.
@@ -50,20 +45,17 @@ class Stages:
             Outputs of its tasks, and how much work each is in any unit. What is there already is
             known to be done.
         """
-        self.end()
-        self._open.enter_context(self.stopwatch.span(name))
         self._name, self._work, self._left = name, dict(tasks), set(tasks)
         there = [task for task in tasks if os.path.exists(task)]
         self._before = self._done = sum(tasks[task] for task in there)
         self._left.difference_update(there)
         self._begin = time.monotonic()
-        self.stopwatch.progress.share = 0.0
+        self.stopwatch.progress.share, self.stopwatch.progress.left = 0.0, None
         self._show()
 
     def end(self) -> None:
-        """End the stage that goes on, if there is one."""
-        self._open.close()
-        self.stopwatch.progress.left = None
+        """All stages are done."""
+        self.stopwatch.stage, self.stopwatch.progress.left = self._outer, None
 
     def done(self, task: str, share: Share | None = None) -> None:
         """A task has ended, or was found done.

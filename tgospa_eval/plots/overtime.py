@@ -72,7 +72,9 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     """`plot_costs` of a view."""
     made, ((axis,),) = figure(style.width, style.low)
     costs = {name: np.asarray(seen.data["costs"][name], float) for name in parts}
-    first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), style.bars)
+    stretch = seen.data.get("together", 1)
+    most = style.bars if stretch == 1 else seen.steps
+    first, costliest = binned(sum(costs.values(), np.zeros(seen.steps)), most)
     begin, end = seen.edges
     begin, end = begin[first], end[np.append(first[1:], seen.steps) - 1] if seen.steps else end
     base = np.zeros(len(first))
@@ -91,6 +93,8 @@ def draw_costs(seen: View, style: Style, parts: Sequence[str]) -> "Figure":
     together = first[1] - first[0] if len(first) > 1 else 1
     if together > 1:
         axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the dearest of {together:,} steps")
+    if stretch > 1:
+        axis.set_xlabel(f"{axis.get_xlabel()}; a bar is the mean of {stretch:,} steps")
     cost_unit = power(seen.data["unit"], seen.data["order"])
     axis.set_ylabel(f"cost{cost_unit}", parse_math=False)
     titled(axis, style, "Cost of each step", seen.about)

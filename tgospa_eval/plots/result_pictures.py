@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.frozen import dataclass
@@ -9,9 +10,11 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.plots import FILES, available, written
 from tgospa_eval.plots.style import STYLES, styled
 from tgospa_eval.plots.views import is_box, parts_of, plane_columns, view
+from tgospa_eval.reports.drawn import Drawn
 from tgospa_eval.reports.files import result_texts
 from tgospa_eval.reports.folders import RESULT, probe_folder, write_texts
-from tgospa_eval.reports.page_data import Drawn, document
+from tgospa_eval.reports.page_data import document
+from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
 
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DRAWN = ("costs", "lanes", "plane", "cumulative", "worst")
+OVER_TIME = ("costs", "cumulative")
+"""Those of data in parts, of which no tracks are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +104,8 @@ def result_pictures(
             "cumulative": lambda: draw_cumulative(seen, style, parts),
             "worst": lambda: draw_worst(seen, style, parts),
         }
+        if isinstance(result, PartitionedResult):
+            draw = {name: draw[name] for name in OVER_TIME}
         if result.slid is not None:
             draw["windows"] = lambda: draw_windows(seen, style, parts)
         for name, make in draw.items():  # one after the other: a figure holds memory
@@ -116,7 +123,7 @@ def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> N
     try:
         probe_folder(path, RESULT, force=force, option="folder")
         drawn = document(result)
-        files: dict[str, str | bytes] = {**result_texts(result, drawn=drawn)[0]}
+        files: dict[str, str | bytes | Path] = {**result_texts(result, drawn=drawn)[0]}
         if available():
             files |= result_pictures(result, Pictures(), drawn=drawn)
         write_texts(files, path, RESULT, force=force, option="folder")

@@ -15,8 +15,9 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.columns.asked import BOX
 from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.reports.drawn import Drawn, PageData
 from tgospa_eval.reports.moments import edges, placed
-from tgospa_eval.reports.page_data import NONE, Drawn, PageData, document
+from tgospa_eval.reports.page_data import NONE, document
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted

@@ -13,12 +13,13 @@ from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
 from tgospa_eval.reports.manifest import unique
 from tgospa_eval.results.explanation import Explanation
+from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns
 from tgospa_eval.results.slices import slices_columns
 from tgospa_eval.results.summary import Summary
 
 if TYPE_CHECKING:
-    from tgospa_eval.reports.page_data import Drawn
+    from tgospa_eval.reports.drawn import Drawn
 
 
 ENDS_OF_LINES = "\r\n"
@@ -64,7 +65,7 @@ class _Lines(list[str]):
 
 def result_texts(
     result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: "Drawn | None" = None
-) -> tuple[dict[str, str], tuple[str, ...]]:
+) -> tuple[dict[str, str | Path], tuple[str, ...]]:
     """The files of a result folder.
 
     Parameters
@@ -78,19 +79,15 @@ def result_texts(
 
     Returns
     -------
-    dict of str to str
-        Texts by name.
+    dict of str to str or Path
+        Texts by name, and files that are taken as they are.
     tuple of str
         Extras that are not installed, without which a part is not there.
     """
-    texts = {
+    texts: dict[str, str | Path] = {
         "result.json": result.to_json(),
-        "per_step.csv": csv_text(result.per_step_table()),
-        "assignments.csv": csv_text(result.assignments_table()),
-        "switches.csv": csv_text(result.switches_table()),
-        "per_truth.csv": csv_text(result.per_truth_table()),
-        "per_estimate.csv": csv_text(result.per_estimate_table()),
         "timings.csv": csv_text(_timings(result)),
+        **_tables(result),
     }
     if result.traced is not None:
         texts["curve.csv"] = csv_text(result.curve_table())
@@ -108,6 +105,19 @@ def result_texts(
     from tgospa_eval.reports.html import page
 
     return texts | {"report.html": page(result, names, drawn)}, ()
+
+
+def _tables(result: Summary) -> dict[str, str | Path]:
+    """The tables that every result has."""
+    if isinstance(result, PartitionedResult):
+        return {**result.tables.names()}
+    return {
+        "per_step.csv": csv_text(result.per_step_table()),
+        "assignments.csv": csv_text(result.assignments_table()),
+        "switches.csv": csv_text(result.switches_table()),
+        "per_truth.csv": csv_text(result.per_truth_table()),
+        "per_estimate.csv": csv_text(result.per_estimate_table()),
+    }
 
 
 def check_file(path: str, *, force: bool, option: str) -> None:

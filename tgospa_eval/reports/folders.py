@@ -5,12 +5,16 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
+from typing import TypeAlias
 
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports import manifest
+
+Files: TypeAlias = Mapping[str, str | bytes | Path]
+"""Contents by name; a path is of a file that is taken as it is."""
 
 Fill = Callable[[Path], Collection[manifest.Entry]]
 """Writes files into a folder that is there and empty, and says which."""
@@ -61,6 +65,11 @@ class Kind:
         return bool((folder / self.log).stat().st_size) or len(list(manifest.others(folder))) == 1
 
 
+WORK_FOLDER = "work"
+"""Where a result of data in parts is made, in its folder: an interrupted run goes on there."""
+
+WORK_LOG = f"{WORK_FOLDER}/run.json"
+
 RESULT = Kind(
     name="result",
     document="result.json",
@@ -69,6 +78,7 @@ RESULT = Kind(
         *_files("per_step assignments switches per_truth per_estimate timings", "csv"),
         "report.html",
     ),
+    log=WORK_LOG,
     opens=("report.html",),
     options=" --pictures {0}",
 )
@@ -207,7 +217,7 @@ def probe_folder(
 
 
 def write_texts(
-    texts: Mapping[str, str | bytes],
+    texts: Files,
     folder: str,
     kind: Kind | None = None,
     *,
@@ -221,13 +231,19 @@ def write_texts(
     ConfigError
         As for `write_files`.
     """
-    data = {n: text if isinstance(text, bytes) else text.encode() for n, text in texts.items()}
 
     def fill(fresh: Path) -> Collection[manifest.Entry]:
-        for name, content in data.items():
+        written: list[manifest.Entry] = []
+        for name, content in texts.items():
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-            (fresh / name).write_bytes(content)
-        return manifest.entries(data)
+            if isinstance(content, Path):
+                _take(content, fresh / name, fresh.parent / WORK_FOLDER)
+                written.append(manifest.entry(fresh, name))
+                continue
+            data = content if isinstance(content, bytes) else content.encode()
+            (fresh / name).write_bytes(data)
+            written += manifest.entries({name: data})
+        return written
 
     return write_files(fill, folder, kind, force=force, option=option)
 
@@ -262,6 +278,17 @@ def write_files(
             removed, files = _write_over(fill, path, kind, where)
     names, opens = tuple(entry.name for entry in files), () if kind is None else kind.opens
     return Written(folder=folder, names=names, removed=removed, opens=opens)
+
+
+def _take(file: Path, place: Path, work: Path) -> None:
+    """Have a file at another place as well; without a copy if it was made in the folder of work."""
+    if work in file.resolve().parents:
+        with suppress(OSError):  # some file systems have no links
+            os.link(file, place)
+            return
+    import shutil  # here: it brings compression
+
+    shutil.copyfile(file, place)
 
 
 def _check_name(folder: str, kind: Kind | None, option: str) -> None:

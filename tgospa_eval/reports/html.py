@@ -17,8 +17,9 @@ from tgospa_eval.common.figures import number
 from tgospa_eval.common.palette import DARK, DARK_TRACK_COLOURS, LIGHT, TRACK_COLOURS, variables
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.reports.console import SPLIT_WORDS, meaning, part_rows, similarity_in_words
+from tgospa_eval.reports.drawn import Drawn
 from tgospa_eval.reports.other_metrics import other_table, similarity
-from tgospa_eval.reports.page_data import Drawn, document
+from tgospa_eval.reports.page_data import document
 from tgospa_eval.reports.repairs import repair_notes, repair_rows
 from tgospa_eval.reports.slices import about_slices, slices_of_page
 from tgospa_eval.results.records import Columns

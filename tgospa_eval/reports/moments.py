@@ -55,6 +55,11 @@ def moments(times: Sequence[Time]) -> TimeAxis:
     return {"kind": kind, "origin": origin, "values": values}
 
 
+def readable(times: Sequence[Time]) -> list[Time]:
+    """Times as they were read; what is beyond the whole numbers of a browser is a text to it."""
+    return [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in times]
+
+
 def placed(times: Sequence[Time], axis: TimeAxis) -> Floats:
     """Where each step is on the axis that `moments` describes."""
     if axis["kind"] == "step":

@@ -5,7 +5,6 @@ other, or to none. Rows are its states, thinned where there are very many, but n
 """
 
 from dataclasses import replace
-from typing import NotRequired, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -15,9 +14,10 @@ from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Windows
 from tgospa_eval.problem.weights import ONE
 from tgospa_eval.reports import spreads
-from tgospa_eval.reports.moments import WHOLE, TimeAxis, moments
-from tgospa_eval.reports.spreads import Encoding
+from tgospa_eval.reports.drawn import Drawn, PageData, WindowsData, curves, rounded, thinned
+from tgospa_eval.reports.moments import moments, readable
 from tgospa_eval.results.by_class import ByClass
+from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time
 from tgospa_eval.results.result import Result
 from tgospa_eval.results.summary import Summary
@@ -65,52 +65,13 @@ class Side:
     shared: int
 
 
-class WindowsData(TypedDict):
-    """Sliding windows: numbers of first and last steps, values, and roots of costs per step."""
-
-    size: int
-    first: list[int]
-    last: list[int]
-    tgospa: list[float]
-    lines: dict[str, list[float]]
-
-
-class PageData(TypedDict):
-    """What the page and the pictures draw, but for the arrays."""
-
-    times: list[Time]
-    axis: TimeAxis
-    costs: dict[str, list[float]]
-    counts: dict[str, list[float]]
-    curve: dict[str, list[float]]
-    windows: NotRequired[WindowsData]
-    tracks: dict[str, Columns]
-    switches: Columns
-    repairs: Columns
-    columns: list[str]
-    boxes: bool
-    low: list[float]
-    quantum: list[float]
-    spread: Encoding
-    cutoff: float
-    order: float
-    unit: str
-    errors: int
-    stride: int
-    shared: int
-    rows: dict[str, list[int]]
-    arrays: list[tuple[str, int]]
-
-
-Drawn: TypeAlias = tuple[PageData, dict[str, Ints]]
-"""What page and pictures draw, by `document`."""
-
-
 def document(result: Summary) -> Drawn:
     """What the page draws: a JSON document, and whole numbers by name, as long as the data.
 
     Numbers of tracks count those of all classes one after the other, as the tables do.
     """
+    if isinstance(result, PartitionedResult):
+        return thinned(result)
     parts = list(result.results.values()) if isinstance(result, ByClass) else [result]
     parts = [part for part in parts if isinstance(part, Result)]
     scenes = [part.scene for part in parts]
@@ -142,17 +103,16 @@ def document(result: Summary) -> Drawn:
         if name == "truth":
             arrays["truth/row/error"] = np.rint(side.error[keep] * ERRORS).astype(np.int64)
     per_step = result.per_step_table()
-    # As they were read; what is beyond the whole numbers of a browser is a text to it.
-    times = [t if isinstance(t, int | float) and abs(t) < WHOLE else str(t) for t in per_step["t"]]
+    times = readable(per_step["t"])
     data: PageData = {
         "times": times,
         "axis": moments(times),
-        "costs": {name: _rounded(per_step[name]) for name in PARTS},
+        "costs": {name: rounded(per_step[name]) for name in PARTS},
         "counts": {
-            name: _rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
+            name: rounded(getattr(result.proof.breakdown, f"{name}_count").tolist())
             for name in COUNTED_PARTS
         },
-        "curve": {name: _rounded(values) for name, values in curves(result).items()},
+        "curve": {name: rounded(values) for name, values in curves(result).items()},
         "tracks": {
             "truth": _tracks(result.per_truth_table(), "missed"),
             "estimate": _tracks(result.per_estimate_table(), "false"),
@@ -178,27 +138,6 @@ def document(result: Summary) -> Drawn:
     return data, arrays
 
 
-def curves(result: Summary) -> dict[str, list[float]]:
-    """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
-
-    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of those steps at which something
-    exists; the last value of ``total`` is `normalised`. Where the curve was asked for, costs are
-    those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
-    of the steps 1..k from above.
-    """
-    split, occupied = result.proof.breakdown, np.maximum(np.cumsum(result.occupied), 1)
-    if result.traced is not None:
-        parts = dict(zip(PARTS, result.traced.parts, strict=True))
-    else:
-        parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
-    parts["total"] = sum(parts.values(), np.zeros(len(occupied)))
-    parameters = result.proof.parameters
-    return {
-        name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
-        for name, cost in parts.items()
-    }
-
-
 def _windows(result: Summary, slid: Windows) -> WindowsData:
     """Of each window (cost / n) ^ (1/p) of each part, n its steps at which something exists."""
     table = result.windows_table()
@@ -209,9 +148,9 @@ def _windows(result: Summary, slid: Windows) -> WindowsData:
         "size": int((slid.last - slid.first).max(initial=0)) + 1,
         "first": slid.first.tolist(),
         "last": slid.last.tolist(),
-        "tgospa": _rounded(table["tgospa"]),
+        "tgospa": rounded(table["tgospa"]),
         "lines": {
-            name: _rounded((parameters.cutoff * (cost / each) ** (1 / parameters.order)).tolist())
+            name: rounded((parameters.cutoff * (cost / each) ** (1 / parameters.order)).tolist())
             for name, cost in costs.items()
         },
     }
@@ -327,11 +266,11 @@ def _tracks(table: Columns, kind: str) -> Columns:
     return (
         {"id": list(map(str, table["id"])), "steps": table["steps"]}
         | ({"class": table["class"]} if "class" in table else {})
-        | {name: _rounded(table[column]) for name, column in names.items()}
+        | {name: rounded(table[column]) for name, column in names.items()}
         | {
-            "total": _rounded(total.tolist()),
-            "unassigned_count": _rounded(table[f"{kind}_count"]),
-            "switch_count": _rounded(table["switch_count"]),
+            "total": rounded(total.tolist()),
+            "unassigned_count": rounded(table[f"{kind}_count"]),
+            "switch_count": rounded(table["switch_count"]),
         }
     )
 
@@ -353,8 +292,8 @@ def _switches(parts: list[Result]) -> Columns:
         found["truth"] += [truth[name] for name in table["truth"]]
         found["from"] += [estimate[name] for name in table["from"]]
         found["to"] += [estimate[name] for name in table["to"]]
-        found["mass"] += _rounded(table["mass"])
-        found["cost"] += _rounded(table["cost"])
+        found["mass"] += rounded(table["mass"])
+        found["cost"] += rounded(table["cost"])
         truths, estimates = truths + len(labels.truths), estimates + len(labels.estimates)
     return found
 
@@ -369,14 +308,3 @@ def _repairs(result: Summary) -> Columns:
         "to": [step.get(repair.end, NONE) for repair in repairs],
         "text": [repair.text for repair in repairs],
     }
-
-
-def _rounded(values: list[float]) -> list[float]:
-    """Seven digits, which is more than is shown."""
-    exact = np.array(values, float)
-    size = np.where(exact == 0, 1.0, np.abs(exact))
-    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
-        factor = 10.0 ** (6 - np.floor(np.log10(size)))
-        rounded = np.rint(exact * factor) / factor
-    shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
-    return shortest

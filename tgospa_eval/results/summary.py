@@ -343,13 +343,7 @@ class Summary(Numbers, ABC):
         return made
 
     def _check_drawn(self, name: str) -> None:
-        """Whether there is such a picture; all are by default.
-
-        Raises
-        ------
-        ConfigError
-            There is not.
-        """
+        """Whether there is such a picture, as there is of most results; else ConfigError."""
 
     def to_html(self) -> str:
         """The report as one page that loads nothing.

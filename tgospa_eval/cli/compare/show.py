@@ -6,9 +6,9 @@ from tgospa_eval import plots
 from tgospa_eval.cli.shared.interrupts import undisturbed
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
-from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.reports.comparison import render
-from tgospa_eval.reports.folders import COMPARISON, STUDY
+from tgospa_eval.reports.folders import COMPARISON, STUDY, Files
 from tgospa_eval.reports.records import Comparison
 from tgospa_eval.reports.study import study_report
 from tgospa_eval.results.records import json_text

@@ -1,13 +1,23 @@
 """``tgospa-eval [evaluate] TRUTH ESTIMATE``: one evaluation, printed and optionally written."""
 
+from typing import TYPE_CHECKING
+
 import click
 from click.core import ParameterSource
 
 from tgospa_eval.cli.shared.help import Verb, words
+from tgospa_eval.cli.shared.large_data import IN_PARTS_OPTIONS
 from tgospa_eval.cli.shared.option import SOURCE, Option
 from tgospa_eval.cli.shared.options import EVALUATION, OF_PICTURES, OUTPUT, SLICE, WITH
 from tgospa_eval.errors import ExitStatus
 
+if TYPE_CHECKING:
+    from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+
+ALONE = (
+    "--scheduler is for data that are read in parts, folders of tables or files beyond --memory; "
+    "for many evaluations: tgospa-eval batch"
+)
 MANY = 8
 """Files that are too many for a message."""
 
@@ -32,6 +42,7 @@ class Files(Verb):
     cls=Files,
     params=[
         *EVALUATION,
+        *IN_PARTS_OPTIONS,
         *OUTPUT,
         WITH,
         SLICE,
@@ -92,7 +103,8 @@ def command(
 
     Both are tables with the columns id,t,x[,y[,z]] and one row per object and time
     step (CSV or Parquet), or MOTChallenge or KITTI text. Where an object has no row,
-    it does not exist at that step.
+    it does not exist at that step. A folder of such tables is one recording in parts,
+    of any size.
 
     \b
     Examples:
@@ -102,6 +114,7 @@ def command(
       tgospa-eval truth.csv estimate.csv --sweep gamma=1,2,5,10
       tgospa-eval gt.txt results.txt --distance iou --with hota,clear,identity
       tgospa-eval truth.csv estimate.csv --slice range=0:50:100 --slice class
+      tgospa-eval truth/ estimate/ --memory 4GB -o results
 
     Exit status: 0 done, 2 wrong option, 3 bad input, 4 accuracy not reached.
     """
@@ -110,6 +123,44 @@ def command(
     chosen, output = EvaluationOptions.of(options), OutputOptions.of(options)
     source = ctx.get_parameter_source
     typed = {name for name in options if source(name) is ParameterSource.COMMANDLINE}
+    _check(chosen, output, typed, sweep=bool(sweep))
+    from tgospa_eval.cli.evaluate.output import show
+    from tgospa_eval.cli.evaluate.run import evaluate_files
+    from tgospa_eval.cli.shared.in_parts import parts_in_words
+
+    why = parts_in_words((truth, estimate), chosen)
+    if why is not None:
+        from tgospa_eval.cli.evaluate.partitioned import check_parts, evaluate_parts
+
+        check_parts(chosen, output, why, sweep=bool(sweep))
+        finished = evaluate_parts((truth, estimate), chosen, output, why)
+        ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+    if chosen.scheduler is not None:
+        raise click.UsageError(ALONE)
+    if sweep:
+        from tgospa_eval.cli.evaluate.sweep import sweep_files
+
+        finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
+        ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+    result, finished = evaluate_files(truth, estimate, chosen, output)
+    if chosen.explain:
+        from tgospa_eval.cli.evaluate.explained import with_repairs
+
+        result = with_repairs(result, chosen, output)
+    show(result, chosen, output, (truth, estimate))
+    ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+
+
+def _check(
+    chosen: "EvaluationOptions", output: "OutputOptions", typed: set[str], *, sweep: bool
+) -> None:
+    """Whether options go together.
+
+    Raises
+    ------
+    UsageError
+        They do not.
+    """
     for name in OF_PICTURES if output.output is None else ():
         if name in typed:
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
@@ -133,22 +184,7 @@ def command(
         other = "--sweep" if sweep else "--step-weights"
         raise click.UsageError(f"--similarity is of the mean over steps, not for {other}")
     if chosen.explain and (sweep or chosen.by or chosen.preprocess):
-        raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=bool(sweep)))
-    from tgospa_eval.cli.evaluate.output import show
-    from tgospa_eval.cli.evaluate.run import evaluate_files
-
-    if sweep:
-        from tgospa_eval.cli.evaluate.sweep import sweep_files
-
-        finished = sweep_files((truth, estimate), sweep, chosen, output, typed)
-        ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
-    result, finished = evaluate_files(truth, estimate, chosen, output)
-    if chosen.explain:
-        from tgospa_eval.cli.evaluate.explained import with_repairs
-
-        result = with_repairs(result, chosen, output)
-    show(result, chosen, output, (truth, estimate))
-    ctx.exit(ExitStatus.DONE if finished else ExitStatus.NOT_REACHED)
+        raise click.UsageError(_not_explained(by_class=bool(chosen.by), sweep=sweep))
 
 
 def _not_explained(*, by_class: bool, sweep: bool) -> str:

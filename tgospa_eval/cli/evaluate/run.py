@@ -51,7 +51,7 @@ def evaluate_files(
         Something is wrong with options or files.
     """
     settings = make_settings(options, output)
-    calibration = _calibration(options)
+    calibration = calibration_of(options)
     wanted = None
     if output.output is not None:
         # Here: only where there is a folder.
@@ -90,12 +90,12 @@ def evaluate_files(
         for text in _progress(result, stopwatch):
             output_line(text)
     if not result.finished:
-        for text in _not_reached(result, settings):
+        for text in not_reached(result, settings):
             output_line(text)
     return result, result.finished
 
 
-def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
+def not_reached(result: Summary, settings: Settings) -> Iterator[str]:
     """Where the accuracy that was asked for is not reached."""
     if result.certified:
         asked = ((result.traced, "step", " of the curve"), (result.slid, "window", ""))
@@ -115,7 +115,7 @@ def _not_reached(result: Summary, settings: Settings) -> Iterator[str]:
     )
 
 
-def _calibration(options: EvaluationOptions) -> Calibration | None:
+def calibration_of(options: EvaluationOptions) -> Calibration | None:
     """Of the score of ``--similarity``, if it was asked for."""
     if options.similarity is None:
         return None

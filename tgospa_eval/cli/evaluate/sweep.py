@@ -16,13 +16,13 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.cli.shared.writing import Files, write_output
+from tgospa_eval.cli.shared.writing import write_output
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
 from tgospa_eval.plots.sweep import sweep_figure
 from tgospa_eval.reports.files import csv_text
-from tgospa_eval.reports.folders import SWEEP, probe_folder
+from tgospa_eval.reports.folders import SWEEP, Files, probe_folder
 from tgospa_eval.reports.sweep import render
 from tgospa_eval.results.sweep import Sweep
 from tgospa_eval.text import quoted

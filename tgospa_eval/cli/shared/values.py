@@ -7,7 +7,7 @@ from typing import Self
 from tgospa_eval.common.frozen import dataclass
 
 NOT_OF_THE_NUMBER = (
-    *("jobs", "max_input", "sides"),
+    *("jobs", "max_input", "memory", "scheduler", "sides"),
     *("curve", "explain", "similarity", "window", "every", "with_", "slices", "summed"),
 )
 """Options of an evaluation that do not change its number."""
@@ -71,6 +71,8 @@ class EvaluationOptions(Values):
     epsilon: float = 0.03
     time_limit: float | None = None
     jobs: int | None = None
+    memory: int | None = None
+    scheduler: str | None = None
     curve: bool = False
     window: int | None = None
     every: int | None = None

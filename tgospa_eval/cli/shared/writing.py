@@ -1,7 +1,7 @@
 """The folder of ``-o``: made in a thread, written at once, announced."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from tgospa_eval.cli.shared.interrupts import heard, undisturbed
 from tgospa_eval.cli.shared.progress import run
@@ -9,9 +9,7 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports.folders import Kind, write_texts
-
-Files = Mapping[str, str | bytes]
+from tgospa_eval.reports.folders import Files, Kind, write_texts
 
 
 def write_output(

@@ -1,0 +1,191 @@
+"""`evaluate` of folders of tables, and of files beyond the memory that it may take."""
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from tgospa_eval.cli.evaluate import partitioned
+from tgospa_eval.cli.shared import in_parts
+from tgospa_eval.cli.shared.large_data import Size
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.simulation import Scene, Tracker, simulate
+
+Invoke = Callable[..., Any]
+METRIC = ("-c", "100", "-g", "50", "--jobs", "1")
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of several files a side, as folders and as one file each."""
+    folder = tmp_path_factory.mktemp("recording")
+    tracker = Tracker(noise=10.0, detection=0.9, swaps=0.2, near=50, false_rate=0.05)
+    scene = Scene(scenario="crossing", targets=12, steps=90)
+    for name, side in zip(
+        ("truth", "estimate"), simulate(scene, tracker, np.random.default_rng(1)), strict=True
+    ):
+        x, y = side.state[:, 0], side.state[:, 1]
+        rows = {"id": side.ids[side.track].astype(str), "t": side.times[side.step], "x": x, "y": y}
+        table = pa.table(rows)
+        pq.write_table(table, folder / f"{name}.parquet")
+        (folder / name).mkdir()
+        for k in range(3):
+            own = table.filter(pa.array((rows["t"] * 3 // 91) == k))
+            pq.write_table(own, folder / name / f"{9 - k}.parquet")
+    return folder
+
+
+def numbers(document: dict[str, Any]) -> dict[str, Any]:
+    """Of a result all that does not depend on how it was read."""
+    left_out = ("timings", "input", "files", "tables", "solver")
+    return {name: value for name, value in document.items() if name not in left_out}
+
+
+def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
+    invoke: Invoke, recording: Path, tmp_path: Path
+) -> None:
+    one = tmp_path / "one"
+    files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
+    folders = str(recording / "truth"), str(recording / "estimate")
+    assert invoke(*files, *METRIC, "-o", str(one), "--pictures", "none").status == 0
+    answer = invoke(*folders, *METRIC, "-o", str(one), "--memory", "200MB", "--pictures", "png")
+    assert (answer.status, answer.out[:9]) == (0, "TGOSPA = ")
+    assert "truth is a folder of tables: it is read in parts" in answer.err
+    assert "wrote 8 files and 2 pictures" in answer.err
+    assert "removed 5 of the run before" in answer.err
+    there = {path.relative_to(one).as_posix() for path in one.rglob("*") if path.is_file()}
+    assert there == {
+        *(".tgospa-eval.json", "result.json", "timings.csv", "report.html"),
+        *("costs.png", "cumulative.png", "assignments/part-00000.parquet"),
+        *(f"{name}.parquet" for name in ("per_step", "per_truth", "per_estimate", "switches")),
+    }
+    document = json.loads((one / "result.json").read_text())
+    tables = {name: pq.read_table(one / path) for name, path in document["tables"].items()}
+    plain = json.loads(invoke(*files, *METRIC, "--format", "json", "-q").out)
+    for name, value in numbers(plain).items():
+        assert document[name] == (pytest.approx(value, rel=1e-12) if name == "total" else value)
+    assert tables["switches"].num_rows == len(plain["switches"]) > 10
+    assert tables["assignments"].num_rows > 500
+    answer = invoke(*folders, *METRIC, "-q", "--format", "csv")
+    assert [row["t"] for row in csv.DictReader(answer.out.splitlines())] == [
+        str(step["t"]) for step in plain["per_step"]
+    ]
+    printed = invoke(*folders, *METRIC, "-q").out.split("\n\n")
+    same = invoke(*files, *METRIC, "-q").out.split("\n\n")
+    assert printed[:-1] == same[:-1]  # but for the seconds
+
+
+def test_what_needs_all_data_is_refused_by_name(invoke: Invoke, recording: Path) -> None:
+    folders = str(recording / "truth"), str(recording / "estimate")
+    for options in (
+        *(["--curve"], ["--window", "5"], ["--slice", "class"], ["--with", "gospa"], ["--explain"]),
+        *(["--by", "class"], ["--step-weights", "w.csv"], ["--existence", "use"]),
+        *(["--interpolate", "truth"], ["--time-tolerance", "0.1"], ["--sweep", "c=1,2"]),
+        *(["--solver", "sinkhorn"], ["--time-limit", "9"], ["--proof", "-o", "none"]),
+        ["--distance", "cloud-wasserstein"],
+    ):
+        answer = invoke(*folders, *METRIC, *options)
+        assert (answer.status, answer.out) == (2, ""), options
+        assert f"{options[0]} " in answer.err
+        assert "has no place where data are read in parts, as " in answer.err
+        assert len(answer.err.splitlines()) == 1
+    files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
+    assert "--scheduler is for data" in invoke(*files, "--scheduler", "tcp://x:1").err
+
+
+def test_which_folders_and_files_are_read_in_parts(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = EvaluationOptions(memory=10**9)
+    truth, estimate = (str(recording / f"{name}.parquet") for name in ("truth", "estimate"))
+    assert in_parts.parts_in_words((truth, estimate), options) is None
+    monkeypatch.setattr(in_parts, "FITS_ANYWHERE", 0)
+    why = in_parts.parts_in_words((truth, estimate), EvaluationOptions(memory=1000))
+    assert why is not None
+    assert why.startswith(f"{truth} takes some ")
+    allowed = EvaluationOptions(memory=1000, max_input=1.0)
+    assert in_parts.parts_in_words((truth, estimate), allowed) is None
+
+    def folder(name: str, *tables: str) -> str:
+        (tmp_path / name).mkdir()
+        for k, table in enumerate(tables):
+            (tmp_path / name / f"{k}.csv").write_text(table)
+        return str(tmp_path / name)
+
+    by_time = folder("a", "id,t,x\n1,0,0\n1,1,0\n", "id,t,x\n", "id,t,x\n2,2,0\n1,3,0\n")
+    assert in_parts.is_recording(by_time, "")
+    iso = folder("b", "id;when\n1;2026-01-01T00:00:00\n", "id;when\n1;2026-01-02T00:00:00\n")
+    assert in_parts.is_recording(iso, "x, t=when")
+    assert not in_parts.is_recording(iso, "x")
+    for name, *tables in (
+        ("c", "id,t,x\n1,0,0\n1,1,0\n", "id,t,x\n2,1,0\n1,3,0\n"),  # both have step 1
+        ("d", "id,t,x\n1,0,0\n", "id,t,y\n2,2,0\n"),
+        ("e", "id,t,x\n1,0,0\n"),
+        ("f",),
+    ):
+        assert not in_parts.is_recording(folder(name, *tables), ""), name
+
+
+def test_interrupted_work_is_kept_and_gone_on_with(
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    paths = str(recording / "truth"), str(recording / "estimate")
+    options = EvaluationOptions(cutoff=100.0, switch_penalty=50.0, jobs=1, memory=10**9)
+    folder = tmp_path / "out"
+    output = OutputOptions(output=str(folder), format_="json")
+    solve = partitioned.evaluate_partitioned
+
+    def broken_off(*arguments: Any) -> None:
+        solve(*arguments)
+        shutil.rmtree(arguments[3].tables)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(partitioned, "evaluate_partitioned", broken_off)
+    with pytest.raises(KeyboardInterrupt):
+        partitioned.evaluate_parts(paths, options, output, "so")
+    said = capsys.readouterr().err
+    assert f"what is done is in {folder / 'work'}, and the same command goes on" in said
+    assert [path.name for path in folder.iterdir()] == ["work"]
+    monkeypatch.setattr(partitioned, "evaluate_partitioned", solve)
+    other = EvaluationOptions(cutoff=90.0, switch_penalty=50.0, jobs=1, memory=10**9)
+    with pytest.raises(
+        Exception, match=r"cutoff was 100.0, is 90.0; name another folder, or --force"
+    ):
+        partitioned.evaluate_parts(paths, other, output, "so")
+    monkeypatch.setattr("tgospa_eval.partitioned.run.solve_shard", None)  # nothing is left to solve
+    assert partitioned.evaluate_parts(paths, options, output, "so")
+    assert not (folder / "work").exists()
+    said = capsys.readouterr()
+    assert f"going on with {folder / 'work'}" in said.err
+    assert json.loads(said.out)["certified"]
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("4GB", 4 * 10**9),
+        ("500 mb", 5 * 10**8),
+        ("1.5", 15 * 10**8),
+        ("2GiB", 2**31),
+        (3, 3 * 10**9),
+    ],
+)
+def test_sizes_of_memory(text: object, size: int) -> None:
+    assert Size().convert(text, None, None) == size
+
+
+@pytest.mark.parametrize("text", ["", "GB", "4 apples", "-1GB", "1MB", "1e3GB", "nan", True])
+def test_what_is_no_size(text: object) -> None:
+    with pytest.raises(click.BadParameter, match=r"is no size; write 4GB|less than 100MB"):
+        Size().convert(text, None, None)

@@ -1,0 +1,161 @@
+"""``evaluate`` of data in parts: what has no place there, progress, Ctrl-C, the result."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from tgospa_eval.cli.evaluate.folder import probed_folder
+from tgospa_eval.cli.evaluate.output import show
+from tgospa_eval.cli.evaluate.run import calibration_of, not_reached
+from tgospa_eval.cli.evaluate.work import identity_of, work_folder
+from tgospa_eval.cli.shared.in_parts import memory_of
+from tgospa_eval.cli.shared.notices import notifier
+from tgospa_eval.cli.shared.progress import bracket, shown
+from tgospa_eval.cli.shared.settings import make_settings
+from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.cores import cores
+from tgospa_eval.common.progress import Progress
+from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.engines.cluster import Cluster
+from tgospa_eval.engines.processes import Processes
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.partitioned.evaluate import Means, evaluate_partitioned
+from tgospa_eval.reports.folders import WORK_FOLDER
+
+UNKNOWN_MEMORY = 2 * 10**9
+"""Bytes that are taken where the system does not say how much there is."""
+
+FITTING = "leave it out, or evaluate a part that fits into memory as one file"
+
+REFUSED: Mapping[str, tuple[object, str]] = {
+    "curve": (False, FITTING),
+    "window": (None, FITTING),
+    "slices": ((), FITTING),
+    "with_": (None, FITTING),
+    "explain": (False, FITTING),
+    "by": (None, "evaluate one class after the other, by --class NAME"),
+    "step_weights": (None, FITTING),
+    "existence": ("ignore", "leave it out: all objects exist then"),
+    "interpolate": (None, "interpolate before, or leave it out"),
+    "time_tolerance": (0.0, "round the times of both sides before, or leave it out"),
+    "preprocess": (None, FITTING),
+    "solver": ("certified", "leave it out: the solver certified is exact"),
+    "time_limit": (None, "leave it out: Ctrl-C says what is proven so far"),
+}
+"""Options that have no place here, with the value that they have where nobody asked for them."""
+
+TYPED_AS = {"slices": "slice", "with_": "with"}
+
+
+def check_parts(
+    options: EvaluationOptions, output: OutputOptions, why: str, *, sweep: bool
+) -> None:
+    """See that nothing is asked for that needs all data in memory.
+
+    Parameters
+    ----------
+    options, output : EvaluationOptions, OutputOptions
+        What is asked for.
+    why : str
+        Why the data are read in parts.
+    sweep : bool
+        Whether several values of a parameter are asked for.
+
+    Raises
+    ------
+    ConfigError
+        Something is.
+    """
+    asked = [
+        (TYPED_AS.get(name, name).replace("_", "-"), advice)
+        for name, (default, advice) in REFUSED.items()
+        if getattr(options, name) != default
+    ]
+    if output.proof:
+        asked.append(("proof", FITTING))
+    if sweep:
+        asked.append(("sweep", "evaluate for one value after the other"))
+    if options.distance == "cloud-wasserstein":
+        asked.append(("distance cloud-wasserstein", "compare means, by another --distance"))
+    for name, advice in asked[:1]:
+        raise ConfigError(f"--{name} has no place where data are read in parts, as {why}: {advice}")
+
+
+def evaluate_parts(
+    paths: tuple[str, str], options: EvaluationOptions, output: OutputOptions, why: str
+) -> bool:
+    """Evaluate data in parts, print and write; whether the asked accuracy was reached.
+
+    Parameters
+    ----------
+    paths : pair of str
+        Truth and estimate.
+    options, output : EvaluationOptions, OutputOptions
+        What is asked for; `check_parts` found it possible.
+    why : str
+        Why the data are read in parts.
+
+    Raises
+    ------
+    TgospaError
+        Something is wrong with options or data.
+    """
+    settings = make_settings(options, output)
+    calibration = calibration_of(options)
+    if output.output is not None:
+        probed_folder(output.output, options, output)
+    stopwatch = Stopwatch()
+    if not output.quiet:
+        print_notice(f"{why}: it is read in parts")
+        stopwatch.notify = print_notice
+    with work_folder(output, identity_of(paths, options)) as work:
+        try:
+            with shown(stopwatch, show=not output.quiet):
+                result = evaluate_partitioned(
+                    paths, settings.each, settings.request, _means(work, options, output), stopwatch
+                )
+        except KeyboardInterrupt:
+            print_notice(_interrupted(stopwatch.progress, output))
+            raise
+        result = replace(result, calibration=calibration)
+        notify = notifier(quiet=output.quiet)
+        for notice in result.warnings:
+            notify(notice)
+        if output.verbose:
+            for name, seconds in stopwatch.spans.items():
+                print_notice(f"{name:<20} {seconds:9.3f} s")
+        if not result.finished:
+            for text in not_reached(result, settings):
+                print_notice(text)
+        show(result, options, output, paths)
+        return result.finished
+
+
+def _means(work: Path, options: EvaluationOptions, output: OutputOptions) -> Means:
+    """With what it is done: processes that share the memory, or a cluster."""
+    memory = memory_of(options.memory) or UNKNOWN_MEMORY
+    jobs = 1 if options.scheduler else options.jobs or cores()
+    processes = Processes(jobs) if jobs > 1 else None
+    return Means(
+        work=work,
+        tables=work / "tables",
+        memory=memory,
+        jobs=jobs,
+        engine=Cluster(options.scheduler) if options.scheduler else processes,
+        assignments=output.output is not None,
+    )
+
+
+def _interrupted(progress: Progress, output: OutputOptions) -> str:
+    """What is known, and how to go on."""
+    proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
+    if output.output is None:
+        return (
+            f"interrupted; {proven}with -o DIR what is done is kept, and the same command goes on"
+        )
+    kept = os.path.join(output.output, WORK_FOLDER)
+    return (
+        f"interrupted; {proven}what is done is in {kept}, and the same command goes on from there"
+    )

@@ -1,0 +1,102 @@
+"""The folder of what is known on the way: found again by the same command, gone at its end."""
+
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from tgospa_eval._version import __version__
+from tgospa_eval.cli.shared.in_parts import memory_of
+from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.cores import cores
+from tgospa_eval.common.files import named
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.reports.folders import WORK_FOLDER, WORK_LOG
+
+
+@contextmanager
+def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterator[Path]:
+    """The folder of work: in that of -o, where it is found again; else one that goes at the end.
+
+    Raises
+    ------
+    ConfigError
+        There is one of another evaluation, or it cannot be written.
+    """
+    if output.output is None:
+        with tempfile.TemporaryDirectory(prefix="tgospa-eval-", ignore_cleanup_errors=True) as made:
+            yield Path(made)
+        return
+    where = f"--output {output.output}"
+    work, log = Path(output.output, WORK_FOLDER), Path(output.output, WORK_LOG)
+    with named(where, ConfigError, "cannot be written"):
+        if log.exists() and not _goes_on(log, identity, output, where):
+            shutil.rmtree(work)
+        work.mkdir(parents=True, exist_ok=True)
+        if not log.exists():
+            beside = log.with_suffix(".new")
+            beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
+            os.replace(beside, log)
+    yield work
+    shutil.rmtree(work, ignore_errors=True)
+
+
+def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:
+    """Whether the work that is there is of this evaluation; it is thrown away where data changed.
+
+    Raises
+    ------
+    ConfigError
+        It is of another.
+    """
+    try:
+        old = json.loads(log.read_text("utf-8"))
+    except ValueError:
+        old = {}
+    names = sorted({*old, *identity})
+    differing = [name for name in names if old.get(name) != identity.get(name)]
+    if not differing:
+        if not output.quiet:
+            print_notice(f"going on with {log.parent}")
+        return True
+    if differing == ["data"] or output.force:
+        if not output.quiet:
+            print_notice(f"{log.parent} is of other data or options: it is begun anew")
+        return False
+    texts = (
+        f"{name.replace('_', '-')} was {json.dumps(old.get(name))}, is "
+        f"{json.dumps(identity.get(name))}"
+        for name in differing
+        if name != "data"
+    )
+    raise ConfigError(
+        f"{where}: {log.parent.name} in it is of an interrupted run with other options: "
+        f"{'; '.join(texts)}; name another folder, or --force to throw it away"
+    )
+
+
+def identity_of(paths: tuple[str, str], options: EvaluationOptions) -> dict[str, object]:
+    """What must be the same for the same work; as JSON gives it back."""
+    sha = hashlib.sha256()
+    for path in paths:
+        files = [path] if os.path.isfile(path) else []
+        for place, folders, names in os.walk(path):
+            folders.sort()
+            files += [os.path.join(place, name) for name in sorted(names)]
+        for name in files:
+            found = os.stat(name)
+            sha.update(repr((name, found.st_size, found.st_mtime_ns)).encode("utf-8", "replace"))
+    known: dict[str, object] = json.loads(json.dumps(options.given))
+    return known | {
+        "truth": paths[0],
+        "estimate": paths[1],
+        "data": sha.hexdigest(),
+        "version": __version__,
+        "memory": memory_of(options.memory),
+        "jobs": None if options.scheduler else options.jobs or cores(),
+    }

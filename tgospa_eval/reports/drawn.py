@@ -1,0 +1,141 @@
+"""What the page and the pictures of a result draw, as records; of many steps, thinned."""
+
+from typing import NotRequired, TypeAlias, TypedDict
+
+import numpy as np
+
+from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.reports.moments import TimeAxis, moments, readable
+from tgospa_eval.reports.spreads import Encoding
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.records import COUNTED_PARTS, PARTS, Columns, Time
+from tgospa_eval.results.summary import Summary
+
+MOST_STRETCHES = 600
+"""Stretches of steps that are drawn of a recording of any length."""
+
+
+class WindowsData(TypedDict):
+    """Sliding windows: numbers of first and last steps, values, and roots of costs per step."""
+
+    size: int
+    first: list[int]
+    last: list[int]
+    tgospa: list[float]
+    lines: dict[str, list[float]]
+
+
+class PageData(TypedDict):
+    """What the page and the pictures draw, but for the arrays.
+
+    Where `together` is there, each of `times` begins a stretch of so many steps, of which `costs`
+    and `counts` are means, and `curve` is that of its last step.
+    """
+
+    times: list[Time]
+    axis: TimeAxis
+    together: NotRequired[int]
+    costs: dict[str, list[float]]
+    counts: dict[str, list[float]]
+    curve: dict[str, list[float]]
+    windows: NotRequired[WindowsData]
+    tracks: dict[str, Columns]
+    switches: Columns
+    repairs: Columns
+    columns: list[str]
+    boxes: bool
+    low: list[float]
+    quantum: list[float]
+    spread: Encoding
+    cutoff: float
+    order: float
+    unit: str
+    errors: int
+    stride: int
+    shared: int
+    rows: dict[str, list[int]]
+    arrays: list[tuple[str, int]]
+
+
+Drawn: TypeAlias = tuple[PageData, dict[str, Ints]]
+"""What page and pictures draw, by `page_data.document`."""
+
+
+def curves(result: Summary) -> dict[str, list[float]]:
+    """Normalised cumulative cost: at step k the root of the mean cost of the steps up to it.
+
+    (sum_{l <= k} cost(l) / n(k)) ^ (1/p), n(k) the number of those steps at which something
+    exists; the last value of ``total`` is `normalised`. Where the curve was asked for, costs are
+    those of the steps 1..k; else of the assignment of the whole recording, which bound the metric
+    of the steps 1..k from above.
+    """
+    split, occupied = result.proof.breakdown, np.maximum(np.cumsum(result.occupied), 1)
+    if result.traced is not None:
+        parts = dict(zip(PARTS, result.traced.parts, strict=True))
+    else:
+        parts = {name: np.cumsum(getattr(split, name)) for name in PARTS}
+    parts["total"] = sum(parts.values(), np.zeros(len(occupied)))
+    parameters = result.proof.parameters
+    return {
+        name: (parameters.cutoff * (cost / occupied) ** (1 / parameters.order)).tolist()
+        for name, cost in parts.items()
+    }
+
+
+def rounded(values: list[float]) -> list[float]:
+    """Seven digits, which is more than is shown."""
+    exact = np.array(values, float)
+    size = np.where(exact == 0, 1.0, np.abs(exact))
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are hardly any
+        factor = 10.0 ** (6 - np.floor(np.log10(size)))
+        rounded = np.rint(exact * factor) / factor
+    shortest: list[float] = np.where(np.isfinite(rounded), rounded, exact).tolist()
+    return shortest
+
+
+def thinned(result: PartitionedResult) -> Drawn:
+    """What is drawn of a result of data in parts: its costs over time, and no tracks."""
+    steps = len(result.labels.times)
+    together = max(1, -(-steps // MOST_STRETCHES))
+    first = np.arange(0, steps, together)
+    last = np.minimum(first + together, steps) - 1
+    times = readable([result.labels.times[k] for k in first.tolist()])
+    split, none = result.proof.breakdown, np.zeros(0, np.int64)
+
+    def mean(values: Floats) -> list[float]:
+        sums = np.add.reduceat(values, first) if steps else values
+        return rounded((sums / (last - first + 1)).tolist())
+
+    arrays: dict[str, Ints] = {
+        f"{side}/{name}": none
+        for side in ("truth", "estimate")
+        for name in ("run/track", "run/begin", "run/end", "run/other", "row/track", "row/step")
+    }
+    data: PageData = {
+        "times": times,
+        "axis": moments(times),
+        "together": together,
+        "costs": {name: mean(result.scale * getattr(split, name)) for name in PARTS},
+        "counts": {name: mean(getattr(split, f"{name}_count")) for name in COUNTED_PARTS},
+        "curve": {
+            name: rounded([values[k] for k in last.tolist()])
+            for name, values in curves(result).items()
+        },
+        "tracks": {"truth": {"id": []}, "estimate": {"id": []}},
+        "switches": {},
+        "repairs": {},
+        "columns": [],
+        "boxes": False,
+        "low": [],
+        "quantum": [],
+        "spread": {},
+        "cutoff": result.proof.parameters.cutoff,
+        "order": result.proof.parameters.order,
+        "unit": result.labels.unit or "",
+        "errors": 1,
+        "stride": 1,
+        "shared": 0,
+        "rows": {"truth": [0, 0], "estimate": [0, 0]},
+        "arrays": [],
+    }
+    return data, arrays | {"truth/row/error": none}
