@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
@@ -26,6 +26,9 @@ from tgospa_eval.solvers.schedule import TIME_WINDOWS
 
 FULLER = 1e-15
 """Sums of weights that exceed 1 by more are scaled."""
+
+SOME_ROOM = 1e-9
+"""Less room than this is none."""
 
 UNKNOWN = -1.0
 """The weight of a state that no window has answered for."""
@@ -52,11 +55,12 @@ class TimeWindow:
 def divisible_blocks(states: States) -> Ints:
     """The blocks that are solved in windows: very large ones with rows that compete, over time.
 
-    With switch prices that vary a run is several states, and gains that may be negative are for
-    other purposes; such problems are solved whole.
+    With switch prices that vary a run is several states, with dear switches windows do not know
+    enough, and gains that may be negative are for other purposes: such problems are solved whole.
     """
     problem = states.problem
-    if problem.signed or not isinstance(problem.switch_price, float) or not problem.switch_price:
+    price = problem.switch_price
+    if problem.signed or not isinstance(price, float) or not 0 < price <= TIME_WINDOWS.dearest:
         return np.zeros(0, np.int64)
     if len(states.begin) < TIME_WINDOWS.least:
         return np.zeros(0, np.int64)
@@ -65,7 +69,8 @@ def divisible_blocks(states: States) -> Ints:
     steps = states.block_end - states.block_begin + 1
     long = steps >= TIME_WINDOWS.steps
     large = np.diff(first) >= TIME_WINDOWS.least
-    return np.flatnonzero(large & long & ~states.transposed)
+    slots = sum_by(states.node_block, np.diff(states.columns.first), blocks)
+    return np.flatnonzero(large & long & ~states.transposed & (slots > 0))
 
 
 class Division:
@@ -97,6 +102,8 @@ class Division:
     def windows(self) -> list[TimeWindow]:
         """Windows of whole steps with about as many gains each."""
         begin, end = int(self.states.block_begin[0]), int(self.states.block_end[0]) + 1
+        price = float(np.max(self.states.problem.switch_price, initial=0.0))
+        overlap = TIME_WINDOWS.overlap + int(TIME_WINDOWS.fading * price)
         count = len(self.weights) // TIME_WINDOWS.size
         count = max(min(count, (end - begin) // TIME_WINDOWS.shortest), 1)
         at = len(self._step) * np.arange(1, count) // count
@@ -105,8 +112,8 @@ class Division:
             TimeWindow(
                 begin=low,
                 end=high,
-                first=max(low - TIME_WINDOWS.overlap, begin),
-                stop=min(high + TIME_WINDOWS.overlap, end),
+                first=max(low - overlap, begin),
+                stop=min(high + overlap, end),
             )
             for low, high in itertools.pairwise(seams)
             if low < high
@@ -199,21 +206,34 @@ def _too_full(slots: Slots, weights: Floats) -> NDArray[np.bool_]:
 
 def _make_room(states: States, weights: Floats, runs: Ints) -> None:
     """Lessen the weights of those runs where a slot is too full, in place; the shortest stay."""
-    sides = [(slots, slots.begin[runs], slots.end[runs]) for slots in (states.rows, states.columns)]
-    clash = np.zeros(len(runs), bool)
-    for slots, begin, end in sides:
-        full = np.concatenate(([0], np.cumsum(_too_full(slots, weights))))
-        clash |= full[end] > full[begin]
-    if not clash.any():
-        return
-    chosen = np.flatnonzero(clash)
-    length = states.end[runs[chosen]] - states.begin[runs[chosen]]
     wanted = weights[runs]
-    weights[runs[chosen]] = 0.0
-    room = [1.0 - load(slots, weights) for slots, _, _ in sides]
-    for k in chosen[np.argsort(length, kind="stable")].tolist():
-        spans = [own[begin[k] : end[k]] for own, (_, begin, end) in zip(room, sides, strict=True)]
+    weights[runs] = 0.0
+    possible = np.ones(len(runs), bool)
+    for slots in (states.rows, states.columns):
+        possible &= ~_touches(slots, runs, load(slots, weights) > 1 - SOME_ROOM)
+    runs, wanted = runs[possible], wanted[possible]
+    weights[runs] = wanted
+    clash = np.zeros(len(runs), bool)
+    for slots in (states.rows, states.columns):
+        clash |= _touches(slots, runs, _too_full(slots, weights))
+    runs, wanted = runs[clash], wanted[clash]
+    weights[runs] = 0.0
+    room = [
+        (1.0 - load(slots, weights), slots.begin[runs], slots.end[runs])
+        for slots in (states.rows, states.columns)
+        if len(runs)
+    ]
+    length = states.end[runs] - states.begin[runs]
+    for k in np.argsort(length, kind="stable").tolist():
+        spans = [own[begin[k] : end[k]] for own, begin, end in room]
         held = max(min(wanted[k], *(float(span.min(initial=1.0)) for span in spans)), 0.0)
         weights[runs[k]] = held
         for span in spans:
             span -= held
+
+
+def _touches(slots: Slots, chosen: Ints, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which of the chosen states cover a marked slot."""
+    count = np.concatenate(([0], np.cumsum(marked)))
+    touches: NDArray[np.bool_] = count[slots.end[chosen]] > count[slots.begin[chosen]]
+    return touches

@@ -60,7 +60,7 @@ def test_windows_of_any_length_and_overlap_find_the_optimum(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     m, n, steps = 3 + seed % 5, 3 + seed % 4, 16 + 7 * (seed % 5)
-    switch_penalty = (0.5, 2.0, 30.0)[seed % 3]
+    switch_penalty = (0.5, 2.0, 12.0)[seed % 3]
     sides = (
         dice(seed, m, n, steps)
         if seed % 4 == 3
@@ -126,7 +126,7 @@ def test_a_time_limit_leaves_a_true_bracket(limit: float, monkeypatch: pytest.Mo
     assert found.upper_bound >= sought.lower_bound
 
 
-def test_switch_prices_that_vary_and_free_switches_are_solved_whole(
+def test_where_windows_do_not_fit_the_whole_is_solved(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sides = scene(1, 5, 5, 30, side=8.0)
@@ -134,6 +134,7 @@ def test_switch_prices_that_vary_and_free_switches_are_solved_whole(
     results = [
         evaluate(*sides, 5.0, 2, 2.0, step_weights=weights),
         whole(sides, switch_penalty=0.0),
+        whole(sides, switch_penalty=30.0),
     ]
     divide(monkeypatch)
     for result in results:
