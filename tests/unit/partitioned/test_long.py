@@ -141,7 +141,7 @@ def check_parts(joined: Joined, problem: Problem, entries: Entries, parameters: 
     assert assigned["weight"].sum() == pytest.approx(used.sum(), rel=1e-12)
 
 
-@pytest.mark.parametrize("seed", [0, 2, 3, 6])
+@pytest.mark.parametrize("seed", [0, 2, 5, 7, 9])
 def test_the_bracket_is_that_of_the_whole(seed: int, tmp_path: Path) -> None:
     entries, parameters = walkers(seed, 160)
     problem, bounds, _ = whole(entries, parameters)
@@ -159,7 +159,7 @@ def test_the_bracket_is_that_of_the_whole(seed: int, tmp_path: Path) -> None:
     check_parts(joined, problem, entries, parameters)
 
 
-@pytest.mark.parametrize("seed", [5, 13, 14])
+@pytest.mark.parametrize("seed", [5, 14])
 def test_windows_that_are_too_short_leave_an_honest_bracket(seed: int, tmp_path: Path) -> None:
     entries, parameters = walkers(seed, 30)
     problem, bounds, _ = whole(entries, parameters)

@@ -1,6 +1,7 @@
 """A long component, and what is proven of it."""
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.partitioned.long.rows import Rows
 from tgospa_eval.partitioned.long.tables import Piece
 from tgospa_eval.partitioned.share import Share
 from tgospa_eval.problem.problem import Floats
@@ -50,6 +51,8 @@ class Joined:
         What it contributes, as folders of shards; all but one have an empty share.
     pieces : tuple of Piece
         Whose answers it was made of.
+    rows : tuple of Rows
+        By which it was proven.
     lost : (L,) float array
         Prices that nobody pays, by step.
     regret : (3, N) float array
@@ -59,5 +62,6 @@ class Joined:
     share: Share
     folders: tuple[str, ...]
     pieces: tuple[Piece, ...]
+    rows: tuple[Rows, ...]
     lost: Floats
     regret: Floats

@@ -17,7 +17,7 @@ from tgospa_eval.partitioned.share import HELD
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import row_terms
 from tgospa_eval.problem.paths import best_values
-from tgospa_eval.problem.problem import REGRET, Floats, Ints, sum_by
+from tgospa_eval.problem.problem import REGRET, Floats, Ints, Problem, sum_by
 from tgospa_eval.problem.readout import read_tracks
 from tgospa_eval.problem.rows import rows_of_component, running_of
 from tgospa_eval.problem.slots import changed
@@ -54,14 +54,19 @@ class Rows:
     parameters: Parameters
 
 
-def prove_rows(task: Rows) -> None:
-    """Best paths at the prices, runs that are held, switches, intervals, regrets."""
+def load_rows(task: Rows) -> tuple[Problem, Ints, tuple[Ints, Ints]]:
+    """All entries of some truths, their weights, and the numbers of the truths and estimates."""
     first, last = task.window
     gains = load_pieces(task.pieces, "gains", task.number, GAIN)
     numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
     problem = replace(problem_of(gains, first, numbers, task.parameters), steps=last - first + 1)
-    entry_weights = np.ascontiguousarray(gains["weight"])
-    del gains
+    return problem, np.ascontiguousarray(gains["weight"]), numbers
+
+
+def prove_rows(task: Rows) -> None:
+    """Best paths at the prices, runs that are held, switches, intervals, regrets."""
+    first = task.window[0]
+    problem, entry_weights, numbers = load_rows(task)
     columns = load_columns(task.columns, numbers[1], first)
     states = rows_of_component(problem, columns.places)
     weights = hold_runs(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.partitioned.long.borders import value_borders
 from tgospa_eval.partitioned.long.columns import Columns, Rest, add_rest, join_columns
 from tgospa_eval.partitioned.long.component import Joined, Long
 from tgospa_eval.partitioned.long.contribution import contribute
@@ -21,11 +22,11 @@ from tgospa_eval.partitioned.share import Share
 from tgospa_eval.partitioned.tasks import Run, writing
 from tgospa_eval.problem.paths import down
 
-REPAIR_ROUNDS = 4
+REPAIR_ROUNDS = 12
 """How often open seams are solved again, each time with twice the overlap."""
 
-LITTLE_PROGRESS = 0.9
-"""A round that leaves more of the bracket than this was the last."""
+LITTLE_PROGRESS, PATIENCE = 0.9, 3
+"""So many rounds in turn that leave more of the bracket than this are the last."""
 
 WINDOW_ENTRIES = 200_000
 """Entries of a window beside which no more pay: a solver takes the longer for each."""
@@ -37,17 +38,29 @@ def solve_long(component: Long, run: Run[Any]) -> Joined:
     windows = first_windows(component, plan)
     run(solve_window, windows)
     overlap = component.overlap
-    joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
+    best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
+    stuck = 0
     for number in range(REPAIR_ROUNDS):
-        if joined.share.solved:
+        if best.share.solved or stuck == PATIENCE:
             break
-        again, pieces = repairs(component, plan, joined, overlap, number)
+        borders, again, pieces = repairs(component, plan, joined, overlap, number)
+        run(value_borders, borders)
         run(solve_window, again)
-        before, joined = joined, prove_long(component, plan, pieces, f"round-{number + 1}", run)
-        if width(joined) > LITTLE_PROGRESS * width(before):
-            return min(joined, before, key=width)
+        joined = prove_long(component, plan, pieces, f"round-{number + 1}", run)
+        before, best = best, better(best, joined, component.gap)
+        stuck = 0 if width(best) < LITTLE_PROGRESS * width(before) else stuck + 1
         overlap *= 2
-    return joined
+    return _stored(best, f"{component.work}/result")
+
+
+def better(first: Joined, second: Joined, gap: float) -> Joined:
+    """The assignment of either that costs less, with the higher of both bounds."""
+    (low, cost), (other_low, other_cost) = first.share.bracket, second.share.bracket
+    cheaper = second if other_cost < cost else first
+    prices = second if other_low > low else first
+    lower, upper = max(low, other_low), min(cost, other_cost)
+    share = replace(cheaper.share, lower=prices.share.lower, solved=upper - lower <= gap * upper)
+    return replace(cheaper, share=share)
 
 
 def width(joined: Joined) -> float:
@@ -75,7 +88,17 @@ def prove_unfinished(component: Long, run: Run[Any]) -> Joined:
         for number, (window, found) in enumerate(zip(windows, there, strict=True))
     ]
     run(solve_window, left)
-    return prove_long(component, plan, pieces_of(left), name, run)
+    joined = prove_long(component, plan, pieces_of(left), name, run)
+    return _stored(joined, f"{component.work}/{name}/result")
+
+
+def _stored(joined: Joined, output: str) -> Joined:
+    """With the share in a folder like the others."""
+    if not Path(output).exists():
+        with writing(output) as folder:
+            folder.mkdir()
+            contribute(folder, share=joined.share)
+    return replace(joined, folders=(*joined.folders, output))
 
 
 def plan_long(component: Long, run: Run[Any]) -> Plan:
@@ -154,16 +177,15 @@ def prove_long(
         for n, folder in enumerate(joined)
     ]
     run(add_rest, rest)
-    return _add_up(component, plan, pieces, proven, tuple(task.output for task in rest), work)
+    return _add_up(component, plan, pieces, rows, tuple(task.output for task in rest))
 
 
 def _add_up(
     component: Long,
     plan: Plan,
     pieces: tuple[Piece, ...],
-    rows: tuple[str, ...],
+    rows: list[Rows],
     rest: tuple[str, ...],
-    work: str,
 ) -> Joined:
     first, last = plan.window
     size = last - first + 1
@@ -172,7 +194,7 @@ def _add_up(
     regrets = [np.zeros((3, 0))]
     variation = np.zeros((2, size), np.int64)
     pairs = states = 0
-    for folder in rows:
+    for folder in (task.output for task in rows):
         with np.load(f"{folder}/sums.npz") as found:
             lower += found["lower"].tolist()
             pairs += int(found["pairs"])
@@ -214,15 +236,11 @@ def _add_up(
         states=states,
         solved=upper - math.fsum(lower) <= component.gap * upper,
     )
-    whole = f"{work}/whole"
-    if not Path(whole).exists():
-        with writing(whole) as beside:
-            beside.mkdir()
-            contribute(beside, share=share)
     return Joined(
         share=share,
-        folders=(*rows, *rest, whole),
+        folders=(*(task.output for task in rows), *rest),
         pieces=pieces,
+        rows=tuple(rows),
         lost=lost,
         regret=np.concatenate(regrets, axis=1),
     )

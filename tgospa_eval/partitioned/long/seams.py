@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tgospa_eval.partitioned.long.borders import Borders
 from tgospa_eval.partitioned.long.component import Joined, Long
 from tgospa_eval.partitioned.long.plan import Plan
 from tgospa_eval.partitioned.long.tables import Piece
@@ -13,8 +14,8 @@ OPEN_FROM = 0.1
 
 def repairs(
     component: Long, plan: Plan, joined: Joined, overlap: int, number: int
-) -> tuple[list[Window], tuple[Piece, ...]]:
-    """Windows around the open seams, and the pieces once these are solved.
+) -> tuple[list[Borders], list[Window], tuple[Piece, ...]]:
+    """Windows around the open seams, their borders, and the pieces once these are solved.
 
     Parameters
     ----------
@@ -23,54 +24,70 @@ def repairs(
     joined : Joined
         What is proven so far.
     overlap : int
-        Steps on either side of a seam that are solved again, and as many beyond these.
+        Of the windows of this round: four times as many steps are solved on either side of a seam.
     number : int
         Which round it is.
     """
-    middles = _middles(component, plan, joined, 2 * overlap)
+    stretches = _stretches(component, plan, joined, 4 * overlap)
+    borders = [
+        Borders(
+            output=f"{component.work}/round-{number}/borders/{index:05d}",
+            rows=rows,
+            windows=stretches,
+        )
+        for index, rows in enumerate(joined.rows)
+        if component.parameters.switch_price > 0  # else steps are apart
+    ]
     windows = []
-    for index, middle in enumerate(middles):
-        around = plan.around(*middle, 2 * overlap, component.together // 4)
+    for index, around in enumerate(stretches):
         windows.append(
             Window(
                 output=f"{component.work}/round-{number}/repairs/{index:06d}",
                 entries=plan.between(*around),
                 around=around,
-                core=middle,
+                core=around,
                 parameters=component.parameters,
                 truth_bounds=plan.truth_bounds,
                 estimate_bounds=plan.estimate_bounds,
                 gap=0.25 * component.gap,
                 near=tuple(p for p in joined.pieces if p.low < around[1] and p.high > around[0]),
+                borders=tuple(task.output for task in borders),
+                number=index,
+                ends=(around[0] <= plan.window[0], around[1] > plan.window[1]),
             )
         )
-    return windows, _replaced(joined.pieces, windows)
+    return borders, windows, _replaced(joined.pieces, windows)
 
 
-def _middles(component: Long, plan: Plan, joined: Joined, overlap: int) -> list[tuple[int, int]]:
-    """Stretches around the open seams; neighbours are one as long as they are small enough."""
-    seams = [piece.low for piece in joined.pieces[1:]]
+def _stretches(
+    component: Long, plan: Plan, joined: Joined, overlap: int
+) -> tuple[tuple[int, int], ...]:
+    """Stretches around seams and steps that keep the bracket open, the worst first, none twice.
+
+    What is worth most at the borders of one depends on what is inside of its neighbours: those are
+    left for another round.
+    """
     share = joined.share
+    seams = [piece.low for piece in joined.pieces[1:]]
     allowed = OPEN_FROM * component.gap * share.upper / max(len(seams), 1)
+    steps = np.unique((*seams, *(np.flatnonzero(joined.lost > allowed) + share.first)))
     lost = np.concatenate(([0.0], np.cumsum(joined.lost)))
     regret, begin, end = joined.regret
-    middles: list[tuple[int, int]] = []
-    for seam in seams:
-        low, high = plan.around(seam, seam, overlap, component.together // 8)
-        left = float(lost[high - share.first] - lost[low - share.first])
-        left += float(regret[(begin < high) & (end >= low)].sum())
-        if left <= allowed:
-            continue
-        if middles and low < middles[-1][1]:
-            before = middles[-1]
-            size = sum(b - a for _, a, b in plan.between(before[0], high))
-            if size <= component.together // 2:
-                middles[-1] = (before[0], max(high, before[1]))
-                continue
-            low = before[1]
-        if low < high:
-            middles.append((low, high))
-    return middles
+    around = [plan.around(step, step, overlap, component.together // 2) for step in steps.tolist()]
+    left = np.array(
+        [
+            lost[high - share.first]
+            - lost[low - share.first]
+            + regret[(begin < high) & (end >= low)].sum()
+            for low, high in around
+        ]
+    )
+    chosen: list[tuple[int, int]] = []
+    for index in np.argsort(-left, kind="stable").tolist():
+        low, high = around[index]
+        if left[index] > allowed and all(high < a or low > b for a, b in chosen):
+            chosen.append((low, high))
+    return tuple(sorted(chosen))
 
 
 def _replaced(pieces: tuple[Piece, ...], windows: list[Window]) -> tuple[Piece, ...]:

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import SolverError
+from tgospa_eval.partitioned.long.borders import Framed, frame, load_borders
 from tgospa_eval.partitioned.long.holding import Known, hold_runs
 from tgospa_eval.partitioned.long.plan import read_entries, shard_of
 from tgospa_eval.partitioned.long.tables import (
@@ -27,7 +27,7 @@ from tgospa_eval.partitioned.share import HELD
 from tgospa_eval.partitioned.tasks import writing
 from tgospa_eval.problem.certificate import TERMS_TOGETHER, fair_prices
 from tgospa_eval.problem.merging import merge_runs
-from tgospa_eval.problem.problem import Floats, Ints, Problem
+from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.tgospa import Parameters
@@ -58,6 +58,12 @@ class Window:
         Relative gap that counts as exact; None leaves all unassigned.
     near : tuple of Piece
         What is known, where the window was solved before.
+    borders : tuple of str
+        Outputs of `Borders`, where its pairs are worth something at its borders.
+    number : int
+        Which window it is in these.
+    ends : pair of bool
+        Whether it has the first, and the last step of the component.
     """
 
     output: str
@@ -69,6 +75,9 @@ class Window:
     estimate_bounds: Ints
     gap: float | None
     near: tuple[Piece, ...] = ()
+    borders: tuple[str, ...] = ()
+    number: int = 0
+    ends: tuple[bool, bool] = (True, True)
 
 
 def pieces_of(windows: list[Window]) -> tuple[Piece, ...]:
@@ -79,10 +88,7 @@ def pieces_of(windows: list[Window]) -> tuple[Piece, ...]:
 def solve_window(task: Window) -> None:
     """Solve a window, and write what its core says."""
     entry = read_entries(task.entries)
-    numbers = np.unique(entry["truth"]), np.unique(entry["estimate"])
-    first, after = task.around
-    problem = replace(problem_of(entry, first, numbers, task.parameters), steps=after - first)
-    solved = _solve(problem, task, numbers)
+    solved = _solve(entry, task)
     low, high = np.searchsorted(entry["step"], task.core).tolist()
     gains = np.zeros(high - low, GAIN)
     for name in entry.dtype.names or ():
@@ -104,7 +110,7 @@ def solve_window(task: Window) -> None:
             part = shard_of(table["estimate"], task.estimate_bounds)
             save_parts(folder, name, table, part, estimate_shards)
         with (folder / "steps.npz").open("wb") as file:
-            np.savez(file, **_steps(problem, gains, slice(low, high), task))
+            np.savez(file, **_steps(gains, task))
         counted = [solved.iterations, solved.states, solved.finished]
         np.save(folder / "counts.npy", np.array(counted, np.int64))
 
@@ -121,44 +127,46 @@ class _Solved:
     finished: bool = True
 
 
-def _solve(problem: Problem, task: Window, numbers: tuple[Ints, Ints]) -> _Solved:
-    weights = np.zeros(len(problem.cost), np.int64)
+def _solve(entry: Table, task: Window) -> _Solved:
     if task.gap is None:
         return _Solved(
-            entry_weights=weights,
+            entry_weights=np.zeros(len(entry), np.int64),
             holds=np.zeros(0, HELD),
             places=np.zeros(0, PRICE_AT),
             finished=False,
         )
     # Estimates are columns in every window: their prices are joined.
-    states = merge_runs(problem, transpose=False)
-    warm_start = _warm_start(states, task, numbers) if task.near else None
+    borders = load_borders(task.borders, task.number)
+    framed = frame(entry, task.around, task.parameters, borders, task.ends)
+    states = merge_runs(framed.problem, transpose=False)
+    warm_start = _warm_start(states, task, framed) if task.near else None
     solution = Certified(gap=task.gap, jobs=1)(states, Stopwatch(), warm_start)
     whole = repair(states, solution.weights)
     gains = np.flatnonzero(states.entry >= 0)
+    weights = np.zeros(len(framed.problem.cost), np.int64)
     weights[states.entry[gains]] = whole[gains]
     return _Solved(
-        entry_weights=weights,
-        holds=_holds(states, whole, task, numbers),
-        places=_places(states, solution, task, numbers[1]),
+        entry_weights=weights[len(framed.before) : len(framed.before) + len(entry)],
+        holds=_holds(states, whole, task, framed),
+        places=_places(states, solution, task, framed),
         iterations=solution.iterations,
         states=len(states.begin),
         finished=solution.finished,
     )
 
 
-def _holds(states: States, weights: Ints, task: Window, numbers: tuple[Ints, Ints]) -> Table:
+def _holds(states: States, weights: Ints, task: Window, framed: Framed) -> Table:
     """What is held without gain in the core; outside its block a pair goes on as at the border."""
-    first, after = task.around
+    first, numbers = framed.first, framed.numbers
     pair = states.pair
     block = states.pair_block[pair]
     opens, closes = states.pair_first[:-1], states.pair_first[1:] - 1
     runs = np.flatnonzero((states.entry < 0) & (weights > 0))
-    steps = np.int32(after - first - 1)
+    last = np.int32(states.problem.steps - 1)
     stretches = (
         (runs, states.begin[runs], states.end[runs]),
         (opens, np.zeros_like(opens), states.block_begin[block[opens]] - 1),
-        (closes, states.block_end[block[closes]] + 1, np.full_like(closes, steps)),
+        (closes, states.block_end[block[closes]] + 1, np.full_like(closes, last)),
     )
     state, begin, end = (np.concatenate(part) for part in zip(*stretches, strict=True))
     begin = np.maximum(begin + first, task.core[0])
@@ -173,16 +181,16 @@ def _holds(states: States, weights: Ints, task: Window, numbers: tuple[Ints, Int
     return held
 
 
-def _places(states: States, solution: Solution, task: Window, estimates: Ints) -> Table:
+def _places(states: States, solution: Solution, task: Window, framed: Framed) -> Table:
     """The prices of the slots that begin in the core, at their first steps."""
     columns = states.columns
     prices = fair_prices(solution.prices)
-    step = columns.step.astype(np.int64) + task.around[0]
+    step = columns.step.astype(np.int64) + framed.first
     paid = np.flatnonzero((prices > 0) & (step >= task.core[0]) & (step < task.core[1]))
     number = np.zeros(states.nodes, np.int64)
     number[states.pair_column] = states.pair_estimate
     places = np.zeros(len(paid), PRICE_AT)
-    places["estimate"] = estimates[number[columns.node[paid]]]
+    places["estimate"] = framed.numbers[1][number[columns.node[paid]]]
     places["step"], places["price"] = step[paid], prices[paid]
     places.sort(order=["estimate", "step"])
     return places
@@ -200,23 +208,23 @@ def _busy(used: Table) -> Table:
     return busy
 
 
-def _steps(problem: Problem, gains: Table, core: slice, task: Window) -> dict[str, Any]:
+def _steps(gains: Table, task: Window) -> dict[str, Any]:
     """By step of the core: cost of what is assigned, objects, and how much of them is not."""
     low, high = task.core
+    numbers = np.unique(gains["truth"]), np.unique(gains["estimate"])
+    problem = problem_of(gains, low, numbers, task.parameters)
     step = gains["step"] - np.int32(low)
     size = high - low
     found: dict[str, Any] = {"first": np.array(low)}
     for name, side in zip(("truth", "estimate"), problem.sides, strict=True):
         free = np.full(len(side.step), ONE)
-        np.subtract.at(free, side.row[core], gains["weight"])
+        np.subtract.at(free, side.row, gains["weight"])
         if free.min(initial=0) < 0:
             raise SolverError(
                 "an assignment to prove is none: please report this as a bug, with the two files"
             )
-        at = side.step.astype(np.int64) + (task.around[0] - low)
-        inside = (at >= 0) & (at < size)
-        found[f"{name}s"] = np.bincount(at[inside], minlength=size)
-        found[f"free_{name}s"] = halves(free[inside], at[inside], size)
+        found[f"{name}s"] = np.bincount(side.step, minlength=size)
+        found[f"free_{name}s"] = halves(free, side.step, size)
     used = np.flatnonzero(gains["weight"])
     paid = gains["weight"][used] / ONE * gains["cost"][used]
     found["localisation"] = _sums(paid, step[used], size)
@@ -235,18 +243,26 @@ def _sums(value: Floats, step: Ints, size: int) -> Floats:
     return np.array([math.fsum(chunks[a:b]) for a, b in itertools.pairwise(first)], np.float64)
 
 
-def _warm_start(states: States, task: Window, numbers: tuple[Ints, Ints]) -> WarmStart:
+def _warm_start(states: States, task: Window, framed: Framed) -> WarmStart:
     """What pieces say of the window: prices, and weights that are held where they can be."""
-    first, after = task.around
+    low, high = task.around
+    first, numbers = framed.first, framed.numbers
     pieces = tuple(
-        Piece(folder=piece.folder, low=max(piece.low, first), high=min(piece.high, after))
+        Piece(folder=piece.folder, low=max(piece.low, low), high=min(piece.high, high))
         for piece in task.near
-        if piece.low < after and piece.high > first
+        if piece.low < high and piece.high > low
     )
     gains = load_pieces(pieces, "gains", None, GAIN)
-    order = np.lexsort((gains["estimate"], gains["truth"], gains["step"]))
+    gains = gains[np.lexsort((gains["estimate"], gains["truth"], gains["step"]))]
+    gains = np.concatenate(
+        (
+            _outside(framed.before, "held_before", low - 1),
+            gains,
+            _outside(framed.after, "held_after", high),
+        )
+    )
     known = Known(
-        weights=gains["weight"][order],
+        weights=np.ascontiguousarray(gains["weight"]),
         holds=_renumbered(load_pieces(pieces, "holds", None, HELD), first, numbers),
         busy=_renumbered(_busy(gains[gains["weight"] > 0]), first, numbers),
     )
@@ -265,6 +281,14 @@ def _warm_start(states: States, task: Window, numbers: tuple[Ints, Ints]) -> War
         prices=make_warm_start(states, (paid,), (1.0,)).prices,
         near=True,
     )
+
+
+def _outside(borders: Table, held: str, step: int) -> Table:
+    gains = np.zeros(len(borders), GAIN)
+    for name in ("truth", "estimate"):
+        gains[name] = borders[name]
+    gains["step"], gains["weight"] = step, borders[held]
+    return gains
 
 
 def _renumbered(table: Table, first: int, numbers: tuple[Ints, Ints]) -> Table:
