@@ -101,7 +101,7 @@ class Side:
 
     @property
     def shown(self) -> Sequence[str] | TimeArray:
-        """(T,) times as they were read."""
+        """(T,) times as they are shown."""
         return steps_of(self.store).shown
 
     def block(self, first: float, last: float) -> Trajectories:
@@ -140,7 +140,7 @@ class Side:
             numbers=rows.numbers,
             where=rows.where,
             classes=rows.classes,
-            text=self._text,
+            text=steps.read_as,
         )
         reading = assemble(rows, _settled(self.options), self.format)
         found = reading.trajectories
@@ -200,11 +200,6 @@ class Side:
             table = open_table(unit.piece.file, self.options)
             chunks += table.chunks(unit.piece.begin, self.options, span)
         yield from rows_of_chunks(chunks, self.options)
-
-    def _text(self, time: float) -> str | float:
-        """A time as it was read."""
-        at = int(np.searchsorted(self.times, time))
-        return self.shown[at] if at < len(self.times) else time
 
     def _nothing(self) -> Trajectories:
         return Trajectories(

@@ -27,7 +27,9 @@ class Steps:
     counts : (T,) int64 array
         Rows at each.
     labels : (T,) array of bytes, optional
-        Times as they were read, in UTF-8, where they are no numbers.
+        Times as they are shown, in UTF-8, where they are no numbers.
+    texts : (T,) array of bytes, optional
+        Likewise as they were read, if they are shown otherwise.
     converted : bool
         Whether `times` are others than `raw`.
     units : list of Unit
@@ -42,6 +44,7 @@ class Steps:
     times: TimeArray
     counts: Ints
     labels: NDArray[np.bytes_] | None
+    texts: NDArray[np.bytes_] | None
     converted: bool
     units: list[Unit]
     lows: Floats | Ints
@@ -50,8 +53,17 @@ class Steps:
 
     @property
     def shown(self) -> "Texts | TimeArray":
-        """Times as they were read."""
+        """Times as they are shown."""
         return self.times if self.labels is None else Texts(self.labels)
+
+    def read_as(self, time: float) -> str | float:
+        """What the files have for a time."""
+        at = int(np.searchsorted(self.times, time))
+        texts = self.labels if self.texts is None else self.texts
+        if texts is not None:
+            return Texts(texts)[at]
+        found: float = self.raw[at].item()
+        return found
 
 
 class Texts(Sequence[str]):
@@ -96,9 +108,11 @@ def store_steps(index: Index, options: ReadOptions, store: Path, name: str) -> i
         "times": times[inside],
         "counts": moments.count[inside],
     }
-    if shown is not None:
+    if shown is not None and moments.label is not None:
         texts = [text.encode() for text in shown[inside].tolist()]
         kept["labels"] = np.array(texts, dtype=np.bytes_)
+        if times is not moments.value:
+            kept["texts"] = moments.label[inside]
     store.mkdir(parents=True, exist_ok=True)
     for key, array in kept.items():
         np.save(store / f"{key}.npy", array)
@@ -116,10 +130,16 @@ def steps_of(store: str) -> Steps:
     arrays = {
         key: np.load(folder / f"{key}.npy", mmap_mode="r") for key in ("raw", "times", "counts")
     }
-    texts = folder / "labels.npy"
+
+    def texts(key: str) -> NDArray[np.bytes_] | None:
+        path = folder / f"{key}.npy"
+        found: NDArray[np.bytes_] | None = np.load(path, mmap_mode="r") if path.exists() else None
+        return found
+
     return Steps(
         **arrays,
-        labels=np.load(texts, mmap_mode="r") if texts.exists() else None,
+        labels=texts("labels"),
+        texts=texts("texts"),
         converted=converted,
         units=units,
         lows=np.array([unit.low for unit in units]),

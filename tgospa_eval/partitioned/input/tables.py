@@ -195,7 +195,7 @@ def open_table(file: File, options: ReadOptions) -> Table:
                 f"{file.path}: the file is empty; a part without objects has a schema and no rows"
             )
     try:
-        content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN)
+        content = pq.ParquetFile(file.place, buffer_size=BYTES_OF_COLUMN, pre_buffer=False)
         schema = content.schema_arrow
     except (pa.ArrowException, OSError, ValueError) as error:
         raise damaged(file.path, "Parquet", error) from None
