@@ -156,6 +156,8 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         partitioned.evaluate_parts(paths, options, output, "so")
     said = capsys.readouterr().err
     assert f"what is done is in {folder / 'work'}, and the same command goes on" in said
+    assert "proven so far: " in said
+    assert " <= TGOSPA <= " in said
     assert [path.name for path in folder.iterdir()] == ["work"]
     monkeypatch.setattr(partitioned, "evaluate_partitioned", solve)
     other = EvaluationOptions(cutoff=90.0, switch_penalty=50.0, jobs=1, memory=10**9)

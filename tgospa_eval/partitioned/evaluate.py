@@ -26,6 +26,7 @@ from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.partitioned.input.digests import combined_digest
 from tgospa_eval.partitioned.outcome import TrackSums, write_tables
+from tgospa_eval.partitioned.progress import Stages
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
 from tgospa_eval.partitioned.scan import Read
 from tgospa_eval.partitioned.sides import Side, open_side
@@ -154,6 +155,7 @@ def _evaluate(
         columns=len(truth.columns),
         work=means.work,
         memory=means.share,
+        stages=Stages(stopwatch),
         engine=means.engine,
     )
     found = evaluate_parts(plan, stopwatch)

@@ -71,7 +71,7 @@ class Stages:
             self._left.remove(task)
             self._done += self._work[task]
         if share is not None:
-            self._prove(share)
+            self.prove(share)
         self._show()
 
     def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
@@ -92,7 +92,7 @@ class Stages:
     def _unassigned(self, truths: float, estimates: float) -> float:
         return self._prices[0] * truths + self._prices[1] * estimates
 
-    def _prove(self, share: Share) -> None:
+    def prove(self, share: Share) -> None:
         """Below, shares that are known; above, them and all other objects unassigned."""
         lower, upper = self._sums
         lower.append(share.bracket[0])

@@ -2,6 +2,8 @@
 
 import itertools
 from collections.abc import Callable, Sequence
+from dataclasses import field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +16,10 @@ from tgospa_eval.partitioned.add_up import Whole, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
 from tgospa_eval.partitioned.long.component import Long
 from tgospa_eval.partitioned.long.run import solve_long
+from tgospa_eval.partitioned.progress import Stages
 from tgospa_eval.partitioned.scan import Block, Readable, Scanned, constants, scan
 from tgospa_eval.partitioned.shards import Shard, solve_shard
+from tgospa_eval.partitioned.share import Share
 from tgospa_eval.partitioned.shuffle import Sort, long_name, sort_entries
 from tgospa_eval.partitioned.tasks import T, run_tasks
 from tgospa_eval.problem.problem import Ints, Problem
@@ -51,6 +55,8 @@ class Plan:
         The folder of what is known on the way.
     memory : int
         Bytes for each worker.
+    stages : Stages
+        What whoever watches is told.
     engine : Engine, optional
         Where tasks are done; in this process by default.
     """
@@ -63,11 +69,41 @@ class Plan:
     columns: int
     work: Path
     memory: int
+    stages: Stages = field(default_factory=lambda: Stages(Stopwatch()))
     engine: Engine | None = None
 
-    def run(self, function: Callable[[T], None], tasks: Sequence[T]) -> None:
-        """Do tasks."""
-        run_tasks(function, tasks, self.engine)
+    def run(
+        self,
+        name: str,
+        function: Callable[[T], None],
+        tasks: Sequence[T],
+        amounts: Sequence[float] | None = None,
+        share_of: Callable[[str], Share | None] = lambda output: None,  # noqa: ARG005
+    ) -> None:
+        """Do the tasks of a stage.
+
+        Parameters
+        ----------
+        name : str
+            What is done in it, in a word.
+        function : callable
+            Does one.
+        tasks : sequence of Task
+            In the order in which to begin.
+        amounts : sequence of float, optional
+            How much work each is.
+        share_of : callable
+            What is proven by one that is done, from its output.
+        """
+        each = amounts or [1.0] * len(tasks)
+        outputs = [task.output for task in tasks]
+        self.stages.stage(name, dict(zip(outputs, each, strict=True)))
+        run_tasks(
+            function,
+            tasks,
+            self.engine,
+            lambda output: self.stages.done(output, share_of(output)),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +164,10 @@ def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
         shards = make_shards(blocks, truths, estimates, most_entries(plan.memory))
         folders = _shuffle(plan, scanned, blocks, (truths, estimates), shards)
     with stopwatch.span("solve/sweeps"):
+        rows = int(truths.rows.sum()), int(estimates.rows.sum())
+        plan.stages.expect(plan.request.parameters, rows)
         solved = _solve(plan, folders, shards)
+    plan.stages.end()
     with stopwatch.span("certify"):
         fixed = constants(plan.request, plan.columns, blocks)
         whole = add_up(
@@ -162,7 +201,7 @@ def _scan(plan: Plan) -> list[Path]:
         )
         for low, high in itertools.pairwise(edges)
     ]
-    plan.run(scan, tasks)
+    plan.run("searching near pairs", scan, tasks)
     return [Path(task.output) for task in tasks]
 
 
@@ -184,7 +223,7 @@ def _shuffle(
         for k, folder in enumerate(scanned)
         if len(blocks[k].pairs)
     ]
-    plan.run(sort_entries, tasks)
+    plan.run("sorting near pairs", sort_entries, tasks)
     return tuple(task.output for task in tasks)
 
 
@@ -202,8 +241,15 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
         )
         for number in np.flatnonzero(~shards.long).tolist()
     ]
-    plan.run(solve_shard, sorted(tasks, key=lambda task: -int(shards.entries[task.number])))
     found = [Path(task.output) for task in tasks]
+    tasks.sort(key=lambda task: -int(shards.entries[task.number]))
+    plan.run(
+        "solving",
+        solve_shard,
+        tasks,
+        [float(shards.entries[task.number]) for task in tasks],
+        lambda output: Share.load(Path(output) / "share.npz"),
+    )
     for number in np.flatnonzero(shards.long).tolist():
         component = Long(
             entries=tuple(str(Path(folder) / long_name(number)) for folder in folders),
@@ -212,5 +258,7 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
             gap=solver.gap,
             together=most_entries(plan.memory),
         )
-        found += map(Path, solve_long(component, plan.run).folders)
+        joined = solve_long(component, partial(plan.run, "solving a long component"))
+        plan.stages.prove(joined.share)
+        found += map(Path, joined.folders)
     return found

@@ -3,35 +3,16 @@
 A browser stretches the shapes to any width, and keeps the letters as they are.
 """
 
-import math
 from collections.abc import Sequence
 
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.reports.curves import CURVE_KINDS, CurveKind, RmsCurve
+from tgospa_eval.reports.ticks import ROOM, Tick, round_steps
 
 MOST_POINTS = 400
 """Of a line; of more steps every second, third ... is drawn."""
-
-ROOM = 1.05
-"""Height of a chart, as a multiple of what is in it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tick:
-    """A place on an axis.
-
-    Parameters
-    ----------
-    at : float
-        In percent.
-    text : str
-        What it says.
-    """
-
-    at: float
-    text: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,17 +67,6 @@ class Chart:
     stride: int
     runs: str
     across_name: str
-
-
-def round_steps(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers from `low` to `high`, at most so many."""
-    if not high > low:
-        return [low]
-    raw = (high - low) / (most - 1)
-    unit = 10.0 ** math.floor(math.log10(raw))
-    each = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= raw * (1 - 1e-9))
-    first = math.ceil(low / each - 1e-9)
-    return [k * each for k in range(first, math.floor(high / each + 1e-9) + 1)]
 
 
 def curve_chart(curves: Sequence[tuple[int, RmsCurve]], kind: CurveKind, unit: str) -> Chart | None:

@@ -20,9 +20,11 @@ from tgospa_eval.reports.console import SPLIT_WORDS, meaning, part_rows, similar
 from tgospa_eval.reports.drawn import Drawn
 from tgospa_eval.reports.other_metrics import other_table, similarity
 from tgospa_eval.reports.page_data import document
+from tgospa_eval.reports.partitioned_page import partitioned_values
 from tgospa_eval.reports.repairs import repair_notes, repair_rows
 from tgospa_eval.reports.slices import about_slices, slices_of_page
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.records import PARTS, Columns
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import as_unicode
 
@@ -43,6 +45,16 @@ SCRIPTS = (
 PLAIN = 300_000
 """Bytes of arrays that are too few to be deflated."""
 
+AREAS = (
+    "".join(
+        f".area.{name} {{ fill: var(--{name}); }} .solid .{name} {{ background: var(--{name}); }}\n"
+        for name in PARTS
+    )
+    + ".chart .line { vector-effect: non-scaling-stroke; stroke-linejoin: round; }\n"
+    + ".costliest td { white-space: nowrap; }\n"
+)
+"""Style of the charts of data in parts."""
+
 WORST_ROWS = 10
 DISTANCE = "distance of assigned pairs"
 """What localisation is, which has no count."""
@@ -62,32 +74,21 @@ def page(
     drawn : Drawn, optional
         The `document` of the result, where it is known.
     """
+    if isinstance(result, PartitionedResult):
+        style = page_colours() + inlined("page.css") + inlined("batch.css") + AREAS
+        template = environment().get_template("partitioned.html.j2")
+        return template.render(
+            style=style, **_values(result, names), **partitioned_values(result, drawn)
+        )
     data, arrays = document(result) if drawn is None else drawn
     return (
         environment()
         .get_template("page.html.j2")
         .render(
-            names=list(map(as_unicode, names)),
-            result=result,
-            value=result.quantity(result.tgospa),
-            bracket=[result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
+            **_values(result, names),
             traced=result.traced is not None,
             worst_window=_worst_window(result),
-            meaning=meaning(result),
-            score="" if result.calibration is None else similarity_in_words(result),
-            parts=_parts(result),
-            total=number(result.total),
-            per_step=result.quantity(result.normalised["tgospa"]),
-            classes=_classes(result),
-            others=other_table(result.with_).rows,
-            similarity=list(similarity(result.with_)),
-            slices=list(map(slices_of_page, result.sliced)),
-            about_slices=list(about_slices(result.sliced, certified=result.certified)),
             **_explained(result),
-            seconds={k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
-            parameters=_flat(result.parameters),
-            inputs={name: _flat(about) for name, about in result.input.items()},
-            solver={k: v for k, v in _flat(result.solver).items() if k != "history"},
             worst=WORST_ROWS,
             data=data,
             arrays=packed(arrays),
@@ -95,6 +96,30 @@ def page(
             script="".join(inlined(f"{name}.js") for name in SCRIPTS),
         )
     )
+
+
+def _values(result: Summary, names: tuple[str, str]) -> dict[str, object]:
+    """What every page of a result says."""
+    return {
+        "names": list(map(as_unicode, names)),
+        "result": result,
+        "value": result.quantity(result.tgospa),
+        "bracket": [result.quantity(bound) for bound in (result.lower_bound, result.upper_bound)],
+        "meaning": meaning(result),
+        "score": "" if result.calibration is None else similarity_in_words(result),
+        "parts": _parts(result),
+        "total": number(result.total),
+        "per_step": result.quantity(result.normalised["tgospa"]),
+        "classes": _classes(result),
+        "others": other_table(result.with_).rows,
+        "similarity": list(similarity(result.with_)),
+        "slices": list(map(slices_of_page, result.sliced)),
+        "about_slices": list(about_slices(result.sliced, certified=result.certified)),
+        "seconds": {k: v for k, v in _flat(result.timings).items() if not k.startswith("nano")},
+        "parameters": _flat(result.parameters),
+        "inputs": {name: _flat(about) for name, about in result.input.items()},
+        "solver": {k: v for k, v in _flat(result.solver).items() if k != "history"},
+    }
 
 
 @cache

@@ -100,9 +100,13 @@ class PartitionedResult(Summary):
         """Steps, costs and counts of each estimate."""
         return self.tables.columns("per_estimate")
 
-    def _worst_tracks(self, kind: str, count: int) -> list[str]:
+    def costliest_tracks(self, kind: str, count: int) -> list[Json]:
+        """Rows of the costliest truths, of kind ``"missed"``, or estimates, of ``"false"``."""
         table = "per_truth" if kind == "missed" else "per_estimate"
         return self.tables.costliest(table, ("localisation", kind, "switch"), count)
+
+    def _worst_tracks(self, kind: str, count: int) -> list[str]:
+        return [row["id"] for row in self.costliest_tracks(kind, count)]
 
     def _records(self) -> Json:
         """The tables by their names in the result folder, and those records that are not many."""

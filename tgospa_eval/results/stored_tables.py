@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.problem.problem import Floats
-from tgospa_eval.results.records import Columns
+from tgospa_eval.results.records import Columns, Json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,25 +97,20 @@ class StoredTables:
             made: pd.DataFrame = pa.concat_tables([file.read() for file in files]).to_pandas()
         return made
 
-    def costliest(self, table: str, parts: Sequence[str], count: int) -> list[str]:
-        """The `id` of the rows with the highest sums of some columns, of equal ones the first."""
-        best: list[tuple[float, str]] = []
-        for ids, cost in self._sums(table, parts):
-            # Only what is dearer than the last of those that are known can come before it.
-            least = best[-1][0] if best and len(best) == count else 0.0
-            dear = np.flatnonzero(cost > least)
-            chosen = dear[np.argsort(-cost[dear], kind="stable")[:count]]
-            best += [(float(cost[k]), ids[int(k)].as_py()) for k in chosen]
-            best = sorted(best, key=lambda found: -found[0])[:count]
-        return [name for _, name in best]
-
-    def _sums(self, table: str, parts: Sequence[str]) -> Iterator[tuple[Any, Floats]]:
-        """The ids of some rows after the others, and sums of their columns."""
+    def costliest(self, table: str, parts: Sequence[str], count: int) -> list[Json]:
+        """The rows with the highest sums of some columns, of equal ones the first; none of 0."""
+        best: list[tuple[float, Json]] = []
         with self._opened(table) as files:
-            for file in files:
-                for batch in file.iter_batches(columns=["id", *parts]):
-                    columns = [np.asarray(batch[name], float) for name in parts]
-                    yield batch["id"], sum(columns, np.zeros(len(batch)))
+            for batch in (batch for file in files for batch in file.iter_batches()):
+                columns = [np.asarray(batch[name], float) for name in parts]
+                cost: Floats = sum(columns, np.zeros(len(batch)))
+                # Only what is dearer than the last of those that are known can come before it.
+                least = best[-1][0] if best and len(best) == count else 0.0
+                dear = np.flatnonzero(cost > least)
+                dear = dear[np.argsort(-cost[dear], kind="stable")[:count]]
+                best += zip(cost[dear].tolist(), batch.take(dear).to_pylist(), strict=True)
+                best = sorted(best, key=lambda found: -found[0])[:count]
+        return [row for _, row in best]
 
     @contextmanager
     def _opened(self, table: str) -> "Iterator[list[pq.ParquetFile]]":

@@ -1,5 +1,6 @@
 """A result whose tables are files says what one in memory says."""
 
+import itertools
 import json
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from tests.support.partitioned import partitioned
 from tgospa_eval import Result, evaluate
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned import by_time, tables
-from tgospa_eval.reports import REPORTS
+from tgospa_eval.reports import REPORTS, drawn
+from tgospa_eval.reports.page_data import document
 from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.stored_tables import StoredTables
@@ -99,3 +101,40 @@ def test_tables_that_are_gone_or_damaged_are_said_to_be(known: Result, tmp_path:
         stored.plot_lanes()
     with pytest.raises(ConfigError, match="slices: of an evaluation of partitioned data"):
         stored.slices("class")
+
+
+def test_page_and_pictures_show_means_over_stretches_of_steps(
+    stored: PartitionedResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(drawn, "MOST_STRETCHES", 8)
+    data, arrays = document(stored)
+    assert data["together"] == 8
+    assert data["times"] == stored.labels.times[::8]
+    per_step, curve = stored.per_step_table(), drawn.curves(stored)
+    means_of = ("localisation", "missed", "false", "switch")
+    for name in means_of:
+        ends = [*range(0, 60, 8), 60]
+        means = [np.mean(per_step[name][a:b]) for a, b in itertools.pairwise(ends)]
+        assert np.allclose(data["costs"][name], means, rtol=1e-6)
+        assert np.allclose(data["curve"][name], [curve[name][b - 1] for b in ends[1:]], rtol=1e-6)
+    assert not any(map(len, arrays.values()))
+    page = stored.to_html()
+    assert "<script" not in page
+    assert "Each bar is the mean of 8 steps" in page
+    drawn_parts = [name for name in means_of if any(data["costs"][name])]
+    assert page.count('class="area ') == len(drawn_parts) > 2
+    for name in [*stored.worst()["truth"], *stored.worst()["estimates"]]:
+        assert f"<bdi>{name}</bdi>" in page
+    figure = stored.plot_costs()
+    assert figure.axes[0].get_xlabel().endswith("; a bar is the mean of 8 steps")
+    lines = stored.plot_cumulative().axes[0].lines
+    assert lines[0].get_ydata()[-1] == pytest.approx(curve[lines[0].get_label()][-1])
+
+
+def test_a_result_without_steps_has_a_page(tmp_path: Path) -> None:
+    nothing = evaluate(np.zeros((0, 0, 2)), np.zeros((0, 0, 2)), cutoff=1.0, switch_penalty=1.0)
+    stored = partitioned(nothing, tmp_path)
+    assert "TGOSPA = 0" in stored.to_html()
+    assert stored.to_dict()["worst"] == {"steps": [], "truth": [], "estimates": []}
+    stored.save(tmp_path / "saved")
+    assert (tmp_path / "saved" / "assignments" / "part-00000.parquet").is_file()

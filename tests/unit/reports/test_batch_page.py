@@ -6,10 +6,11 @@ import pandas as pd
 import pytest
 
 from tgospa_eval.common.palette import DARK, HEAT_LEVELS, LIGHT, heat_shades
-from tgospa_eval.reports.charts import curve_chart, round_steps
+from tgospa_eval.reports.charts import curve_chart
 from tgospa_eval.reports.curves import RmsCurve
 from tgospa_eval.reports.heat import MOST_SQUARES, Heat, heat_of
 from tgospa_eval.reports.order import first_names, order_in_words
+from tgospa_eval.reports.ticks import round_steps
 
 
 def luminance(colour: str) -> float:
