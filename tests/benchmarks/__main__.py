@@ -17,6 +17,7 @@ import grid
 import kernel
 import memory
 import page
+import partitioned
 import report
 import scale
 import startup
@@ -43,6 +44,7 @@ class Plan:
     scale: tuple[Scene, ...]
     gaussian: tuple[str, ...]
     batch: tuple[batch.Case, ...]
+    partitioned: tuple[partitioned.Recording, ...]
     exactness: exactness.Plan
     deadline: float
 
@@ -114,6 +116,13 @@ def run_batch(plan: Plan, store: Store) -> list[Table]:
     return report.of_batch(plan.batch, store)
 
 
+def run_partitioned(plan: Plan, store: Store) -> list[Table]:
+    """Recordings in parts."""
+    for case in plan.partitioned:
+        missing(store, lambda case=case: partitioned.measure(case), partitioned.PART, str(case))
+    return report.of_partitioned(plan.partitioned, store)
+
+
 def run_startup(plan: Plan, store: Store) -> list[Table]:
     """Start-up of the command."""
     missing(store, startup.measure, startup.PART)
@@ -135,6 +144,7 @@ PARTS: dict[str, Callable[[Plan, Store], list[Table]]] = {
     "curve": run_curve,
     "scale": run_scale,
     "batch": run_batch,
+    "partitioned": run_partitioned,
     "startup": run_startup,
     "exactness": run_exactness,
 }
@@ -202,6 +212,7 @@ def main(  # noqa: PLR0913  (an argument for each option)
         curve=curve.SMALL if small else curve.SCENES,
         scale=scale.SMALL if small else scale.SCENES,
         batch=batch.SMALL if small else batch.CASES,
+        partitioned=partitioned.SMALL if small else partitioned.CASES,
         gaussian=tuple(gaussian.CASES)[: 1 if small else None],
         exactness=exactness.Plan(
             scenes=scenes or (SMALL_SCENES if small else exactness.Plan.scenes),

@@ -13,6 +13,7 @@ import grid
 import kernel
 import memory
 import page
+import partitioned
 import scale
 import startup
 from grid import stored
@@ -364,6 +365,47 @@ def of_batch(cases: Sequence[batch.Case], store: Store) -> list[Table]:
                 f"and half after the batch; batch: {batch.WORKERS} processes; overhead: what is "
                 "not work on jobs, of the time on the wall; again: the same command when all is "
                 "done, and the memory of its process.",
+            ),
+        )
+    ]
+
+
+def of_partitioned(cases: Sequence[partitioned.Recording], store: Store) -> list[Table]:
+    """Recordings in parts."""
+    rows = []
+    for case in cases:
+        found = store.get(partitioned.PART, str(case))
+        if found is None:
+            continue
+        smallest = min((c for c in cases if c.kind == case.kind), key=lambda c: c.rows)
+        least = store.get(partitioned.PART, str(smallest)) or found
+        growth = "-"
+        if smallest != case:
+            times = found["parts"] / least["parts"]
+            growth = f"{math.log(times) / math.log(case.rows / smallest.rows):.2f}"
+        whole = "whole" in found
+        rows.append(
+            (
+                str(case),
+                f"{found['simulate']:.1f}",
+                f"{found['parts']:.1f}",
+                growth,
+                f"{found['parts_peak'] / 1e6:.0f}",
+                f"{found['parts'] / found['whole']:.2f}" if whole else "-",
+                f"{found['parts_alone'] / found['parts']:.2f}",
+                f"{found['whole_alone'] / found['whole']:.2f}" if whole else "-",
+            )
+        )
+    return [
+        Table(
+            "Recordings in parts",
+            ("rows", "simulate s", "s", "growth", "MB", "/whole", "1/2 jobs", "1/2 jobs, whole"),
+            rows,
+            (
+                f"s: evaluated in parts by {partitioned.JOBS} processes with --memory "
+                f"{partitioned.MEMORY}; growth: exponent of that time from the fewest rows on; MB: "
+                "peak of the largest process; /whole: against the same rows in memory; 1/2 jobs: "
+                "time with one job over time with two.",
             ),
         )
     ]
