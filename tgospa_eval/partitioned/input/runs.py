@@ -146,7 +146,10 @@ def _write(
     chunks = [part for part in given if isinstance(part, Chunk)]
     parts = [part for part in given if isinstance(part, Rows)]  # one of both is empty
     parts += rows_of_chunks(chunks, options)
-    found = merged_moments(moments_of(part.times, part.name) for part in parts)
+    found = merged_moments(
+        moments_of(part.times, part.path if isinstance(part, Chunk) else part.name)
+        for part in given
+    )
     rows = merged_rows(parts[0].name, parts)
     order = np.argsort(rows.times.value, kind="stable")
     columns = {"time": rows.times.value, "id": rows.ids[1].astype(np.int32), "place": None}

@@ -3,6 +3,8 @@
 import os
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
@@ -14,9 +16,11 @@ from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats.arrow import arrow_rows, check_dates, check_types, damaged
 from tgospa_eval.formats.columns.roles import Roles, find_roles
+from tgospa_eval.formats.fields import Coded
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows
-from tgospa_eval.formats.times import Times
+from tgospa_eval.formats.text.convert import coded_times
+from tgospa_eval.formats.times import TimeError, Times
 from tgospa_eval.partitioned.input.listing import File
 from tgospa_eval.tracks.trajectories import Ints
 
@@ -91,29 +95,33 @@ class Table:
         header = self.schema.names[self.roles.time]
         row = sum(self.groups[:group])
         for table in self.batches(group, [header]):
-            yield times_of(table, self.file.path, options.decimal, row)
+            yield times_of(table, self.file.path, options.decimal, row, labelled=True)
             row += len(table)
 
     def chunks(
         self, group: int, options: ReadOptions, span: Span | None = None
     ) -> "Iterator[Chunk]":
-        """Rows of a row group, all or those of a range of time."""
+        """Rows of a row group, all or those of a range of time, these without texts of times."""
         names, roles = self.schema.names, self.roles
-        used = {roles.id, roles.time, *roles.numbers}
-        used |= set() if roles.klass is None else {roles.klass}
-        subset = [names[column] for column in sorted(used)]
-        path, row = self.file.path, sum(self.groups[:group])
+        others = {roles.id, *roles.numbers} | ({roles.klass} if roles.klass is not None else set())
+        subset = [names[column] for column in sorted({*others, roles.time})]
+        header, path, row = names[roles.time], self.file.path, sum(self.groups[:group])
         for table in self.batches(group, subset):
             first, row = row, row + len(table)
             place: Ints | range = range(first, row)
+            labelled = span is None
+            times = times_of(
+                table.select([header]), path, options.decimal, first, labelled=labelled
+            )
+            schema = self.schema
+            if roles.time not in others:  # which are understood once
+                table, schema = _with_times(table, schema, header, times)
             if span is not None:
-                column = table.select([names[roles.time]])
-                times = times_of(column, path, options.decimal, first)
                 chosen = np.flatnonzero((times.value >= span[0]) & (times.value <= span[1]))
                 if not len(chosen):
                     continue
                 table, place = _taken(table, chosen), first + chosen
-            yield Chunk(table=table, schema=self.schema, path=path, place=place)
+            yield Chunk(table=table, schema=schema, path=path, place=place, times=times)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,12 +138,15 @@ class Chunk:
         The file.
     place : sequence of int
         Which row of the file each is.
+    times : Times
+        Of these rows and those beside them that are not in a range of time.
     """
 
     table: "pa.Table"
     schema: "pa.Schema"
     path: str
     place: Ints | range
+    times: Times
 
 
 def rows_of_chunks(chunks: Sequence[Chunk], options: ReadOptions) -> Iterator[Rows]:
@@ -148,12 +159,17 @@ def rows_of_chunks(chunks: Sequence[Chunk], options: ReadOptions) -> Iterator[Ro
     """
     together: list[Chunk] = []
     for chunk in chunks:
-        if together and not chunk.schema.equals(together[0].schema):
+        if together and not _is_alike(chunk, together[0]):
             yield _converted(together, options)
             together = []
         together.append(chunk)
     if together:
         yield _converted(together, options)
+
+
+def _is_alike(chunk: Chunk, other: Chunk) -> bool:
+    """Whether the rows of two chunks can be converted together."""
+    return chunk.times.clock == other.times.clock and bool(chunk.schema.equals(other.schema))
 
 
 def _converted(chunks: Sequence[Chunk], options: ReadOptions) -> Rows:
@@ -169,7 +185,8 @@ def _converted(chunks: Sequence[Chunk], options: ReadOptions) -> Rows:
 
     table = pa.concat_tables([chunk.table for chunk in chunks]).unify_dictionaries()
     first = chunks[0]
-    return arrow_rows(first.path, "Parquet", first.schema, table.select, options, where)
+    rows = arrow_rows(first.path, "Parquet", first.schema, table.select, options, where)
+    return replace(rows, times=replace(rows.times, clock=first.times.clock, text=None))
 
 
 def open_table(file: File, options: ReadOptions) -> Table:
@@ -214,8 +231,10 @@ def open_table(file: File, options: ReadOptions) -> Table:
     return Table(file=file, content=content, schema=whole, roles=roles)
 
 
-def times_of(table: "pa.Table", path: str, decimal: str, first: int) -> Times:
-    """The times of a table with that column alone; `first` is the row of the file it begins at.
+def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled: bool) -> Times:
+    """The times of a table with that column alone; their texts only if they are to be `labelled`.
+
+    `first` is the row of the file that the table begins at.
 
     Raises
     ------
@@ -234,6 +253,13 @@ def times_of(table: "pa.Table", path: str, decimal: str, first: int) -> Times:
     if plain and not column.null_count and np.isfinite(value := column.to_numpy()).all():
         return Times(value=value + 0, clock="number", text=None)  # as `frame_times`, quicker
     try:
+        if pa.types.is_timestamp(column.type) and not column.null_count:
+            with suppress(pa.ArrowInvalid):  # too far, which is told below
+                return _stamps(column, labelled=labelled)
+        table.validate(full=True)
+        if pa.types.is_string(column.type) and not column.null_count:
+            with suppress(TimeError):  # with a row of all, which is told below
+                return _of_texts(column, decimal)
         check_dates(table, where)
         frame = table.to_pandas(ignore_metadata=True)
     except InputError:
@@ -241,6 +267,53 @@ def times_of(table: "pa.Table", path: str, decimal: str, first: int) -> Times:
     except (pa.ArrowException, OSError, ValueError, TypeError, OverflowError) as error:
         raise damaged(path, "Parquet", error) from None
     return frame_times(frame.iloc[:, 0], path, decimal, where)
+
+
+def _stamps(column: "pa.ChunkedArray", *, labelled: bool) -> Times:
+    """Timestamps as `frame_times` has them, of which each distinct one alone is written out.
+
+    Raises
+    ------
+    pyarrow.ArrowInvalid
+        One is beyond 64-bit nanoseconds.
+    """
+    import pyarrow as pa
+
+    zone = column.type.tz
+    value = column.cast(pa.timestamp("ns", zone)).cast(pa.int64()).to_numpy()
+    text = None
+    if labelled:
+        _, first, code = np.unique(value, return_index=True, return_inverse=True)
+        stamps = column.take(pa.array(first)).to_pandas()
+        text = Coded([stamp.isoformat() for stamp in stamps], code)
+    return Times(value=value, clock="zoned" if zone else "local", text=text)
+
+
+def _of_texts(column: "pa.ChunkedArray", decimal: str) -> Times:
+    """Texts as `frame_times` has them, of which each distinct one alone is looked at.
+
+    Raises
+    ------
+    TimeError
+        One is no time.
+    """
+    coded = column.combine_chunks().dictionary_encode()
+    texts = Coded(coded.dictionary.to_pylist(), coded.indices.to_numpy())
+    return coded_times(texts, decimal)
+
+
+def _with_times(
+    table: "pa.Table", schema: "pa.Schema", header: str, times: Times
+) -> "tuple[pa.Table, pa.Schema]":
+    """A table and its schema with times that are numbers."""
+    import pyarrow as pa
+
+    column = pa.array(times.value)
+    if column.type == schema.field(header).type:
+        return table, schema
+    field = pa.field(header, column.type)
+    at = table.column_names.index(header)
+    return table.set_column(at, field, column), schema.set(schema.names.index(header), field)
 
 
 def _taken(table: "pa.Table", chosen: Ints) -> "pa.Table":
