@@ -21,7 +21,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.block_costs import block_costs, settle, unassigned_costs
 from tgospa_eval.solvers.bracket_progress import BatchProgress, BracketProgress
 from tgospa_eval.solvers.far_cutoff import Mask, solve_at_fitting_cutoffs
-from tgospa_eval.solvers.time_windows import Division, TimeWindow, divisible_blocks
+from tgospa_eval.solvers.time_windows import Divided, TimeShares, TimeWindow, divisible_blocks
 from tgospa_eval.solvers.warm_start import WarmStart
 
 T = TypeVar("T")
@@ -29,9 +29,6 @@ R = TypeVar("R")
 
 BATCH_STATES = 20_000
 """States of a batch of small blocks: enough to hide the cost of a call."""
-
-BEFORE_SEAMS = 0.9
-"""Share of the work that windows are of a long block."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,13 +188,14 @@ def _solve_some(
     prices = np.zeros(len(states.columns.step))
 
     long: Ints = np.zeros(0, np.int64)
-    if routine.divides and warm_start is None:
+    if routine.divides and warm_start is None and not limit.late():
         long = divisible_blocks(states)
         long = long[wanted[long] & ~quickly[long]]
     cuts = _apart(states.cuts(BATCH_STATES), long)
     bracket = BracketProgress(states, cuts, limit.progress)
+    shares = TimeShares(limit, routine.jobs or cores())
     divided = {
-        number: _Divided(states.between(*cut)[0], number, routine, limit, bracket)
+        number: Divided(states.between(*cut)[0], shares, partial(bracket.advance, number))
         for number, cut in enumerate(cuts)
         if len(long) and cut[0] in long
     }
@@ -225,7 +223,13 @@ def _solve_some(
         return answer
 
     begin, stopwatch.stage = time.perf_counter(), "solve/sweeps"
-    windows = [partial(d.solve, window) for d in divided.values() for window in d.windows]
+    inner = replace(routine, jobs=1, divides=False)
+    windows = [
+        partial(_solve_window, block, inner, window)
+        for block in divided.values()
+        for window in block.windows
+    ]
+    shares.waiting = len(windows)
     whole = [number for number in range(len(cuts)) if number not in divided]
     last = list(divided)
     first: list[Callable[[], Answer]] = [*windows, *(partial(work, number) for number in whole)]
@@ -284,51 +288,23 @@ def _apart(cuts: list[tuple[int, int]], long: Ints) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-class _Divided:
-    """A batch of one long block, in windows of time.
+def _solve_window(divided: Divided, routine: Routine, window: TimeWindow) -> Answer:
+    """Solve one window of a block; called from several threads."""
+    watch = Stopwatch()
 
-    Parameters
-    ----------
-    states : States
-        The block.
-    number : int
-        Of the batch.
-    routine, limit, bracket
-        How windows are solved, until when, and where it is said how many are.
-    """
-
-    def __init__(
-        self, states: States, number: int, routine: Routine, limit: Limit, bracket: BracketProgress
-    ) -> None:
-        self.division = Division(states)
-        self.windows = self.division.windows()
-        self.number, self.bracket, self.done = number, bracket, 0
-        self.routine = replace(routine, jobs=1, divides=False)
-        self.limit = replace(limit, progress=limit.progress.silent())
-
-    def solve(self, window: TimeWindow) -> Answer:
-        """Solve one window; called from several threads."""
-        begin = time.perf_counter()
-        piece = self.division.cut(window)
+    def solve(piece: States, limit: Limit) -> Solution:
         every = np.ones(len(piece.block_begin), bool)
-        spent, watch = time.perf_counter() - begin, Stopwatch()
         with np.errstate(under="ignore"):
-            found = _solve_some(piece, (every, ~every), self.routine, watch, self.limit, None)
-        begin = time.perf_counter()
-        self.division.take(window, piece, found.weights, found.prices)
-        self.done += 1
-        self.bracket.advance(self.number, BEFORE_SEAMS * self.done / len(self.windows))
-        spent += time.perf_counter() - begin
-        seconds = {name.removeprefix("solve/"): time_ for name, time_ in watch.spans.items()}
-        seconds["preparation"] = seconds.get("preparation", 0.0) + spent
-        return Answer(
-            iterations=found.iterations, work=watch.work, sweeping=watch.busy, seconds=seconds
-        )
+            return _solve_some(piece, (every, ~every), routine, watch, limit, None)
 
-    def start(self) -> WarmStart:
-        """What the windows have found, joined."""
-        division = self.division
-        return WarmStart(weights=(division.join(),), prices=division.prices, near=True)
+    begin = time.perf_counter()
+    found, spent = divided.solve(window, solve)
+    elapsed = time.perf_counter() - begin
+    seconds = {name.removeprefix("solve/"): span for name, span in watch.spans.items()}
+    seconds["preparation"] = seconds.get("preparation", 0.0) + elapsed - spent
+    return Answer(
+        iterations=found.iterations, work=watch.work, sweeping=watch.busy, seconds=seconds
+    )
 
 
 def _answer(batch: Batch, routine: Routine) -> Answer:

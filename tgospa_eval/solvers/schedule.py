@@ -186,7 +186,7 @@ class TimeWindowing:
     more seams where prices are not unique, and is solved twice."""
 
     fading: float = 4.0
-    dearest: float = 10.0
+    highest_price: float = 10.0
     """More steps to either side for each c^p that half a switch costs: where that is 2 c^p, 5 steps
     leave gaps of 1e-3, 10 none. Where it costs more than the second number what is assigned
     depends on what is far away, and nothing is divided (not measured)."""

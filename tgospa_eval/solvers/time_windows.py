@@ -10,25 +10,33 @@ at the seams is measured afterwards, on the whole component.
 """
 
 import itertools
+import time
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.progress import Limit
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots
+from tgospa_eval.problem.solution import Solution
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair
 from tgospa_eval.solvers.capacities import load
 from tgospa_eval.solvers.schedule import TIME_WINDOWS
+from tgospa_eval.solvers.warm_start import WarmStart
 
 FULLER = 1e-15
 """Sums of weights that exceed 1 by more are scaled."""
 
 SOME_ROOM = 1e-9
 """Less room than this is none."""
+
+BEFORE_SEAMS = 0.9
+"""Share of the work, and of the time, that windows are of a block."""
 
 UNKNOWN = -1.0
 """The weight of a state that no window has answered for."""
@@ -55,12 +63,13 @@ class TimeWindow:
 def divisible_blocks(states: States) -> Ints:
     """The blocks that are solved in windows: very large ones with rows that compete, over time.
 
-    With switch prices that vary a run is several states, with dear switches windows do not know
+    With switch prices that vary a run is several states, with large ones windows do not know
     enough, and gains that may be negative are for other purposes: such problems are solved whole.
     """
     problem = states.problem
     price = problem.switch_price
-    if problem.signed or not isinstance(price, float) or not 0 < price <= TIME_WINDOWS.dearest:
+    allowed = isinstance(price, float) and 0 < price <= TIME_WINDOWS.highest_price
+    if problem.signed or not allowed:
         return np.zeros(0, np.int64)
     if len(states.begin) < TIME_WINDOWS.least:
         return np.zeros(0, np.int64)
@@ -198,6 +207,78 @@ class Division:
         if any(_too_full(slots, joined).any() for slots in (states.rows, states.columns)):
             joined = repair(states, joined) / ONE
         return joined
+
+
+class TimeShares:
+    """The time for windows in equal shares: what one does not need is for those that come later.
+
+    So a time limit that is too short leaves all of them half solved, and not some unsolved.
+
+    Parameters
+    ----------
+    limit : Limit
+        For everything.
+    threads : int
+        How many work at once.
+
+    Attributes
+    ----------
+    waiting : int
+        Windows that have not begun.
+    """
+
+    def __init__(self, limit: Limit, threads: int) -> None:
+        self.limit = replace(limit, progress=limit.progress.silent())
+        left = limit.left()
+        self.until = None if left is None else time.monotonic() + BEFORE_SEAMS * left
+        self.threads, self.waiting = threads, 0
+
+    def take(self) -> Limit:
+        """Until when the next of those that wait may go on."""
+        waiting = max(self.waiting, 1)
+        self.waiting -= 1
+        if self.until is None:
+            return self.limit
+        now = time.monotonic()
+        share = max(self.until - now, 0.0) * min(self.threads, waiting) / waiting
+        return replace(self.limit, deadline=now + share)
+
+
+class Divided:
+    """A block of which windows are solved, in any order and in several threads.
+
+    Parameters
+    ----------
+    states : States
+        The block.
+    shares : TimeShares
+        Until when each window may go on.
+    report : callable
+        Takes how much of the work is done, 0 to 1.
+    """
+
+    def __init__(self, states: States, shares: TimeShares, report: Callable[[float], None]) -> None:
+        self.division = Division(states)
+        self.windows = self.division.windows()
+        self.shares, self.report, self.done = shares, report, 0
+
+    def solve(
+        self, window: TimeWindow, solve: Callable[[States, Limit], Solution]
+    ) -> tuple[Solution, float]:
+        """Solve a window and keep its core; what was found, and the seconds that it took."""
+        piece = self.division.cut(window)
+        begin = time.perf_counter()
+        found = solve(piece, self.shares.take())
+        spent = time.perf_counter() - begin
+        self.division.take(window, piece, found.weights, found.prices)
+        self.done += 1
+        self.report(BEFORE_SEAMS * self.done / len(self.windows))
+        return found, spent
+
+    def start(self) -> WarmStart:
+        """What the windows have found, joined."""
+        division = self.division
+        return WarmStart(weights=(division.join(),), prices=division.prices, near=True)
 
 
 def _too_full(slots: Slots, weights: Floats) -> NDArray[np.bool_]:

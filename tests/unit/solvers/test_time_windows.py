@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from strategies import dice, scene
 
-import tgospa_eval.solvers.batches as batches_module
 import tgospa_eval.solvers.time_windows as time_windows_module
 from tgospa_eval import Certified, Result, evaluate
 from tgospa_eval.common.timing import Stopwatch
@@ -81,9 +80,9 @@ def test_windows_of_any_length_and_overlap_find_the_optimum(
 def test_windows_are_asked_and_cover_the_block(monkeypatch: pytest.MonkeyPatch) -> None:
     divide(monkeypatch)
     asked: list[WarmStart] = []
-    start = batches_module._Divided.start
+    start = time_windows_module.Divided.start
     monkeypatch.setattr(
-        batches_module._Divided, "start", lambda self: asked.append(start(self)) or asked[-1]
+        time_windows_module.Divided, "start", lambda self: asked.append(start(self)) or asked[-1]
     )
     sides = scene(3, 6, 6, 40, side=8.0)
     states = whole(sides).proof.states
