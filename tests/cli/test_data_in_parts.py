@@ -83,6 +83,23 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     assert printed[:-1] == same[:-1]  # but for the seconds
 
 
+def test_compressed_texts_in_any_order_with_times_that_are_texts(
+    invoke: Invoke, recording: Path, tmp_path: Path
+) -> None:
+    table = pq.read_table(recording / "truth.parquet").to_pandas()
+    table["t"] = [f"2026-01-01T00:{t // 60:02}:{t % 60:02}Z" for t in table["t"]]
+    table.to_csv(tmp_path / "truth.csv", index=False)
+    (tmp_path / "truth").mkdir()
+    for k in range(4):
+        table[k::4][::-1].to_csv(tmp_path / "truth" / f"{k}.csv.gz", index=False)
+    folder, file = str(tmp_path / "truth"), str(tmp_path / "truth.csv")
+    answer = invoke(folder, file, *METRIC, "--memory", "200MB", "-o", str(tmp_path / "out"))
+    assert "TGOSPA = 0, exact" in answer.out
+    assert "truth is a folder, and --memory is given: it is read in parts" in answer.err
+    shown = pq.read_table(tmp_path / "out" / "per_step.parquet")["t"].to_pylist()
+    assert shown == sorted(set(table["t"]))
+
+
 def test_what_needs_all_data_is_refused_by_name(invoke: Invoke, recording: Path) -> None:
     folders = str(recording / "truth"), str(recording / "estimate")
     for options in (
@@ -131,7 +148,9 @@ def test_which_folders_and_files_are_read_in_parts(
         ("e", "id,t,x\n1,0,0\n"),
         ("f",),
     ):
-        assert not in_parts.is_recording(folder(name, *tables), ""), name
+        path = folder(name, *tables)
+        assert not in_parts.is_recording(path, ""), name
+        assert in_parts.parts_in_words((path, truth), options) is not None
 
 
 def test_interrupted_work_is_kept_and_gone_on_with(

@@ -59,7 +59,9 @@ class Naming:
         with writing(output) as folder:
             folder.mkdir()
             for name in ("times", "truths", "estimates"):
-                np.save(folder / f"{name}.npy", getattr(self, name))
+                array = getattr(self, name)  # texts of ISO times are objects
+                plain = array.astype(np.str_) if array.dtype == object else array
+                np.save(folder / f"{name}.npy", plain)
 
     @classmethod
     def load(cls, output: str, parameters: Parameters) -> "Naming":

@@ -47,7 +47,10 @@ def parts_in_words(paths: tuple[str, str], options: EvaluationOptions) -> str | 
         texts = options.columns, options.truth_columns, options.estimate_columns
         columns = ",".join(text for text in texts if text)
         fine = all(is_recording(path, columns) for path in folders)
-        return f"{folders[0]} is a folder of tables" if fine else None
+        if fine:
+            return f"{folders[0]} is a folder of tables"
+        said = options.memory is not None and not any(map(is_table_folder, folders))
+        return f"{folders[0]} is a folder, and --memory is given" if said else None
     if options.max_input is not None:  # which allows to read it at once
         return None
     for path in paths:
