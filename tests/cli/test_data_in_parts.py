@@ -100,20 +100,25 @@ def test_compressed_texts_in_any_order_with_times_that_are_texts(
     assert shown == sorted(set(table["t"]))
 
 
-def test_what_needs_all_data_is_refused_by_name(invoke: Invoke, recording: Path) -> None:
+def test_what_needs_all_data_is_refused_by_name(
+    invoke: Invoke, recording: Path, tmp_path: Path
+) -> None:
     folders = str(recording / "truth"), str(recording / "estimate")
     for options in (
         *(["--curve"], ["--window", "5"], ["--slice", "class"], ["--with", "gospa"], ["--explain"]),
         *(["--by", "class"], ["--step-weights", "w.csv"], ["--existence", "use"]),
         *(["--interpolate", "truth"], ["--time-tolerance", "0.1"], ["--sweep", "c=1,2"]),
         *(["--solver", "sinkhorn"], ["--time-limit", "9"], ["--proof", "-o", "none"]),
-        ["--distance", "cloud-wasserstein"],
+        *(["--distance", "cloud-wasserstein"], ["--plane", "x,y", "-o", "none"]),
     ):
         answer = invoke(*folders, *METRIC, *options)
         assert (answer.status, answer.out) == (2, ""), options
         assert f"{options[0]} " in answer.err
         assert "has no place where data are read in parts, as " in answer.err
         assert len(answer.err.splitlines()) == 1
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "switches.parquet").touch()
+    assert "mine: is not empty" in invoke(*folders, "-o", "mine").err
     files = str(recording / "truth.parquet"), str(recording / "estimate.parquet")
     assert "--scheduler is for data" in invoke(*files, "--scheduler", "tcp://x:1").err
 

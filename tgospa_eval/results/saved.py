@@ -130,6 +130,11 @@ def read_result(path: str) -> Json:
             f'{path}: has the schema {quoted(str(schema))}, this version reads "{RESULT_SCHEMA}"; '
             f"{MADE_BY}"
         )
+    if "per_step" not in document and "tables" in document:
+        raise InputError(
+            f"{path}: of data in parts, with more steps than a ranking takes; evaluate parts of "
+            "the recording, by --time"
+        )
     try:
         wrong = _fault(document)
     except KeyError as error:

@@ -16,6 +16,7 @@ from tgospa_eval.reports import REPORTS, drawn
 from tgospa_eval.reports.page_data import document
 from tgospa_eval.results import partitioned as module
 from tgospa_eval.results.partitioned import PartitionedResult
+from tgospa_eval.results.saved import read_result
 from tgospa_eval.results.stored_tables import StoredTables
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -60,12 +61,15 @@ def test_numbers_tables_and_texts_are_those_of_the_result_in_memory(
 
 
 def test_what_has_too_many_records_is_named_in_the_json_and_no_more(
-    stored: PartitionedResult, monkeypatch: pytest.MonkeyPatch
+    stored: PartitionedResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "MOST_RECORDS", 59)
     document = json.loads(stored.to_json())
     assert "per_step" not in document
     assert document["tables"]["assignments"] == "assignments"
+    (tmp_path / "result.json").write_text(stored.to_json())
+    with pytest.raises(InputError, match="of data in parts, with more steps than a ranking takes"):
+        read_result(str(tmp_path / "result.json"))
     monkeypatch.setattr(module, "MOST_RECORDS", 2)
     assert "switches" not in json.loads(stored.to_json())
 

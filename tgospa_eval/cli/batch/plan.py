@@ -114,24 +114,6 @@ def check_missing(plan: Plan, batch: BatchOptions) -> None:
         raise ConfigError("there is no job")
 
 
-def about_defaults(options: EvaluationOptions, *, boxes: bool) -> Iterator[str]:
-    """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
-    from tgospa_eval.distances import DISTANCES  # here: the command line does without
-
-    if boxes and options.distance == "euclidean" and not options.columns:
-        yield "boxes are compared by their centres (x, y); overlap: --distance iou"
-    given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
-    values = zip(given, DISTANCES[options.distance].defaults, strict=True)
-    used = {name: value for name, value in values if given[name] is None}
-    if used:
-        shown = " and ".join(
-            f"{letter} = {used[name]:g}"
-            for name, letter in (("cutoff", "c"), ("switch-penalty", "gamma"))
-            if name in used
-        )
-        yield f"default {shown}; choose with {' and '.join(f'--{name}' for name in used)}"
-
-
 def shard_of(text: str | None) -> tuple[int, int]:
     """Number and count of the shards.
 

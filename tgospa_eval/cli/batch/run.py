@@ -19,7 +19,6 @@ from tgospa_eval.batches.tables import check_labels, tabulated
 from tgospa_eval.cli.batch.files import is_written, write_batch
 from tgospa_eval.cli.batch.plan import (
     BatchOptions,
-    about_defaults,
     check_missing,
     left_over,
     planned,
@@ -34,6 +33,7 @@ from tgospa_eval.cli.batch.worker import (
     evaluate_job,
     lost_job,
 )
+from tgospa_eval.cli.shared.notices import about_defaults
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.frozen import dataclass

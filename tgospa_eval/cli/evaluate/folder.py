@@ -19,9 +19,11 @@ if TYPE_CHECKING:
 
 
 def probed_folder(
-    folder: str, options: EvaluationOptions, output: OutputOptions
+    folder: str, options: EvaluationOptions, output: OutputOptions, also: tuple[str, ...] = ()
 ) -> "Pictures | None":
     """Look whether the folder can be written; the pictures that go into it.
+
+    `also` are names of more files that go into it.
 
     Raises
     ------
@@ -30,7 +32,7 @@ def probed_folder(
     """
     wanted = wanted_pictures(output)
     windows = options.window is not None
-    also = () if wanted is None else wanted.names
+    also += () if wanted is None else wanted.names
     if wanted is not None and windows:
         also += tuple(f"windows.{kind}" for kind in wanted.formats)
     also += ("curve.csv",) if options.curve else ()

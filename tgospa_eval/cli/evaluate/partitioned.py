@@ -10,7 +10,7 @@ from tgospa_eval.cli.evaluate.output import show
 from tgospa_eval.cli.evaluate.run import calibration_of, not_reached
 from tgospa_eval.cli.evaluate.work import identity_of, work_folder
 from tgospa_eval.cli.shared.in_parts import memory_of
-from tgospa_eval.cli.shared.notices import notifier
+from tgospa_eval.cli.shared.notices import about_defaults, notifier
 from tgospa_eval.cli.shared.progress import bracket, shown
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import print_notice
@@ -23,6 +23,10 @@ from tgospa_eval.engines.processes import Processes
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned.evaluate import Means, evaluate_partitioned
 from tgospa_eval.reports.folders import WORK_FOLDER
+from tgospa_eval.results.stored_tables import IN_PARTS, STORED_TABLES, name_of
+
+TABLE_FILES = (*map(name_of, STORED_TABLES[:-1]), f"{IN_PARTS}/part-00000.parquet")
+"""Names in the folder of -o that must not be of others."""
 
 UNKNOWN_MEMORY = 2 * 10**9
 """Bytes that are taken where the system does not say how much there is."""
@@ -75,6 +79,8 @@ def check_parts(
     ]
     if output.proof:
         asked.append(("proof", FITTING))
+    if output.plane is not None:
+        asked.append(("plane", "leave it out: there is no picture of trajectories"))
     if sweep:
         asked.append(("sweep", "evaluate for one value after the other"))
     if options.distance == "cloud-wasserstein":
@@ -105,10 +111,12 @@ def evaluate_parts(
     settings = make_settings(options, output)
     calibration = calibration_of(options)
     if output.output is not None:
-        probed_folder(output.output, options, output)
+        probed_folder(output.output, options, output, TABLE_FILES)
     stopwatch = Stopwatch()
     if not output.quiet:
         print_notice(f"{why}: it is read in parts")
+        for text in about_defaults(options, boxes=False):
+            print_notice(text)
         stopwatch.notify = print_notice
     with work_folder(output, identity_of(paths, options)) as work:
         try:
@@ -152,10 +160,6 @@ def _interrupted(progress: Progress, output: OutputOptions) -> str:
     """What is known, and how to go on."""
     proven = "" if progress.bracket is None else f"proven so far: {bracket(*progress.bracket)}; "
     if output.output is None:
-        return (
-            f"interrupted; {proven}with -o DIR what is done is kept, and the same command goes on"
-        )
+        return f"{proven}with -o DIR what is done is kept, and the same command goes on"
     kept = os.path.join(output.output, WORK_FOLDER)
-    return (
-        f"interrupted; {proven}what is done is in {kept}, and the same command goes on from there"
-    )
+    return f"{proven}what is done is in {kept}, and the same command goes on from there"

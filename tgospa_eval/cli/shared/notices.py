@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 from tgospa_eval.cli.shared.distance import notices
 from tgospa_eval.cli.shared.streams import print_notice
+from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose, interpolation_notice
 from tgospa_eval.evaluation.diagnosis.scale import default_notice, explained, unit_notices
@@ -76,3 +77,21 @@ def _about_points(truth: bool, estimate: bool) -> Iterator[str]:
             "the truth has no covariances: against points a smaller reported covariance always "
             "costs less, whether it is right or not"
         )
+
+
+def about_defaults(options: EvaluationOptions, *, boxes: bool) -> Iterator[str]:
+    """What nobody chose, once for all jobs, in the words that a single evaluation has for it."""
+    from tgospa_eval.distances import DISTANCES  # here: the command line does without
+
+    if boxes and options.distance == "euclidean" and not options.columns:
+        yield "boxes are compared by their centres (x, y); overlap: --distance iou"
+    given = {"cutoff": options.cutoff, "switch-penalty": options.switch_penalty}
+    values = zip(given, DISTANCES[options.distance].defaults, strict=True)
+    used = {name: value for name, value in values if given[name] is None}
+    if used:
+        shown = " and ".join(
+            f"{letter} = {used[name]:g}"
+            for name, letter in (("cutoff", "c"), ("switch-penalty", "gamma"))
+            if name in used
+        )
+        yield f"default {shown}; choose with {' and '.join(f'--{name}' for name in used)}"
