@@ -168,9 +168,12 @@ class Side:
         """
         which = self.options.on_duplicate
         rules = (*RULES_SAID, "duplicate")
-        notices = [said_of(rule, left_out[rule], which) for rule in rules if rule in left_out]
-        if self.options.classes is not None and "class" not in self.lacking:
-            notices += classes_lacking(self.options, classes)
+        notices: list[str] = []
+        for rule in rules:
+            if rule in left_out:
+                notices.append(said_of(rule, left_out[rule], which))
+            if rule == "class" and "class" not in self.lacking:
+                notices += classes_lacking(self.options, classes)
         return (*self.notices, *notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
