@@ -28,6 +28,9 @@ REPAIR_ROUNDS = 12
 LITTLE_PROGRESS, PATIENCE = 0.9, 3
 """So many rounds in turn that leave more of the bracket than this are the last."""
 
+FAR_SWITCH = 50.0
+"""Prices of half a switch above this are not met by longer windows, but by repairs."""
+
 WINDOW_ENTRIES = 200_000
 """Entries of a window beside which no more pay: a solver takes the longer for each."""
 
@@ -37,7 +40,7 @@ def solve_long(component: Long, run: Run[Any]) -> Joined:
     plan = plan_long(component, run)
     windows = first_windows(component, plan)
     run(solve_window, windows)
-    overlap = component.overlap
+    overlap = overlap_of(component)
     best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
     stuck = 0
     for number in range(REPAIR_ROUNDS):
@@ -113,12 +116,18 @@ def plan_long(component: Long, run: Run[Any]) -> Plan:
     )
 
 
+def overlap_of(component: Long) -> int:
+    """Steps on either side of a window: influence fades the slower, the more a switch costs."""
+    price = min(component.parameters.switch_price, FAR_SWITCH)
+    return max(component.overlap, math.ceil(5 + 4 * price))
+
+
 def first_windows(component: Long, plan: Plan) -> list[Window]:
     """Windows whose cores follow one another."""
     size = max(min(WINDOW_ENTRIES, component.together // 2), 1)
     windows = []
     for number, core in enumerate(plan.cores(size)):
-        around = plan.around(*core, component.overlap, component.together // 4)
+        around = plan.around(*core, overlap_of(component), component.together // 4)
         windows.append(
             Window(
                 output=f"{component.work}/windows/{number:06d}",

@@ -11,6 +11,9 @@ from tgospa_eval.partitioned.long.windows import Window, pieces_of
 OPEN_FROM = 0.1
 """A seam is open where more is lost than this share of its part of the gap allowed."""
 
+WORST_STEPS = 1000
+"""Steps that are looked at in a round beside seams: others are mostly near these."""
+
 
 def repairs(
     component: Long, plan: Plan, joined: Joined, overlap: int, number: int
@@ -70,7 +73,9 @@ def _stretches(
     share = joined.share
     seams = [piece.low for piece in joined.pieces[1:]]
     allowed = OPEN_FROM * component.gap * share.upper / max(len(seams), 1)
-    steps = np.unique((*seams, *(np.flatnonzero(joined.lost > allowed) + share.first)))
+    open_ = np.flatnonzero(joined.lost > allowed)
+    worst = open_[np.argsort(-joined.lost[open_], kind="stable")[:WORST_STEPS]]
+    steps = np.unique((*seams, *(worst + share.first)))
     lost = np.concatenate(([0.0], np.cumsum(joined.lost)))
     regret, begin, end = joined.regret
     around = [plan.around(step, step, overlap, component.together // 2) for step in steps.tolist()]
