@@ -17,7 +17,7 @@ from tgospa_eval.problem.tgospa import Parameters
 ROWS_A_PART = 1 << 23
 """Rows of a file of assigned pairs, but for those of its last step."""
 
-ROWS_AT_ONCE = 1 << 20
+ROWS_AT_ONCE = 1 << 18
 """Rows that are brought into order at once, but for those of the last step of them."""
 
 ORDER = ("step", "truth", "estimate")

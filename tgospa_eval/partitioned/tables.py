@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 ROW_GROUP = 1 << 17
 """Rows of a row group: what is in memory when a table is written or read."""
 
+REPEATED = ("t", "weight", "mass")
+"""Columns of doubles with few values; others are smaller, and faster to write, without a dictionary
+of their values."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Naming:
@@ -141,6 +145,8 @@ def write_assignments(path: str, chunks: Iterable[NDArray[np.void]], naming: Nam
     import pyarrow as pa
 
     cutoff, p, scale = naming.parameters.cutoff, naming.parameters.order, naming.scale
+    # Once for all chunks: of each row it would take three times as long.
+    truths, estimates = _array(naming.truths), _array(naming.estimates)
 
     def batches() -> "Iterator[pa.RecordBatch]":
         for chunk in chunks:
@@ -148,8 +154,8 @@ def write_assignments(path: str, chunks: Iterable[NDArray[np.void]], naming: Nam
             yield pa.record_batch(
                 {
                     "t": _array(naming.times[chunk["step"]]),
-                    "truth": _array(naming.truths[chunk["truth"]]),
-                    "estimate": _array(naming.estimates[chunk["estimate"]]),
+                    "truth": truths.take(_array(chunk["truth"])),
+                    "estimate": estimates.take(_array(chunk["estimate"])),
                     "weight": np.ascontiguousarray(weight),
                     "distance": cutoff * cost ** (1 / p),
                     "cost": scale * cost * weight,
@@ -215,12 +221,22 @@ def write_table(path: str, chunks: "Iterable[pa.RecordBatch]", schema: "pa.Schem
     ConfigError
         It cannot be written, or pyarrow is not installed.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     with (
         named(path, ConfigError, "cannot be written"),
         writing(path) as beside,
-        pq.ParquetWriter(beside, schema, compression="zstd") as writer,
+        pq.ParquetWriter(
+            beside,
+            schema,
+            compression="zstd",
+            use_dictionary=[
+                field.name
+                for field in schema
+                if field.name in REPEATED or not pa.types.is_floating(field.type)
+            ],
+        ) as writer,
     ):
         for group in _row_groups(chunks, schema):
             writer.write_table(group, ROW_GROUP)
