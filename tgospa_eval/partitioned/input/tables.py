@@ -255,7 +255,7 @@ def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled
     try:
         if pa.types.is_timestamp(column.type) and not column.null_count:
             with suppress(pa.ArrowInvalid):  # too far, which is told below
-                return _stamps(column, labelled=labelled)
+                return _of_timestamps(column, labelled=labelled)
         table.validate(full=True)
         if pa.types.is_string(column.type) and not column.null_count:
             with suppress(TimeError):  # with a row of all, which is told below
@@ -269,7 +269,7 @@ def times_of(table: "pa.Table", path: str, decimal: str, first: int, *, labelled
     return frame_times(frame.iloc[:, 0], path, decimal, where)
 
 
-def _stamps(column: "pa.ChunkedArray", *, labelled: bool) -> Times:
+def _of_timestamps(column: "pa.ChunkedArray", *, labelled: bool) -> Times:
     """Timestamps as `frame_times` has them, of which each distinct one alone is written out.
 
     Raises
@@ -284,8 +284,8 @@ def _stamps(column: "pa.ChunkedArray", *, labelled: bool) -> Times:
     text = None
     if labelled:
         _, first, code = np.unique(value, return_index=True, return_inverse=True)
-        stamps = column.take(pa.array(first)).to_pandas()
-        text = Coded([stamp.isoformat() for stamp in stamps], code)
+        timestamps = column.take(pa.array(first)).to_pandas()
+        text = Coded([stamp.isoformat() for stamp in timestamps], code)
     return Times(value=value, clock="zoned" if zone else "local", text=text)
 
 
