@@ -18,7 +18,7 @@ from tgospa_eval.problem.states import States
 from tgospa_eval.solvers.batches import Answer, Batch, Routine, solve_in_batches
 from tgospa_eval.solvers.dual_ascent import Ascent
 from tgospa_eval.solvers.lp_rounds import Programmes
-from tgospa_eval.solvers.schedule import ASCENT, PROGRAMMES, WINDOWS, Stage
+from tgospa_eval.solvers.schedule import ASCENT, PROGRAMMES, TIME_WINDOWS, WINDOWS, Stage
 from tgospa_eval.solvers.settings import check_gap, check_jobs, check_time_limit
 from tgospa_eval.solvers.trivial import solve_conflict_free, solve_steps
 
@@ -98,6 +98,8 @@ class Certified:
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         near = batch.warm_start is not None and batch.warm_start.near
+        if near and len(batch.weights) >= TIME_WINDOWS.least:  # before sweeps of all states
+            programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
         iterations = _sweep(ascent, programmes, batch, near=near)
         if near:
             programmes.run(PROGRAMMES.resumed, most=PROGRAMMES.early_states)
