@@ -13,6 +13,11 @@ def concatenated(begin: Ints, count: Ints) -> Ints:
     return numbers
 
 
+def places_of(flags: NDArray[np.generic]) -> NDArray[np.intp]:
+    """`np.flatnonzero` of an array of one axis, in a single call: in small ones the calls count."""
+    return flags.nonzero()[0]
+
+
 def index_type(size: int) -> type[np.integer]:
     """Of positions among so many: 32 bits where that is enough."""
     return np.int32 if size < 2**31 else np.int64

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
@@ -272,7 +273,7 @@ def _repeats(
     InputError
         There are some, or every id is -1, and `which` is ``"error"``.
     """
-    again = np.flatnonzero(ordered[1:] == ordered[:-1])
+    again = places_of(ordered[1:] == ordered[:-1])
     detections = which == "error" and len(taken) > 1 and [*rows.ids[0][:2]] == ["-1"]
     if not len(again) and not detections:
         return None
@@ -295,7 +296,7 @@ def _repeats(
 def _renumbered(number: Ints, count: int) -> tuple[Ints, Ints]:
     """Which of so many numbers occur, and theirs among those."""
     occurs = np.bincount(number, minlength=count) > 0
-    used = np.flatnonzero(occurs)
+    used = places_of(occurs)
     return used, number if len(used) == count else (np.cumsum(occurs) - 1)[number]
 
 

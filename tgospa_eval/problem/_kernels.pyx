@@ -1020,7 +1020,7 @@ cdef class Brackets:
         self.best, self.own = np.zeros((2, nodes))
         self.flags, self.rounded, self.chosen = np.zeros((3, weights.shape[0]), np.uint8)
         self.choice = self.chosen
-        self.trial = np.empty(prices.shape[0])
+        self.trial = np.full(prices.shape[0], np.nan)
         self.duals, self.primals, self.mosts = self.dual, self.primal, self.most
         self.bests, self.owns, self.flag = self.best, self.own, self.flags
 
@@ -1057,10 +1057,15 @@ cdef class Brackets:
         """`try_prices` with 0 for those up to `least`; whether some bracket is still too wide."""
         cdef Py_ssize_t t
         cdef bint wide
+        cdef bint fresh = False
+        cdef double price
         with nogil:
             for t in range(prices.shape[0]):
-                self.trial[t] = prices[t] if prices[t] > least else 0.0
-            self._take_prices(&self.trial[0])
+                price = prices[t] if prices[t] > least else 0.0
+                fresh = fresh or price != self.trial[t]
+                self.trial[t] = price
+            if fresh:  # else these were tried before, in the same blocks or more
+                self._take_prices(&self.trial[0])
             wide = False
             for t in range(self.duals.shape[0]):
                 wide = wide or self._is_wide(t, gap)

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, Problem
@@ -118,7 +119,7 @@ class States:
         """The gain of some states."""
         entry = self.entry[chosen]
         gain = np.zeros(len(entry))
-        gains = np.flatnonzero(entry >= 0)
+        gains = places_of(entry >= 0)
         gain[gains] = self.problem.gains(entry[gains])
         return gain
 

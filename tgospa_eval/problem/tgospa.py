@@ -145,8 +145,8 @@ def tgospa_problem(  # noqa: PLR0913  (arrays by name, as the fields of Problem)
     cost **= order
     _check_powers(distance, cost, parameters)
     slack = 0.0
-    lifted = np.flatnonzero((cost < SMALLEST_POWER) | (distance < SMALLEST_POWER))
-    lifted = lifted[distance[lifted] > 0]
+    is_small = (cost < SMALLEST_POWER) | (distance < SMALLEST_POWER)
+    lifted = np.flatnonzero(is_small & (distance > 0)) if is_small.any() else ()
     if len(lifted):
         least = max(SMALLEST_POWER, min(SMALLEST_POWER / parameters.cutoff, 1.0) ** order)
         cost[lifted] = np.maximum(cost[lifted], least)

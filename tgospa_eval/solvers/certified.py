@@ -7,8 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.solver_status import Status
 from tgospa_eval.common.timing import Stopwatch
@@ -94,7 +93,7 @@ class Certified:
             for weights in batch.warm_start.weights:
                 ascent.try_weights(weights)
         ascent.keep(ascent.wide())
-        left = np.flatnonzero(ascent.open)
+        left = places_of(ascent.open)
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
         near = batch.warm_start is not None and batch.warm_start.near
@@ -109,7 +108,7 @@ class Certified:
         return Answer(
             iterations=iterations + programmes.iterations,
             status=late if wide.any() else Status.SOLVED,
-            open=np.flatnonzero(wide),
+            open=places_of(wide),
             left=left,
             work=ascent.work,
             sweeping=ascent.sweeping,

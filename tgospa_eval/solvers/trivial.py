@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.states import States, connected_components
 from tgospa_eval.problem.weights import ONE
@@ -23,7 +24,7 @@ def solve_steps(states: States, weights: Floats, prices: Floats) -> Ints:
     if one_step.any():
         of_state = np.repeat(states.pair_block, np.diff(states.pair_first))
         _assign_steps(states, np.flatnonzero(one_step[of_state]), weights, prices)
-    return np.flatnonzero(~one_step)
+    return places_of(~one_step)
 
 
 def solve_rows(states: States, weights: Floats, prices: Floats) -> Ints:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.arrays import median
+from tgospa_eval.common.arrays import median, places_of
 from tgospa_eval.common.figures import number, plain, shortest
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling
@@ -295,7 +295,7 @@ def _find_clock(
     truth, estimate = sides
     if len(truth.times) < 2 or len(estimate.times) < 2:
         return None
-    filled = np.flatnonzero(occupied(truth))
+    filled = places_of(occupied(truth))
     for most, times in ((FIRST_STEPS, 4), (SAMPLE, 2)):  # what few steps rule out is not asked more
         steps = evenly(filled, sides, most)
         if len(steps) < FEWEST_STEPS:

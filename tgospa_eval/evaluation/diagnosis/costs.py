@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import Distance, near_pairs
@@ -95,7 +96,7 @@ class StepCosts:
     @cached_property
     def taken(self) -> Ints:
         """Pairs of the greedy choice, in order."""
-        return np.flatnonzero(self._greedy[1])
+        return places_of(self._greedy[1])
 
     @property
     def ranked(self) -> Ints:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.tracks.trajectories import Ints
@@ -68,7 +69,7 @@ def pair_off(objects: Objects, rows: Rows, gain: Floats, steps: int) -> tuple[Fl
 
 def ranked(turn: Ints, gain: Floats) -> Ints:
     """The pairs that are chosen, round by round, and in each by falling gain."""
-    taken = np.flatnonzero(turn)
+    taken = places_of(turn)
     return taken[np.lexsort((-gain[taken], turn[taken]))]
 
 

@@ -11,6 +11,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.figures import plain
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, Spelling, as_option
@@ -100,7 +101,7 @@ class _Sample:
 
     def __init__(self, sampler: Sampler, most: int = SAMPLE) -> None:
         truth, estimate = sampler.sides
-        common = np.flatnonzero(occupied(truth) & occupied(estimate))
+        common = places_of(occupied(truth) & occupied(estimate))
         self.steps = evenly(common, sampler.sides, most)
         self.parameters, self.distance = sampler.parameters, sampler.distance
         self.columns = truth.columns
