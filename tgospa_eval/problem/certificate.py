@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tgospa_eval.common.arrays import places_of
 from tgospa_eval.errors import SolverError
 from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.paths import best_values, down, lower_sums, relative_gains, row_steps, up
@@ -218,7 +219,7 @@ def row_terms(rows: States, running: tuple[Floats, Ints], left: Ints) -> RowTerm
     """Of rows at prices given as `Slots.running`; one less is `left` where a pair is put aside."""
     steps = row_steps(rows)
     price = rows.columns.spans(running)
-    runs = np.flatnonzero(rows.entry < 0)
+    runs = places_of(rows.entry < 0)
     price[runs] = np.nextafter(price[runs], 0.0)
     gains = relative_gains(rows, steps, price)
     best = best_values(rows, gains.relative, steps, gains.offset)
