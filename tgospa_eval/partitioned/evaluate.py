@@ -28,6 +28,7 @@ from tgospa_eval.partitioned.input.digests import combined_digest
 from tgospa_eval.partitioned.outcome import TrackSums, write_tables
 from tgospa_eval.partitioned.progress import Stages
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
+from tgospa_eval.partitioned.sample import look
 from tgospa_eval.partitioned.scan import Read
 from tgospa_eval.partitioned.sides import Side, open_side
 from tgospa_eval.partitioned.tables import Naming
@@ -158,13 +159,19 @@ def _evaluate(
         stages=Stages(stopwatch),
         engine=means.engine,
     )
+    looked = look(plan, grid) if len(plan.times) else []
+    for notice in looked:
+        if not notice.code:
+            stopwatch.notify(str(notice))
     found = evaluate_parts(plan, stopwatch)
     with stopwatch.span("report"):
         result = _result(sides, grid, plan, found, means)
+        warnings = (*(notice for notice in looked if notice.code), *result.warnings)
         for notice in _said(sides, plan, found):
             stopwatch.notify(str(notice))
     return replace(
         result,
+        warnings=warnings,
         timings=nested_timings(stopwatch),
         files={"truth": paths[0], "estimate": paths[1]},
     )

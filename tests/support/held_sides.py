@@ -1,0 +1,56 @@
+"""Sides that are in memory, for evaluations in parts."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tgospa_eval.engines.spread import Engine
+from tgospa_eval.evaluation.request import EvaluationRequest
+from tgospa_eval.evaluation.sides import as_distance
+from tgospa_eval.formats import Reading
+from tgospa_eval.partitioned.run import Plan
+from tgospa_eval.problem.tgospa import Parameters
+from tgospa_eval.solvers.certified import Certified
+from tgospa_eval.tracks.trajectories import Trajectories
+
+
+@dataclass
+class Held:
+    """A side that is in memory."""
+
+    whole: Trajectories
+
+    def read(self, first: float, last: float) -> Reading:
+        whole = self.whole
+        some = (whole.times >= first) & (whole.times <= last)
+        rows = np.flatnonzero(some[whole.step])
+        offset = int(np.argmax(some)) if some.any() else 0
+        part = whole.chosen(rows, whole.step[rows] - offset, whole.times[some])
+        return Reading(trajectories=part, rows=len(rows))
+
+
+def plan(
+    sides: tuple[Trajectories, Trajectories],
+    parameters: Parameters,
+    work: Path,
+    engine: Engine | None = None,
+) -> Plan:
+    times = np.union1d(sides[0].times, sides[1].times)
+    rows = sum(
+        np.bincount(np.searchsorted(times, side.times[side.step]), minlength=len(times))
+        for side in sides
+    )
+    return Plan(
+        sides=(Held(sides[0]), Held(sides[1])),
+        times=times,
+        rows=np.asarray(rows, np.int64),
+        request=EvaluationRequest(
+            parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
+        ),
+        names=("truth", "estimate"),
+        columns=2,
+        work=work,
+        memory=1 << 30,
+        engine=engine,
+    )

@@ -1,0 +1,47 @@
+"""What looks wrong with two sides, judged by a stretch of them that fits into memory."""
+
+import numpy as np
+
+from tgospa_eval.common.notices import Notice
+from tgospa_eval.evaluation.diagnosis import alignment_notices, diagnose
+from tgospa_eval.evaluation.prepare import fit
+from tgospa_eval.partitioned.run import Plan
+from tgospa_eval.problem.problem import Ints
+from tgospa_eval.tracks.alignment import Alignment
+
+SAMPLE_ROWS = 50_000
+"""Rows of both sides together that are looked at: a diagnosis of so many takes a tenth of a
+second."""
+
+
+def look(plan: Plan, grid: Alignment) -> list[Notice]:
+    """Notices about both sides, and warnings about the middle of the recording.
+
+    Parameters
+    ----------
+    plan : Plan
+        What is evaluated.
+    grid : Alignment
+        The steps of both sides, without their rows.
+    """
+    request, times = plan.request, plan.times
+    notices = [Notice(text=text) for text in alignment_notices(grid, request.time_matching)]
+    first, last = middle(plan.rows, SAMPLE_ROWS)
+    truth, estimate = (side.read(times[first], times[last]).trajectories for side in plan.sides)
+    sides = fit(truth, estimate, request, plan.names)
+    found = diagnose(
+        sides.read, sides.alignment, request.time_matching, request.parameters, sides.distance
+    )
+    shown = grid.truth.shown
+    return notices + [
+        notice.about(f"from step {shown[first]} to {shown[last]}") for notice in found
+    ]
+
+
+def middle(rows: Ints, size: int) -> tuple[int, int]:
+    """First and last of the steps with so many rows around the middle one of all rows."""
+    after = np.cumsum(rows)
+    half = int(after[-1]) // 2
+    first = int(np.searchsorted(after, half - size // 2, side="right"))
+    last = int(np.searchsorted(after, half + size // 2, side="left"))
+    return min(first, len(rows) - 1), min(max(first, last), len(rows) - 1)
