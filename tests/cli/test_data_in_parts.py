@@ -123,6 +123,31 @@ def test_what_needs_all_data_is_refused_by_name(
     assert "--scheduler is for data" in invoke(*files, "--scheduler", "tcp://x:1").err
 
 
+def test_filters_that_leave_nothing_are_wrong_as_of_one_file(
+    invoke: Invoke, recording: Path, tmp_path: Path
+) -> None:
+    for name in ("truth", "estimate"):
+        table = pq.read_table(recording / f"{name}.parquet").slice(0, 40)
+        table = table.append_column("class", pa.array(["car"] * len(table)))
+        pq.write_table(table, tmp_path / f"{name}.parquet")
+        (tmp_path / name).mkdir()
+        pq.write_table(table, tmp_path / name / "0.parquet")
+    for status, options in (
+        (2, ("--class", "cra")),
+        (2, ("--class", "car,cra")),
+        (2, ("--truth-class", "cra")),
+        (2, ("--time", "1000:")),
+        (2, ("--region", "x=1e7:2e7")),
+        (3, ("--columns", "x,y=foo")),
+    ):
+        plain = invoke("truth.parquet", "estimate.parquet", *METRIC, *options, "-q")
+        answer = invoke("truth", "estimate", *METRIC, *options, "-q")
+        assert (plain.status, answer.status, answer.out) == (status, status, ""), options
+        expected = plain.err.replace(".parquet", "").splitlines()
+        found = answer.err.replace("/0.parquet", "").splitlines()
+        assert found == expected, options
+
+
 def test_which_folders_and_files_are_read_in_parts(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -54,6 +54,11 @@ class Reading:
     headers: dict[str, str] = field(default_factory=dict)
     pixels: bool = False
 
+    @property
+    def taken(self) -> int:
+        """Rows that take part."""
+        return len(self.trajectories.step)
+
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each of its own."""
         warn_user(self.warnings, in_python)

@@ -29,7 +29,7 @@ from tgospa_eval.partitioned.outcome import TrackSums, write_tables
 from tgospa_eval.partitioned.progress import Stages
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
 from tgospa_eval.partitioned.sample import look
-from tgospa_eval.partitioned.scan import Read
+from tgospa_eval.partitioned.scan import Read, Scanned
 from tgospa_eval.partitioned.sides import Side, open_side
 from tgospa_eval.partitioned.tables import Naming
 from tgospa_eval.partitioned.tasks import run_tasks
@@ -85,12 +85,35 @@ class Means:
             yield engine
 
 
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What is known of a side when its rows are read.
+
+    Parameters
+    ----------
+    lacking : dict of str to str
+        As `Side.lacking`.
+    left_out : dict of str to int
+        How many rows take no part, by rule.
+    named : set of str
+        Classes of all rows, if they were asked for.
+    taken : int
+        Rows that take part.
+    """
+
+    lacking: dict[str, str]
+    left_out: dict[str, int]
+    named: frozenset[str]
+    taken: int
+
+
 def evaluate_partitioned(
     paths: tuple[str, str],
     reading: tuple[ReadOptions, ReadOptions],
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
     means: Means,
     stopwatch: Stopwatch,
+    check: Callable[[tuple[Known, Known], tuple[str, str]], None] | None = None,
 ) -> PartitionedResult:
     """Evaluate two sides block by block and component by component.
 
@@ -106,6 +129,9 @@ def evaluate_partitioned(
         Where, and with what.
     stopwatch : Stopwatch
         Gets the time of each stage.
+    check : callable, optional
+        Of what is known of both sides when their rows are read, and of the paths: raises what is
+        wrong with it, before anything is solved.
 
     Raises
     ------
@@ -113,7 +139,9 @@ def evaluate_partitioned(
         Something is wrong with the data, or asked for that needs them all at once.
     """
     with means.workers() as engine:
-        return _evaluate(paths, reading, request_of, replace(means, engine=engine), stopwatch)
+        return _evaluate(
+            paths, reading, request_of, replace(means, engine=engine), stopwatch, check
+        )
 
 
 def _evaluate(
@@ -122,6 +150,7 @@ def _evaluate(
     request_of: Callable[[tuple[str, ...]], EvaluationRequest],
     means: Means,
     stopwatch: Stopwatch,
+    check: Callable[[tuple[Known, Known], tuple[str, str]], None] | None,
 ) -> PartitionedResult:
     run = partial(run_tasks, engine=means.engine)
     with stopwatch.span("read"):
@@ -147,6 +176,11 @@ def _evaluate(
                 f"--grid {request.time_matching.grid}: no step is left, none of {grid.union:,} "
                 "counts"
             )
+
+    def checked(blocks: Sequence[Scanned]) -> None:
+        if check is not None:
+            check((_known(truth, 0, blocks), _known(estimate, 1, blocks)), paths)
+
     plan = Plan(
         sides=sides,
         times=grid.truth.times,
@@ -158,6 +192,7 @@ def _evaluate(
         memory=means.share,
         stages=Stages(stopwatch),
         engine=means.engine,
+        look=checked,
     )
     looked = look(plan, grid) if len(plan.times) else []
     for notice in looked:
@@ -174,6 +209,16 @@ def _evaluate(
         warnings=warnings,
         timings=nested_timings(stopwatch),
         files={"truth": paths[0], "estimate": paths[1]},
+    )
+
+
+def _known(side: Side, number: int, blocks: Sequence[Scanned]) -> Known:
+    read = [block.read[number] for block in blocks]
+    return Known(
+        lacking=side.lacking,
+        left_out=_left_out(side, read),
+        named=frozenset(name for block in read for name in block.named),
+        taken=sum(int(block.objects[number].sum()) for block in blocks),
     )
 
 

@@ -59,6 +59,8 @@ class Plan:
         What whoever watches is told.
     engine : Engine, optional
         Where tasks are done; in this process by default.
+    look : callable
+        Called with what is known of the blocks, before anything is solved.
     """
 
     sides: tuple[Readable, Readable]
@@ -71,6 +73,7 @@ class Plan:
     memory: int
     stages: Stages = field(default_factory=lambda: Stages(Stopwatch()))
     engine: Engine | None = None
+    look: Callable[[Sequence[Scanned]], None] = lambda blocks: None  # noqa: ARG005
 
     def run(
         self,
@@ -160,6 +163,7 @@ def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
         scanned = _scan(plan)
     with stopwatch.span("solve/preparation"):
         blocks = [Scanned.load(folder) for folder in scanned]
+        plan.look(blocks)
         truths, estimates = (number_tracks(blocks, side) for side in (0, 1))
         shards = make_shards(blocks, truths, estimates, most_entries(plan.memory))
         folders = _shuffle(plan, scanned, blocks, (truths, estimates), shards)

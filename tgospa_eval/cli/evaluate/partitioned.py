@@ -122,7 +122,12 @@ def evaluate_parts(
         try:
             with shown(stopwatch, show=not output.quiet):
                 result = evaluate_partitioned(
-                    paths, settings.each, settings.request, _means(work, options, output), stopwatch
+                    paths,
+                    settings.each,
+                    settings.request,
+                    _means(work, options, output),
+                    stopwatch,
+                    settings.check,
                 )
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))

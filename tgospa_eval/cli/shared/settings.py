@@ -1,8 +1,9 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
@@ -27,6 +28,26 @@ from tgospa_eval.tracks.step_weights import WeightsByTime
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.slicing import SliceBy
+
+
+class Known(Protocol):
+    """What `Settings.check` asks of a side, as `Reading` has it."""
+
+    @property
+    def lacking(self) -> Mapping[str, str]:
+        """What it lacks, and the message if every side does."""
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """How many rows take no part, by rule."""
+
+    @property
+    def named(self) -> Collection[str]:
+        """Classes of all rows, if they were asked for."""
+
+    @property
+    def taken(self) -> int:
+        """Rows that take part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,7 +178,7 @@ class Settings:
             options = replace(options, option="--columns")
         return read(path, options, role, self.formats[side])
 
-    def check(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
+    def check(self, sides: tuple[Known, ...], paths: tuple[str, ...]) -> None:
         """Whether some file has what was asked of all.
 
         Raises
@@ -172,14 +193,14 @@ class Settings:
                 raise InputError(*dict.fromkeys(side.lacking[name] for side in sides))
         self._check_classes(sides, paths)
         filters = {"time", "class", "region"}
-        if not any(len(side.trajectories.step) for side in sides) and any(
+        if not any(side.taken for side in sides) and any(
             filters & side.left_out.keys() for side in sides
         ):
             used = (name.replace("_", "-") for name in self.recorded)
             given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
             raise ConfigError(f"{given}: no row is left to evaluate")
 
-    def _check_classes(self, sides: tuple[Reading, ...], paths: tuple[str, ...]) -> None:
+    def _check_classes(self, sides: tuple[Known, ...], paths: tuple[str, ...]) -> None:
         """Whether there are rows of every class that was asked for."""
         there = {name for side in sides for name in side.named}
         asked = [("--class", name, there, "") for name in self.reading.classes or ()]
