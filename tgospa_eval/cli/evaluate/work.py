@@ -42,7 +42,7 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
             beside = log.with_suffix(".new")
             beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
             os.replace(beside, log)
-    yield work
+    yield work.absolute()  # workers of a cluster have other folders of their own
     shutil.rmtree(work, ignore_errors=True)
 
 
