@@ -1,12 +1,34 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import field, replace
+from typing import Protocol
 
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
+
+
+class Known(Protocol):
+    """What is known of a side when its rows are read, as of `Reading`."""
+
+    @property
+    def lacking(self) -> Mapping[str, str]:
+        """What it lacks, and the message if every side does."""
+
+    @property
+    def left_out(self) -> Mapping[str, int]:
+        """How many rows take no part, by rule."""
+
+    @property
+    def named(self) -> Collection[str]:
+        """Classes of all rows, if they were asked for."""
+
+    @property
+    def taken(self) -> int:
+        """Rows that take part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,9 +1,8 @@
 """From the values of the options to records, and with them to files that fit each other."""
 
-from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
@@ -16,6 +15,7 @@ from tgospa_eval.evaluation.prepare import Fitted, fit
 from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
+from tgospa_eval.formats.reading import Known
 from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo
@@ -28,26 +28,6 @@ from tgospa_eval.tracks.step_weights import WeightsByTime
 
 if TYPE_CHECKING:
     from tgospa_eval.evaluation.slicing import SliceBy
-
-
-class Known(Protocol):
-    """What `Settings.check` asks of a side, as `Reading` has it."""
-
-    @property
-    def lacking(self) -> Mapping[str, str]:
-        """What it lacks, and the message if every side does."""
-
-    @property
-    def left_out(self) -> Mapping[str, int]:
-        """How many rows take no part, by rule."""
-
-    @property
-    def named(self) -> Collection[str]:
-        """Classes of all rows, if they were asked for."""
-
-    @property
-    def taken(self) -> int:
-        """Rows that take part."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
