@@ -17,6 +17,7 @@ from tgospa_eval.cli.evaluate import partitioned
 from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.large_data import Size
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -81,6 +82,36 @@ def test_folders_are_evaluated_as_the_file_that_they_are_parts_of(
     printed = invoke(*folders, *METRIC, "-q").out.split("\n\n")
     same = invoke(*files, *METRIC, "-q").out.split("\n\n")
     assert printed[:-1] == same[:-1]  # but for the seconds
+
+
+@pytest.mark.parametrize("grid", ["truth", "estimate", "common"])
+def test_what_is_left_out_does_not_depend_on_blocks(
+    invoke: Invoke, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, grid: str
+) -> None:
+    rng = np.random.default_rng(5)
+    for side, every in (("truth", 3), ("estimate", 2)):
+        (tmp_path / side).mkdir()
+        t = np.repeat(np.arange(0, 40, every), 4)
+        names = {"id": np.tile(["a", "b", "-1", "c"], len(t) // 4), "t": t}
+        places = {"x": rng.normal(0, 9, len(t)).round(2), "y": np.where(t % 7 == 1, np.nan, 1.0)}
+        table = pa.table({**names, **places, "class": np.tile(["car", "van"], len(t) // 2)})
+        pq.write_table(table, tmp_path / side / "part.parquet")
+    asked = (*METRIC, "--grid", grid, "--class", "car", "--format", "json", "-q")
+    sides = str(tmp_path / "truth"), str(tmp_path / "estimate")
+    found = []
+    for rows in (1, 10, 10**6):
+        monkeypatch.setattr(run, "MOST_ROWS", rows)
+        found.append(json.loads(invoke(*sides, *asked, "--jobs", "1").out))
+    files = [f"{side}/part.parquet" for side in sides]
+    whole = json.loads(invoke(*files, *asked).out)
+    for document in found:
+        assert document["input"] == found[0]["input"]
+        assert document["total"] == found[0]["total"]
+        for role in ("truth", "estimate"):
+            mine, plain = document["input"][role], whole["input"][role]
+            assert mine["left_out"] == plain["left_out"]
+            assert mine["rows"] == plain["rows"]
+    assert found[0]["total"] == pytest.approx(whole["total"], rel=1e-12)
 
 
 def test_compressed_texts_in_any_order_with_times_that_are_texts(

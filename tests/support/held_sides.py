@@ -45,6 +45,7 @@ def plan(
         sides=(Held(sides[0]), Held(sides[1])),
         times=times,
         rows=np.asarray(rows, np.int64),
+        all_times=times,
         request=EvaluationRequest(
             parameters=parameters, distance=as_distance("euclidean"), solver=Certified(jobs=1)
         ),

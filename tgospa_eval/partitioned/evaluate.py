@@ -39,7 +39,7 @@ from tgospa_eval.problem.tgospa import check_underflow
 from tgospa_eval.results.partitioned import Extent, PartitionedResult
 from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, SolverRecord
 from tgospa_eval.solvers.certified import Certified
-from tgospa_eval.tracks.alignment import Alignment, align
+from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.trajectories import Trajectories
 
 
@@ -184,7 +184,8 @@ def _evaluate(
     plan = Plan(
         sides=sides,
         times=grid.truth.times,
-        rows=_rows(sides, grid)[0],
+        rows=_rows(sides, grid.truth.times),
+        all_times=np.union1d(*(clock.times for clock in clocks)),
         request=request,
         names=paths,
         columns=len(truth.columns),
@@ -261,17 +262,13 @@ def _times_of(side: Side) -> Trajectories:
     )
 
 
-def _rows(sides: Sequence[Side], grid: Alignment) -> tuple[Ints, list[int]]:
-    """Rows of both sides at each step that counts (T,), and those of either at others."""
-    times = grid.truth.times
+def _rows(sides: Sequence[Side], times: Times) -> Ints:
+    """Rows of both sides at each of the steps that count, and at times after it that do not."""
     rows = np.zeros(len(times), np.int64)
-    left_out = []
     for side in sides:
-        at = np.minimum(np.searchsorted(times, side.times), max(len(times) - 1, 0))
-        counted = times[at] == side.times if len(times) else np.zeros(len(side.times), bool)
-        rows[at[counted]] += side.counts[counted]
-        left_out.append(int(side.counts[~counted].sum()))
-    return rows, left_out
+        at = np.searchsorted(times, side.times, side="right") - 1
+        np.add.at(rows, np.maximum(at, 0), side.counts)
+    return rows
 
 
 def _result(
@@ -280,7 +277,8 @@ def _result(
     """The result, its tables written."""
     request, whole = plan.request, found.whole
     for side, numbered in zip(sides, found.tracks, strict=True):
-        side.check_ids(numbered.ids)
+        if numbered.rows.sum() == side.rows:  # else filters may have left out the other ids
+            side.check_ids(numbered.ids)
     parameters, solver = request.parameters, request.solver
     assert isinstance(solver, Certified)
     check_underflow(found.constants, parameters, whole.bounds.upper)
@@ -308,7 +306,7 @@ def _result(
         "kernel": KERNEL,
         "history": [],
     }
-    read = [_input(sides[k], k, grid, found, plan.names[k]) for k in (0, 1)]
+    read = [_input(sides[k], k, found, plan.names[k]) for k in (0, 1)]
     return PartitionedResult(
         proof=Costs(parameters=parameters, bounds=whole.bounds, breakdown=whole.breakdown),
         labels=Labels(times=shown.tolist(), truths=[], estimates=[], unit=request.unit),
@@ -347,15 +345,13 @@ def _result(
     )
 
 
-def _input(
-    side: Side, number: int, grid: Alignment, found: Evaluated, name: str
-) -> tuple[FileRecord, list[Notice]]:
+def _input(side: Side, number: int, found: Evaluated, name: str) -> tuple[FileRecord, list[Notice]]:
     """The record of a side, and what was repaired in it."""
     blocks = [block.read[number] for block in found.blocks]
     info = FileInfo(rows=side.rows, format=side.format, left_out=_left_out(side, blocks))
     digest = combined_digest(side.columns, side.clock, (int(b.digest, 16) for b in blocks))
     warnings = {tuple(one.items()): Notice(**one) for block in blocks for one in block.warnings}
-    record = info.record(digest, _rows([side], grid)[1][0])
+    record = info.record(digest, sum(block.off_grid for block in blocks))
     return record, [notice.about(name) for notice in warnings.values()]
 
 

@@ -44,7 +44,9 @@ class Plan:
     times : (T,) array
         The steps that count.
     rows : (T,) int array
-        Rows of both sides at each.
+        Rows of both sides at each, and at times after it that do not count.
+    all_times : (U,) array
+        All times of either side, those that do not count as well.
     request : EvaluationRequest
         What is asked.
     names : pair of str
@@ -66,6 +68,7 @@ class Plan:
     sides: tuple[Readable, Readable]
     times: Times
     rows: Ints
+    all_times: Times
     request: EvaluationRequest
     names: tuple[str, str]
     columns: int
@@ -189,21 +192,26 @@ def evaluate_parts(plan: Plan, stopwatch: Stopwatch | None = None) -> Evaluated:
 
 
 def _scan(plan: Plan) -> list[Path]:
-    """Blocks of whole steps with so many rows as fit."""
+    """Blocks of whole steps with so many rows as fit; each time of a side is in one of them."""
     most = rows_together(plan.memory)
     before = np.cumsum(plan.rows) - plan.rows
     cuts = np.flatnonzero(np.diff(before // most, prepend=-1))
     edges = [*cuts.tolist(), len(plan.times)]
+    ends = np.searchsorted(plan.all_times, plan.times[cuts]).tolist()
+    ends = [0, *ends[1:], len(plan.all_times)] if ends else [0]
     tasks = [
         Block(
             output=str(plan.work / "scan" / f"{low:010d}-{high:010d}"),
             sides=plan.sides,
             times=plan.times[low:high],
+            span=(plan.all_times[begin].item(), plan.all_times[end - 1].item()),
             first=low,
             request=plan.request,
             names=plan.names,
         )
-        for low, high in itertools.pairwise(edges)
+        for (low, high), (begin, end) in zip(
+            itertools.pairwise(edges), itertools.pairwise(ends), strict=True
+        )
     ]
     plan.run("searching near pairs", scan, tasks)
     return [Path(task.output) for task in tasks]

@@ -9,7 +9,7 @@ from tgospa_eval.partitioned.run import Plan
 from tgospa_eval.problem.problem import Ints
 from tgospa_eval.tracks.alignment import Alignment
 
-SAMPLE_ROWS = 50_000
+LOOKED_AT = 50_000
 """Rows of both sides together that are looked at: a diagnosis of so many takes a tenth of a
 second."""
 
@@ -26,7 +26,7 @@ def look(plan: Plan, grid: Alignment) -> list[Notice]:
     """
     request, times = plan.request, plan.times
     notices = [Notice(text=text) for text in alignment_notices(grid, request.time_matching)]
-    first, last = middle(plan.rows, SAMPLE_ROWS)
+    first, last = middle(plan.rows, LOOKED_AT)
     truth, estimate = (side.read(times[first], times[last]).trajectories for side in plan.sides)
     sides = fit(truth, estimate, request, plan.names)
     found = diagnose(

@@ -45,6 +45,8 @@ class Block:
         Truth and estimate.
     times : (L,) array
         The steps.
+    span : pair of int or float
+        What is read: from one time to another, those between steps that do not count as well.
     first : int
         Number of the first of them.
     request : EvaluationRequest
@@ -56,6 +58,7 @@ class Block:
     output: str
     sides: tuple[Readable, Readable]
     times: Times
+    span: tuple[float, float]
     first: int
     request: EvaluationRequest
     names: tuple[str, str]
@@ -123,6 +126,8 @@ class Read:
         Rows that take no part, by rule.
     named : list of str
         Classes, if they were asked for.
+    off_grid : int
+        Rows at steps that do not count.
     digest : str
         Of what takes part, in hexadecimal: see `block_digest`.
     warnings : list of dict
@@ -131,15 +136,17 @@ class Read:
 
     left_out: dict[str, int]
     named: list[str]
+    off_grid: int
     digest: str
     warnings: list[dict[str, str]]
 
     @classmethod
-    def of(cls, reading: Reading) -> "Read":
+    def of(cls, reading: Reading, off_grid: int) -> "Read":
         """Of what was read."""
         return cls(
             left_out=reading.left_out,
             named=list(reading.named),
+            off_grid=off_grid,
             digest=f"{block_digest(reading.trajectories):x}",
             warnings=[vars(notice) for notice in reading.warnings],
         )
@@ -154,7 +161,7 @@ def scan(block: Block) -> None:
         Something is wrong with the data.
     """
     times, request = block.times, block.request
-    readings = [side.read(times[0], times[-1]) for side in block.sides]
+    readings = [side.read(*block.span) for side in block.sides]
     truth, estimate = (reading.trajectories for reading in readings)
     sides = fit(truth, estimate, request, block.names)
     problem, blur = _problem(sides, request)
@@ -171,7 +178,12 @@ def scan(block: Block) -> None:
         "pairs": _pairs(entry, len(aligned[1].ids)),
         "slack": problem.cost_slack,
         "blur": blur,
-        "read": json.dumps([vars(Read.of(reading)) for reading in readings]),
+        "read": json.dumps(
+            [
+                vars(Read.of(reading, off_grid))
+                for reading, off_grid in zip(readings, sides.alignment.left_out, strict=True)
+            ]
+        ),
     }
     for role, side in zip(("truth", "estimate"), aligned, strict=True):
         found[f"{role}_objects"] = np.bincount(step_of[side.step], minlength=len(times))

@@ -1,5 +1,6 @@
 """Tasks that write one output each, are skipped where it is there, and go on after a kill."""
 
+import errno
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +10,7 @@ from typing import Protocol, TypeVar
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.engines.spread import Engine, spread
-from tgospa_eval.errors import SolverError
+from tgospa_eval.errors import ConfigError, SolverError
 
 UNFINISHED = ".unfinished"
 """Ends the names of outputs that are being written."""
@@ -114,7 +115,13 @@ def _lost(task: Task) -> Done | Lost:
 
 @contextmanager
 def writing(output: str) -> Iterator[Path]:
-    """Where to write an output, a file or a folder, that has its name once it is whole."""
+    """Where to write an output, a file or a folder, that has its name once it is whole.
+
+    Raises
+    ------
+    ConfigError
+        The disk is full.
+    """
     target = Path(output)
     target.parent.mkdir(parents=True, exist_ok=True)
     # Another process may work on the same after a network was silent for long.
@@ -126,6 +133,13 @@ def writing(output: str) -> Iterator[Path]:
         except OSError:
             if not target.is_dir():  # else another process has finished the same folder meanwhile
                 raise
+    except OSError as error:
+        # NumPy has no number of the system for it, and counts what it could not write.
+        if error.errno == errno.ENOSPC or (error.errno is None and "requested" in str(error)):
+            raise ConfigError(
+                f"{target.parent}: cannot be written: no space left on the disk"
+            ) from None
+        raise
     finally:
         _remove(beside)
 

@@ -10,7 +10,7 @@ from held_sides import plan
 
 import tgospa_eval as tg
 from tgospa_eval.engines.processes import Processes
-from tgospa_eval.errors import SolverError
+from tgospa_eval.errors import ConfigError, SolverError
 from tgospa_eval.partitioned import components, run, tasks
 from tgospa_eval.partitioned.run import Evaluated, evaluate_parts
 from tgospa_eval.problem.tgospa import Parameters
@@ -172,3 +172,17 @@ def test_shards_are_filled_in_order_and_long_components_stand_alone() -> None:
     shard, long = components._cut(sizes, 4_000_000)
     assert long.tolist() == [True, False, False]
     assert shard.tolist() == [1, 1, 1, 0, 2, 2]
+
+
+def fill(beside: Path) -> None:
+    beside.write_text("half")
+    raise OSError("10931 requested and 5520 written")  # as NumPy says it
+
+
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    with (
+        pytest.raises(ConfigError, match="cannot be written: no space left on the disk"),
+        tasks.writing(str(tmp_path / "out" / "block")) as beside,
+    ):
+        fill(beside)
+    assert not list((tmp_path / "out").iterdir())

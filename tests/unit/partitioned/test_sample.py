@@ -21,7 +21,7 @@ def test_a_clock_that_is_ahead_is_seen_in_the_middle(
     )
     late = replace(estimate, times=estimate.times + 4)
     parameters = Parameters(cutoff=6, switch_penalty=2)
-    monkeypatch.setattr(sample, "SAMPLE_ROWS", 400)
+    monkeypatch.setattr(sample, "LOOKED_AT", 400)
     for side, codes in ((estimate, []), (late, ["clock-shift"])):
         asked = plan((truth, side), parameters, tmp_path)
         notices = sample.look(asked, align(truth, side))
