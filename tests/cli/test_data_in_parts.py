@@ -214,6 +214,16 @@ def test_which_folders_and_files_are_read_in_parts(
         assert in_parts.parts_in_words((path, truth), options) is not None
 
 
+def test_wrong_data_leave_no_work(invoke: Invoke, recording: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "bad"
+    bad.mkdir()
+    (bad / "part.parquet").write_bytes(b"PAR1 and no more")
+    answer = invoke(str(recording / "truth"), str(bad), *METRIC, "-o", str(tmp_path / "out"), "-q")
+    assert answer.status == 3
+    assert "bad/part.parquet: no readable Parquet file" in answer.err.replace("\\", "/")
+    assert not (tmp_path / "out" / "work").exists()
+
+
 def test_interrupted_work_is_kept_and_gone_on_with(
     recording: Path,
     tmp_path: Path,

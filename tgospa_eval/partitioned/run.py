@@ -29,6 +29,9 @@ from tgospa_eval.tracks.alignment import Times
 BYTES_A_ROW, BYTES_AN_ENTRY = 600, 300
 """Memory that a worker needs for each row of a block, and for each entry of a shard: measured."""
 
+SCANNED = "scan"
+"""In the folder of work, that of the blocks that were read."""
+
 MOST_ROWS, MOST_ENTRIES = 4_000_000, 30_000_000
 """No more than this together, however much memory there is."""
 
@@ -201,7 +204,7 @@ def _scan(plan: Plan) -> list[Path]:
     ends = [0, *ends[1:], len(plan.all_times)] if ends else [0]
     tasks = [
         Block(
-            output=str(plan.work / "scan" / f"{low:010d}-{high:010d}"),
+            output=str(plan.work / SCANNED / f"{low:010d}-{high:010d}"),
             sides=plan.sides,
             times=plan.times[low:high],
             span=(plan.all_times[begin].item(), plan.all_times[end - 1].item()),

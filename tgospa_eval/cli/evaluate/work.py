@@ -15,7 +15,8 @@ from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.cores import cores
 from tgospa_eval.common.files import named
-from tgospa_eval.errors import ConfigError
+from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.partitioned.run import SCANNED
 from tgospa_eval.reports.folders import WORK_FOLDER, WORK_LOG
 
 
@@ -42,7 +43,12 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
             beside = log.with_suffix(".new")
             beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
             os.replace(beside, log)
-    yield work.absolute()  # workers of a cluster have other folders of their own
+    try:
+        yield work.absolute()  # workers of a cluster have other folders of their own
+    except InputError:
+        if not (work / SCANNED).exists():  # nothing to go on with, once the data are right
+            shutil.rmtree(work, ignore_errors=True)
+        raise
     shutil.rmtree(work, ignore_errors=True)
 
 
