@@ -30,29 +30,19 @@ Run = Callable[[Callable[[T], None], Sequence[T]], None]
 
 
 @dataclass(frozen=True)
-class Done:
+class Ended:
     """A task has ended.
 
     Parameters
     ----------
     output : str
         Of which task.
+    lost : bool
+        Whether the process that worked on it died whenever it tried.
     """
 
     output: str
-
-
-@dataclass(frozen=True)
-class Lost:
-    """The process that worked on a task died whenever it tried.
-
-    Parameters
-    ----------
-    output : str
-        Of which task.
-    """
-
-    output: str
+    lost: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,10 +51,10 @@ class _Work:
 
     function: Callable[..., None]
 
-    def __call__(self, task: Task) -> Done | Lost:
+    def __call__(self, task: Task) -> Ended:
         if not os.path.exists(task.output):
             self.function(task)
-        return Done(task.output)
+        return Ended(task.output)
 
 
 def run_tasks(
@@ -100,7 +90,7 @@ def run_tasks(
     work = _Work(function)
     ended = map(work, left) if engine is None else spread(work, left, _lost, engine)
     for end in ended:
-        if isinstance(end, Lost):
+        if end.lost:
             raise SolverError(
                 f"a process died of {os.path.basename(end.output)}, most likely for want of "
                 "memory: allow less with --memory, or fewer processes with --jobs"
@@ -109,8 +99,8 @@ def run_tasks(
             done(end.output)
 
 
-def _lost(task: Task) -> Done | Lost:
-    return Lost(task.output)
+def _lost(task: Task) -> Ended:
+    return Ended(task.output, lost=True)
 
 
 @contextmanager
