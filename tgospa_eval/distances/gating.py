@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import index_type
-from tgospa_eval.distances.base import Distance, Effort, Pairs, Sides
+from tgospa_eval.common.cores import cores
+from tgospa_eval.common.threads import in_order
+from tgospa_eval.distances.base import Distance, Effort, Floats, Pairs, Sides
 from tgospa_eval.distances.points import near_points
 from tgospa_eval.distances.search import Side, search
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -47,15 +49,24 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
         return found
     kind = index_type(max(len(truth.step), len(estimate.step)))
     truth_rows, estimate_rows, distances = _Column(kind), _Column(kind), _Column(np.float64)
-    for begin, end in _together(starts[0] + starts[1]):
-        a = _rows(truth, starts[0], begin, end, distance)
-        b = _rows(estimate, starts[1], begin, end, distance)
+
+    @np.errstate(over="ignore", invalid="ignore")  # of each thread
+    def between(steps: tuple[int, int]) -> list[tuple[Ints, Ints, Floats]]:
+        a = _rows(truth, starts[0], *steps, distance)
+        b = _rows(estimate, starts[1], *steps, distance)
+        found = []
         for i, j in _search(a, b, horizon, distance):
             value = distance.between((x[i], y[j]) for x, y in zip(a.axes, b.axes, strict=True))
             near = np.flatnonzero(value < horizon)
-            truth_rows.add(i[near] + a.first)
-            estimate_rows.add(j[near] + b.first)
-            distances.add(value[near])
+            found.append((i[near] + a.first, j[near] + b.first, value[near]))
+        return found
+
+    stretches = list(_together(starts[0] + starts[1]))
+    for pieces in in_order(between, stretches, min(effort.jobs or cores(), len(stretches))):
+        for i, j, value in pieces:
+            truth_rows.add(i)
+            estimate_rows.add(j)
+            distances.add(value)
     found = Pairs(
         truth_row=truth_rows.done(), estimate_row=estimate_rows.done(), distance=distances.done()
     )

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.arrays import concatenated
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.problem.compiled import kernels
 from tgospa_eval.problem.problem import Floats, Ints, sum_by
 from tgospa_eval.problem.slots import Slots, parts
 
@@ -95,6 +96,12 @@ def capacity_rows(
 def load(slots: Slots, weights: Floats | NDArray[np.bool_]) -> Floats:
     """Sum of the weights (S,) on each slot, (K,); of booleans, how many are true."""
     marks = weights.dtype == bool
+    if kernels:
+        of, kind = (kernels.slot_counts, np.uint8) if marks else (kernels.slot_loads, np.float64)
+        found: Floats = of(
+            slots.first, slots.begin, slots.pair_first, slots.pair_node, weights.view(kind)
+        )
+        return found
     total = np.zeros(len(slots.step) + 1, "i4" if marks else "f8")
     ends = slots.end
     for part in parts(len(weights)):

@@ -236,6 +236,8 @@ class Programmes:
         if len(solved) > 1:
             self._try_best(solved, prices)
         ascent.try_prices(prices)
+        if ascent.open_gap <= PROGRAMMES.met * ascent.open_cost:
+            return
         ascent.survey(prices, 0.0)
         self.tempted |= ascent.has(kernels.TEMPTED)
         if len(solved) > 1 and ascent.open_gap < 0.5 * wide:

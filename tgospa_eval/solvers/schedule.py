@@ -132,6 +132,10 @@ class Programming:
     tolerance: float = 1e-9
     """What HiGHS takes for zero, for each state: what is open by less has its duals refined."""
 
+    met: float = 1e-13
+    """Brackets narrower than this fraction of the cost are as narrow as doubles allow: nothing more
+    is tried."""
+
     snap: float = 1e-9
     overfull: float = 1e-15
     """Weights this near to 0 or 1 are meant to be; sums of them that exceed 1 by more than rounding

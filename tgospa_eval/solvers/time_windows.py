@@ -100,11 +100,12 @@ class Division:
         self.states = states
         self.weights = np.full(len(states.begin), UNKNOWN)
         self.prices = np.zeros(len(states.columns.step))
-        gains = np.flatnonzero(states.entry >= 0)
-        entry = states.entry[gains]
-        order = np.argsort(entry)
-        self._entry, self._state = entry[order], gains[order].astype(np.int32)
         problem = states.problem
+        gains = np.flatnonzero(states.entry >= 0).astype(np.int32)
+        state = np.full(len(problem.cost), -1, np.int32)
+        state[states.entry[gains]] = gains
+        self._entry = np.flatnonzero(state >= 0).astype(np.int32)
+        self._state = state[self._entry]
         self._step = problem.truth_step[problem.truth_row[self._entry]]
         self._end = states.end
 

@@ -22,8 +22,8 @@ from tgospa_eval.problem.problem import Problem, sum_parts
 from tgospa_eval.problem.slots import Slots
 from tgospa_eval.problem.states import States
 from tgospa_eval.problem.weights import ONE, repair, whole_weights
+from tgospa_eval.solvers import capacities, far_cutoff
 from tgospa_eval.solvers import dual_ascent as ascent
-from tgospa_eval.solvers import far_cutoff
 from tgospa_eval.solvers.block_costs import price_cap, unassigned_costs
 
 compiled_only = pytest.mark.skipif(kernels is None, reason="no compiled kernels here")
@@ -312,8 +312,10 @@ def bytes_of(truth: np.ndarray, estimate: np.ndarray, solver: Certified | Sinkho
 @pytest.mark.parametrize("kind", [Certified, Sinkhorn])
 def test_threads_do_not_change_a_byte(kind: type, monkeypatch: pytest.MonkeyPatch) -> None:
     import tgospa_eval.solvers.batches as batches
+    from tgospa_eval.distances import gating
 
     monkeypatch.setattr(batches, "BATCH_STATES", 100)
+    monkeypatch.setattr(gating, "ROWS_TOGETHER", 60)
     truth, estimate = scene(11, 5, 6, 16, side=5.0)
     offsets = 1e4 * np.arange(5)[:, None, None, None]
     many = np.concatenate(list(truth[None] + offsets), axis=1)
@@ -322,12 +324,27 @@ def test_threads_do_not_change_a_byte(kind: type, monkeypatch: pytest.MonkeyPatc
 
 
 @compiled_only
+@pytest.mark.parametrize("name", sorted(PROBLEMS))
+def test_loads_of_slots(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    reduced = merge_runs(PROBLEMS[name]())
+    rng = np.random.default_rng(0)
+    weights = rng.integers(0, 4, len(reduced.begin)) / 8.0
+    marked = rng.random(len(reduced.begin)) < 0.5
+    sides = reduced.rows, reduced.columns
+    found = [capacities.load(side, of) for side in sides for of in (weights, marked)]
+    monkeypatch.setattr(capacities, "kernels", None)
+    plain = [capacities.load(side, of) for side in sides for of in (weights, marked)]
+    for fast, slow in zip(found, plain, strict=True):
+        np.testing.assert_array_equal(fast, slow)
+
+
+@compiled_only
 @pytest.mark.parametrize("seed", range(6))
 def test_compiled_and_plain_solvers_agree(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     truth, estimate = scene(seed, 9, 10, 30, side=7.0, noise=1.5)
     fast = evaluate(truth, estimate, 5.0, 2, 2.0)
     soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")
-    for module in (slots, states, merging, certified_module, sinkhorn_module):
+    for module in (slots, states, merging, capacities, certified_module, sinkhorn_module):
         monkeypatch.setattr(module, "kernels", None)
     plain = evaluate(truth, estimate, 5.0, 2, 2.0)
     plain_soft = evaluate(truth, estimate, 5.0, 2, 2.0, solver="sinkhorn")
