@@ -124,6 +124,15 @@ def _pieces(path: str, source: str | int, most: int) -> Iterator[bytes]:
             piece = file.read(CHUNK)
 
 
+def stored(path: str) -> Iterator[tuple[str, os.stat_result]]:
+    """A file, or all files in a folder in a fixed order, and what the system says of each."""
+    names = [path] if os.path.isfile(path) else []
+    for place, folders, found in os.walk(path):
+        folders.sort()
+        names += [os.path.join(place, name) for name in sorted(found)]
+    return ((name, os.stat(name)) for name in names)
+
+
 def is_regular(path: str) -> bool:
     """Whether it is a file with content of its own: no folder, pipe, socket or device."""
     return stat.S_ISREG(os.stat(path).st_mode)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval._version import __version__
+from tgospa_eval.common.files import stored
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.solver_status import Status
@@ -16,6 +17,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import natural
 from tgospa_eval.distances import Distance
 from tgospa_eval.distances.checks import check_columns
+from tgospa_eval.engines.processes import Processes
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.engines.standing import Standing
 from tgospa_eval.errors import ConfigError
@@ -41,6 +43,10 @@ from tgospa_eval.results.records import Costs, FileInfo, FileRecord, Labels, Sol
 from tgospa_eval.solvers.certified import Certified
 from tgospa_eval.tracks.alignment import Alignment, Times, align
 from tgospa_eval.tracks.trajectories import Trajectories
+
+SMALL_DATA, BEFORE_WORKERS = 100 * 10**6, 2.0
+"""Of fewer bytes of files, so many seconds of work are done before there are workers: to begin one
+takes a second. Of more it would take memory of this process as well."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,12 +82,14 @@ class Means:
         return self.memory // self.jobs
 
     @contextmanager
-    def workers(self) -> Iterator[Engine | None]:
-        """The engine with workers that stay until the end."""
+    def workers(self, data: int) -> Iterator[Engine | None]:
+        """The engine with workers that stay until the end, for so many bytes of files."""
         if self.engine is None:
             yield None
             return
-        with Standing(self.engine, self.jobs) as engine:
+        here = isinstance(self.engine, Processes) and data < SMALL_DATA
+        patience = BEFORE_WORKERS if here else 0.0
+        with Standing(self.engine, self.jobs, patience) as engine:
             yield engine
 
 
@@ -138,7 +146,8 @@ def evaluate_partitioned(
     TgospaError
         Something is wrong with the data, or asked for that needs them all at once.
     """
-    with means.workers() as engine:
+    data = sum(found.st_size for path in paths for _, found in stored(path))
+    with means.workers(data) as engine:
         return _evaluate(
             paths, reading, request_of, replace(means, engine=engine), stopwatch, check
         )

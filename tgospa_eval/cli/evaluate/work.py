@@ -14,7 +14,7 @@ from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.cores import cores
-from tgospa_eval.common.files import named
+from tgospa_eval.common.files import named, stored
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.partitioned.run import SCANNED
 from tgospa_eval.reports.folders import WORK_FOLDER, WORK_LOG
@@ -90,12 +90,7 @@ def identity_of(paths: tuple[str, str], options: EvaluationOptions) -> dict[str,
     """What must be the same for the same work; as JSON gives it back."""
     sha = hashlib.sha256()
     for path in paths:
-        files = [path] if os.path.isfile(path) else []
-        for place, folders, names in os.walk(path):
-            folders.sort()
-            files += [os.path.join(place, name) for name in sorted(names)]
-        for name in files:
-            found = os.stat(name)
+        for name, found in stored(path):
             sha.update(repr((name, found.st_size, found.st_mtime_ns)).encode("utf-8", "replace"))
     known: dict[str, object] = json.loads(json.dumps(options.given))
     return known | {

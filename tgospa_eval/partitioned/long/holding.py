@@ -1,13 +1,11 @@
 """What pairs hold through runs without gain, once it is known how much of each gain is assigned.
 
-A run of a pair is held with u, at most what is assigned at the gains next to it, where
-- the windows that it lies in hold at least u of it at each of its steps, or
-- nothing else gains on its row and its column while it lasts.
+A run of a pair is held with u, at most what is assigned at the gains next to it, where at each of
+its steps
+- the window of that step holds at least u of it, or
+- nothing gains on its row and its column, from the last step of the first kind to the next.
 
-No sum exceeds 1 then. Let holds of the second kind cover a step. Any other hold at that step has
-its ends outside their runs, or the gain there would forbid them; so all of them are there at the
-last step before the runs of the second kind begin (or at the first after they end, where these
-reach the border), with at most what one window has assigned or held there, which sums to at most 1.
+No sum exceeds 1 then (docs/theory/windows-in-time.md, "Components larger than memory").
 """
 
 import numpy as np
@@ -44,22 +42,26 @@ def hold_runs(states: States, known: Known) -> Ints:
     weights[gains] = known.weights[states.entry[gains]]
     pair = states.pair
     runs, most = _ends(states, weights, pair)
-    whole = states.end[runs]
-    begin, pair = states.begin[runs].astype(np.int64), pair[runs]
-    window = _held_by_windows(states, known.holds)[runs]
-    held = np.minimum(window, most)
-    free = np.flatnonzero(held < most)
-    steps = states.problem.steps
+    begin, end, pair = states.begin[runs].astype(np.int64), states.end[runs], pair[runs]
     used = gains[weights[gains] > 0]
     rows = np.empty(len(used), BUSY)
     rows["estimate"] = states.pair_row[states.pair[used]]
     rows["begin"] = rows["end"] = states.begin[used]
     rows.sort(order=("estimate", "begin"))
-    for busy, track in ((known.busy, states.pair_estimate), (rows, states.pair_row)):
-        at = pair[free]
-        idle = _idle(busy, track[at], begin[free], whole[free], steps)
-        free = free[idle]
-    held[free] = most[free]
+
+    def busy(run: Ints, begin: Ints, end: Ints) -> Ints:
+        """Those of the runs on whose row or column something gains from begin to end."""
+        tracks = states.pair_estimate[pair[run]], states.pair_row[pair[run]]
+        idle = np.ones(len(run), bool)
+        for table, track in zip((known.busy, rows), tracks, strict=True):
+            idle &= _idle(table, track, begin, end, states.problem.steps)
+        return run[~idle]
+
+    least, gaps = _held_by_windows(states, known.holds, runs)
+    held = np.minimum(least, most)
+    held[busy(*gaps)] = 0
+    free = np.flatnonzero(held < most)
+    held[free] = np.where(np.isin(free, busy(free, begin[free], end[free])), held[free], most[free])
     weights[runs] = held
     return weights
 
@@ -76,8 +78,13 @@ def _ends(states: States, weights: Ints, pair: Ints) -> tuple[Ints, Ints]:
     return runs[used], most[used]
 
 
-def _held_by_windows(states: States, holds: Table) -> Ints:
-    """The least that windows hold of each run at any of its steps, (S,)."""
+def _held_by_windows(
+    states: States, holds: Table, runs: Ints
+) -> tuple[Ints, tuple[Ints, Ints, Ints]]:
+    """The least that windows hold of each run at any of its steps, and the gaps between these.
+
+    A gap is a run, counted among the chosen ones, its first step and its last.
+    """
     steps = states.problem.steps
     width = max(states.problem.estimates, 1)
     pairs = states.pair_truth.astype(np.int64) * width + states.pair_estimate
@@ -92,10 +99,20 @@ def _held_by_windows(states: States, holds: Table) -> Ints:
     pair, begin, end = pair[known], begin[known], end[known]
     keys = states.pair.astype(np.int64) * steps + states.begin
     state = np.searchsorted(keys, pair * np.int64(steps) + begin, side="right") - 1
-    least = np.full(len(keys), np.iinfo(np.int64).max)
-    np.minimum.at(least, state, holds["weight"][known])
-    covered = np.bincount(state, end - begin + 1, minlength=len(keys))
-    return np.where(covered == states.end - states.begin + 1, least, 0)
+    run = np.minimum(np.searchsorted(runs, state), max(len(runs) - 1, 0))
+    chosen = np.flatnonzero(runs[run] == state) if len(runs) else np.zeros(0, np.int64)
+    run, begin, end = run[chosen], begin[chosen], end[chosen]
+    least = np.full(len(runs), np.iinfo(np.int64).max)
+    np.minimum.at(least, run, holds["weight"][known][chosen])
+
+    every = np.arange(len(runs))
+    whose = np.concatenate((every, run, every))
+    opens = np.concatenate((states.begin[runs] - 1, begin, states.end[runs] + 1))
+    closes = np.concatenate((states.begin[runs] - 1, end, states.end[runs] + 1))
+    order = np.lexsort((opens, whose))
+    whose, opens, closes = whose[order], opens[order], closes[order]
+    gap = np.flatnonzero((whose[1:] == whose[:-1]) & (opens[1:] > closes[:-1] + 1))
+    return least, (whose[gap], closes[gap] + 1, opens[gap + 1] - 1)
 
 
 def _idle(busy: Table, track: Ints, begin: Ints, end: Ints, steps: int) -> np.ndarray:
