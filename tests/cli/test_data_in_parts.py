@@ -13,10 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tgospa_eval.batches.lock import locked
 from tgospa_eval.cli.evaluate import partitioned
 from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.large_data import Size
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.errors import ConfigError
 from tgospa_eval.partitioned import run
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
@@ -139,7 +141,7 @@ def test_what_needs_all_data_is_refused_by_name(
         *(["--curve"], ["--window", "5"], ["--slice", "class"], ["--with", "gospa"], ["--explain"]),
         *(["--by", "class"], ["--step-weights", "w.csv"], ["--existence", "use"]),
         *(["--interpolate", "truth"], ["--time-tolerance", "0.1"], ["--sweep", "c=1,2"]),
-        *(["--solver", "sinkhorn"], ["--time-limit", "9"], ["--proof", "-o", "none"]),
+        *(["--solver", "sinkhorn"], ["--proof", "-o", "none"]),
         *(["--distance", "cloud-wasserstein"], ["--plane", "x,y", "-o", "none"]),
     ):
         answer = invoke(*folders, *METRIC, *options)
@@ -255,6 +257,11 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         Exception, match=r"cutoff was 100.0, is 90.0; name another folder, or --force"
     ):
         partitioned.evaluate_parts(paths, other, output, "so")
+    with (
+        locked(folder / "work", (0, 1)),
+        pytest.raises(ConfigError, match="work: another process is at work on it"),
+    ):
+        partitioned.evaluate_parts(paths, options, output, "so")
     monkeypatch.setattr("tgospa_eval.partitioned.run.solve_shard", None)  # nothing is left to solve
     assert partitioned.evaluate_parts(paths, options, output, "so")
     assert not (folder / "work").exists()

@@ -13,6 +13,9 @@ from tgospa_eval.errors import ConfigError
 ALL_BYTES = 2**31 - 1
 """Bytes of a lock file that are locked on Windows for all shards; each shard has one byte."""
 
+LOCK = ".lock"
+"""How the names of lock files begin."""
+
 NO_LOCKS = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK)
 """Errors of file systems that have none, such as Lustre without the option flock."""
 
@@ -50,7 +53,7 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
         with files.named(f"-o {folder}", ConfigError, "cannot be written"):
             return stack.enter_context((folder / name).open("a+"))  # NFS shares what can be read
 
-    whole = opened(".lock")
+    whole = opened(LOCK)
     try:
         fcntl: Any = importlib.import_module("fcntl")
     except ModuleNotFoundError:  # on Windows
@@ -58,6 +61,6 @@ def _take(stack: ExitStack, folder: Path, shard: tuple[int, int]) -> None:
         whole.seek(0 if count == 1 else (count * (count - 1) // 2 + number) % ALL_BYTES)
         windows.locking(whole.fileno(), windows.LK_NBLCK, ALL_BYTES if count == 1 else 1)
         return
-    own = opened(f".lock-{number}-of-{count}")
+    own = opened(f"{LOCK}-{number}-of-{count}")
     fcntl.flock(whole, (fcntl.LOCK_SH if count > 1 else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     fcntl.flock(own, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -307,9 +307,11 @@ def _result(
         assignments=means.assignments,
     )
     met = whole.bounds.met(solver.gap)
+    spent = plan.stages.stopwatch.spans.get("solve/sweeps", 0.0)
+    late = solver.time_limit is not None and spent >= solver.time_limit
     record: SolverRecord = {
         "name": solver.name,
-        "status": str(Status.SOLVED if met else Status.NOT_SOLVED),
+        "status": str(Status.SOLVED if met else Status.LATE if late else Status.NOT_SOLVED),
         "finished": met,
         "iterations": whole.iterations,
         "kernel": KERNEL,

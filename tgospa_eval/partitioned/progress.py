@@ -32,7 +32,7 @@ class Stages:
         self._before = self._done = self._begin = 0.0
         self._left: set[str] = set()
         self._prices = (0.0, 0.0)
-        self._sums: tuple[list[float], list[float]] = ([], [])
+        self._proven: dict[str, tuple[float, float]] = {}
 
     def stage(self, name: str, tasks: Mapping[str, float]) -> None:
         """Begin a stage, which ends the one before.
@@ -71,7 +71,7 @@ class Stages:
             self._left.remove(task)
             self._done += self._work[task]
         if share is not None:
-            self.prove(share)
+            self.prove(share, task)
         self._show()
 
     def expect(self, parameters: Parameters, objects: tuple[int, int]) -> None:
@@ -85,23 +85,29 @@ class Stages:
             All states of truth and of estimate.
         """
         self._prices = parameters.unassigned_prices
-        self._sums = ([], [self._unassigned(*objects)])
+        self._proven = {"": (0.0, self._unassigned(*objects))}
         self.stopwatch.progress.scale = parameters.root
         self._bracket()
 
     def _unassigned(self, truths: float, estimates: float) -> float:
         return self._prices[0] * truths + self._prices[1] * estimates
 
-    def prove(self, share: Share) -> None:
-        """Below, shares that are known; above, them and all other objects unassigned."""
-        lower, upper = self._sums
-        lower.append(share.bracket[0])
-        upper.append(share.upper)
-        upper.append(-self._unassigned(float(share.truths.sum()), float(share.estimates.sum())))
+    def prove(self, share: Share, name: str) -> None:
+        """Below, shares that are known; above, them and all other objects unassigned.
+
+        Parameters
+        ----------
+        share : Share
+            What is proven.
+        name : str
+            Of what: it takes the place of what was proven of it before.
+        """
+        free = self._unassigned(float(share.truths.sum()), float(share.estimates.sum()))
+        self._proven[name] = share.bracket[0], share.upper - free
         self._bracket()
 
     def _bracket(self) -> None:
-        lower, upper = map(math.fsum, self._sums)
+        lower, upper = map(math.fsum, zip(*self._proven.values(), strict=True))
         self.stopwatch.progress.prove(lower * (1 - OUTWARD), upper * (1 + OUTWARD))
 
     def _show(self) -> None:

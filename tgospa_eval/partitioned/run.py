@@ -1,6 +1,7 @@
 """The line of a partitioned evaluation: scan, components, shuffle, solve, add up."""
 
 import itertools
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import field
 from functools import partial
@@ -246,6 +247,7 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
     """Folders with what the shards contribute, those of long components last."""
     solver = plan.request.solver
     assert isinstance(solver, Certified)
+    end = None if solver.time_limit is None else time.time() + solver.time_limit
     tasks = [
         Shard(
             output=str(plan.work / "shards" / f"{number:06d}"),
@@ -253,6 +255,7 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
             number=number,
             parameters=plan.request.parameters,
             solver=solver,
+            end=end,
         )
         for number in np.flatnonzero(~shards.long).tolist()
     ]
@@ -272,8 +275,9 @@ def _solve(plan: Plan, folders: tuple[str, ...], shards: Shards) -> list[Path]:
             work=str(plan.work / "long" / f"{number:06d}"),
             gap=solver.gap,
             together=most_entries(plan.memory),
+            end=end,
         )
-        joined = solve_long(component, partial(plan.run, "solving a long component"))
-        plan.stages.prove(joined.share)
+        run = partial(plan.run, "solving a long component")
+        joined = solve_long(component, run, partial(plan.stages.prove, name=component.work))
         found += map(Path, joined.folders)
     return found

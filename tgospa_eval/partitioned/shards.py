@@ -1,5 +1,6 @@
 """A shard: some components as a problem of their own, solved, proven, and what it contributes."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.partitioned.share import ENTRY, Share
 from tgospa_eval.partitioned.shuffle import entries_of
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import prove
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Ints, Problem
@@ -28,6 +29,10 @@ SWITCHED = np.dtype(
 """As `problem.readout.Switches`."""
 
 
+NO_TIME = 1e-3
+"""Seconds in which nothing but a bracket is found."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shard:
     """The task to solve a shard.
@@ -44,6 +49,8 @@ class Shard:
         Of the metric.
     solver : Certified
         Its settings.
+    end : float, optional
+        In `time.time()`: what is reached by then is written.
     """
 
     output: str
@@ -51,6 +58,7 @@ class Shard:
     number: int
     parameters: Parameters
     solver: Certified
+    end: float | None = None
 
 
 def solve_shard(task: Shard) -> None:
@@ -61,7 +69,7 @@ def solve_shard(task: Shard) -> None:
     problem = problem_of(entry, first, numbers, task.parameters)
     del entry
     states = merge_runs(problem)
-    solution = task.solver(states, Stopwatch())
+    solution = within(task.solver, task.end)(states, Stopwatch())
     weights, lower, breakdown = prove(states, solution, consume=True)
     objects = (
         np.bincount(problem.truth_step, minlength=problem.steps),
@@ -86,6 +94,12 @@ def solve_shard(task: Shard) -> None:
             with (folder / f"{name}.npz").open("wb") as file:
                 np.savez(file, track=numbers[side], rows=rows, **found)
         share.save(folder / "share.npz")
+
+
+def within(solver: Certified, end: float | None) -> Certified:
+    """The solver with what is left of the time until an end."""
+    left = left_until(end)
+    return replace(solver, time_limit=None if left is None else max(left, NO_TIME))
 
 
 def problem_of(

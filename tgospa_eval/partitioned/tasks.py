@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -97,6 +98,14 @@ def run_tasks(
             )
         if done is not None:
             done(end.output)
+
+
+def left_until(end: float | None) -> float | None:
+    """Seconds that are left until an end in `time.time()`, 0 if it is over; None where it has none.
+
+    On a cluster clocks have to agree about as well as the limit is to be kept.
+    """
+    return None if end is None else max(end - time.time(), 0.0)
 
 
 def _lost(task: Task) -> Ended:

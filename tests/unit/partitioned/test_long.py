@@ -1,8 +1,8 @@
 """Components in windows: the bracket of the whole, whatever the windows, or an honest one."""
 
 import itertools
-import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.partitioned.long.component import Joined, Long
-from tgospa_eval.partitioned.long.run import prove_unfinished, solve_long
+from tgospa_eval.partitioned.long.run import solve_long
+from tgospa_eval.partitioned.long.windows import Window
 from tgospa_eval.partitioned.shards import problem_of
-from tgospa_eval.partitioned.share import ENTRY, PARTS_OF_TRACKS
+from tgospa_eval.partitioned.share import ENTRY, PARTS_OF_TRACKS, Share
 from tgospa_eval.partitioned.tasks import Task, run_tasks
 from tgospa_eval.problem.certificate import certify
 from tgospa_eval.problem.merging import merge_runs
@@ -201,27 +202,49 @@ def killed_after(most: int) -> Callable[[Callable[[Task], None], Sequence[Task]]
     return run
 
 
-def test_a_killed_run_proves_what_is_there_and_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_killed_run_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     entries, parameters = walkers(3, 60)
-    _, bounds, _ = whole(entries, parameters)
     together = len(entries) // 2
     once = component(tmp_path / "once", entries, parameters, together, 5)
     straight = solve_long(once, run_tasks)
     again = component(tmp_path / "again", entries, parameters, together, 5)
-    widths = [math.inf]
     for most in (5, 1):
         with pytest.raises(KilledError):
             solve_long(again, killed_after(most))
-        lower, upper = prove_unfinished(again, run_tasks).share.bracket
-        assert lower <= bounds.lower * (1 + 1e-12)
-        assert upper >= bounds.upper * (1 - 1e-12)
-        assert upper - lower <= widths[-1]
-        widths.append(upper - lower)
-    assert widths[-1] < widths[1]
     joined = solve_long(again, run_tasks)
     assert joined.share.bracket == straight.share.bracket
-    there = files(tmp_path / "again")
-    assert (
-        files(tmp_path / "once").items()
-        <= {name: content for name, content in there.items() if "unfinished" not in name}.items()
-    )
+    assert files(tmp_path / "once") == files(tmp_path / "again")
+
+
+def test_what_is_solved_in_time_is_proven(tmp_path: Path) -> None:
+    entries, parameters = walkers(3, 60)
+    problem, bounds, _ = whole(entries, parameters)
+    widths = []
+    for in_time in (0, 3, 100):
+        windows: Iterator[int] = iter(range(in_time))
+
+        def run(
+            function: Callable[[Task], None],
+            tasks: Sequence[Task],
+            windows: Iterator[int] = windows,
+        ) -> None:
+            def one(task: Task) -> None:
+                if isinstance(task, Window):
+                    task = replace(task, end=0.0 if next(windows, None) is None else None)
+                function(task)
+
+            run_tasks(one, tasks)
+
+        work = tmp_path / str(in_time)
+        long = component(work, entries, parameters, len(entries) // 2, 5)
+        told: list[Share] = []
+        ended = None if in_time == 100 else 0.0  # 1970
+        joined = solve_long(replace(long, end=ended), run, told.append)
+        lower, upper = joined.share.bracket
+        assert lower <= bounds.lower * (1 + 1e-12)
+        assert upper >= bounds.upper * (1 - 1e-12)
+        assert told[-1].bracket == (lower, upper)
+        check_parts(joined, problem, entries, parameters)
+        widths.append(upper - lower)
+    assert widths[0] > widths[1] > widths[2]
+    assert widths[2] <= 1e-9 * bounds.upper

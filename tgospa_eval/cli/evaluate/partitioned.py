@@ -46,7 +46,6 @@ REFUSED: Mapping[str, tuple[object, str]] = {
     "time_tolerance": (0.0, "round the times of both sides before, or leave it out"),
     "preprocess": (None, FITTING),
     "solver": ("certified", "leave it out: the solver certified is exact"),
-    "time_limit": (None, "leave it out: Ctrl-C says what is proven so far"),
 }
 """Options that have no place here, with the value that they have where nobody asked for them."""
 

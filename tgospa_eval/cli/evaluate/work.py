@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from tgospa_eval._version import __version__
+from tgospa_eval.batches.lock import LOCK, locked
 from tgospa_eval.cli.shared.in_parts import memory_of
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
@@ -33,23 +34,45 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         with tempfile.TemporaryDirectory(prefix="tgospa-eval-", ignore_cleanup_errors=True) as made:
             yield Path(made)
         return
-    where = f"--output {output.output}"
-    work, log = Path(output.output, WORK_FOLDER), Path(output.output, WORK_LOG)
+    work, over = Path(output.output, WORK_FOLDER), False
+    with named(f"--output {output.output}", ConfigError, "cannot be written"):
+        work.mkdir(parents=True, exist_ok=True)
+    try:
+        with locked(work, (0, 1)):
+            _begin(work, identity, output)
+            try:
+                yield work.absolute()  # workers of a cluster have other folders of their own
+                over = True
+            except InputError:  # nothing to go on with, once the data are right
+                over = not (work / SCANNED).exists()
+                raise
+            finally:
+                if over:
+                    _empty(work)
+    finally:
+        if over:
+            shutil.rmtree(work, ignore_errors=True)
+
+
+def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
+    """See that what is there is of this evaluation, or begin it."""
+    log, where = work.parent / WORK_LOG, f"--output {output.output}"
     with named(where, ConfigError, "cannot be written"):
         if log.exists() and not _goes_on(log, identity, output, where):
-            shutil.rmtree(work)
-        work.mkdir(parents=True, exist_ok=True)
+            _empty(work)
         if not log.exists():
             beside = log.with_suffix(".new")
             beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
             os.replace(beside, log)
-    try:
-        yield work.absolute()  # workers of a cluster have other folders of their own
-    except InputError:
-        if not (work / SCANNED).exists():  # nothing to go on with, once the data are right
-            shutil.rmtree(work, ignore_errors=True)
-        raise
-    shutil.rmtree(work, ignore_errors=True)
+
+
+def _empty(work: Path) -> None:
+    """Remove all but what keeps other processes away."""
+    for path in work.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        elif not path.name.startswith(LOCK):
+            path.unlink(missing_ok=True)
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:

@@ -29,6 +29,8 @@ class Long:
         Entries that a task may hold.
     overlap : int
         Steps with entries on either side of a window.
+    end : float, optional
+        In `time.time()`: what is not solved by then is left unassigned.
     """
 
     entries: tuple[str, ...]
@@ -37,6 +39,7 @@ class Long:
     gap: float = 1e-9
     together: int = 1_000_000
     overlap: int = OVERLAP
+    end: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from tgospa_eval.partitioned.long.seams import repairs
 from tgospa_eval.partitioned.long.tables import Piece, fraction
 from tgospa_eval.partitioned.long.windows import Window, pieces_of, solve_window
 from tgospa_eval.partitioned.share import Share
-from tgospa_eval.partitioned.tasks import Run, writing
+from tgospa_eval.partitioned.tasks import Run, left_until, writing
 from tgospa_eval.problem.paths import down
 
 REPAIR_ROUNDS = 12
@@ -35,22 +36,38 @@ WINDOW_ENTRIES = 200_000
 """Entries of a window beside which no more pay: a solver takes the longer for each."""
 
 
-def solve_long(component: Long, run: Run[Any]) -> Joined:
-    """Solve a component, until its gap is met or repairs end."""
+def solve_long(
+    component: Long,
+    run: Run[Any],
+    proven: Callable[[Share], None] = lambda share: None,  # noqa: ARG005
+) -> Joined:
+    """Solve a component, until its gap is met, repairs end or its time is up.
+
+    Parameters
+    ----------
+    component : Long
+        It; its folder of work has what is done already.
+    run : Run
+        Does tasks.
+    proven : callable
+        Takes what is proven, each time that it becomes better.
+    """
     plan = plan_long(component, run)
     windows = first_windows(component, plan)
     run(solve_window, windows)
     overlap = overlap_of(component)
     best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
+    proven(best.share)
     stuck = 0
     for number in range(REPAIR_ROUNDS):
-        if best.share.solved or stuck == PATIENCE:
+        if best.share.solved or stuck == PATIENCE or left_until(component.end) == 0:
             break
         borders, again, pieces = repairs(component, plan, joined, overlap, number)
         run(value_borders, borders)
         run(solve_window, again)
         joined = prove_long(component, plan, pieces, f"round-{number + 1}", run)
         before, best = best, better(best, joined, component.gap)
+        proven(best.share)
         stuck = 0 if width(best) < LITTLE_PROGRESS * width(before) else stuck + 1
         overlap *= 2
     return _stored(best, f"{component.work}/result")
@@ -70,29 +87,6 @@ def width(joined: Joined) -> float:
     """Of its bracket."""
     lower, upper = joined.share.bracket
     return upper - lower
-
-
-def prove_unfinished(component: Long, run: Run[Any]) -> Joined:
-    """What the windows that are solved by now prove, where others leave all unassigned."""
-    plan = plan_long(component, run)
-    windows = first_windows(component, plan)
-    there = [Path(window.output).exists() for window in windows]
-    name = f"unfinished-{sum(there)}"  # what is there stays there
-    left = [
-        window
-        if found
-        else replace(
-            window,
-            output=f"{component.work}/{name}/{number:06d}",
-            around=window.core,
-            entries=plan.between(*window.core),
-            gap=None,
-        )
-        for number, (window, found) in enumerate(zip(windows, there, strict=True))
-    ]
-    run(solve_window, left)
-    joined = prove_long(component, plan, pieces_of(left), name, run)
-    return _stored(joined, f"{component.work}/{name}/result")
 
 
 def _stored(joined: Joined, output: str) -> Joined:
@@ -138,6 +132,7 @@ def first_windows(component: Long, plan: Plan) -> list[Window]:
                 truth_bounds=plan.truth_bounds,
                 estimate_bounds=plan.estimate_bounds,
                 gap=0.25 * component.gap,
+                end=component.end,
             )
         )
     return windows

@@ -53,6 +53,7 @@ def repairs(
                 truth_bounds=plan.truth_bounds,
                 estimate_bounds=plan.estimate_bounds,
                 gap=0.25 * component.gap,
+                end=component.end,
                 near=tuple(p for p in joined.pieces if p.low < around[1] and p.high > around[0]),
                 borders=tuple(task.output for task in borders),
                 number=index,

@@ -22,9 +22,9 @@ from tgospa_eval.partitioned.long.tables import (
     load_pieces,
     save_parts,
 )
-from tgospa_eval.partitioned.shards import problem_of
+from tgospa_eval.partitioned.shards import problem_of, within
 from tgospa_eval.partitioned.share import HELD
-from tgospa_eval.partitioned.tasks import writing
+from tgospa_eval.partitioned.tasks import left_until, writing
 from tgospa_eval.problem.certificate import TERMS_TOGETHER, fair_prices
 from tgospa_eval.problem.merging import merge_runs
 from tgospa_eval.problem.problem import Floats, Ints
@@ -54,8 +54,8 @@ class Window:
         Of the metric.
     truth_bounds, estimate_bounds : int arrays
         Shards, as of `Plan`.
-    gap : float, optional
-        Relative gap that counts as exact; None leaves all unassigned.
+    gap : float
+        Relative gap that counts as exact.
     near : tuple of Piece
         What is known, where the window was solved before.
     borders : tuple of str
@@ -64,6 +64,8 @@ class Window:
         Which window it is in these.
     ends : pair of bool
         Whether it has the first, and the last step of the component.
+    end : float, optional
+        In `time.time()`: afterwards all is left unassigned.
     """
 
     output: str
@@ -73,11 +75,12 @@ class Window:
     parameters: Parameters
     truth_bounds: Ints
     estimate_bounds: Ints
-    gap: float | None
+    gap: float
     near: tuple[Piece, ...] = ()
     borders: tuple[str, ...] = ()
     number: int = 0
     ends: tuple[bool, bool] = (True, True)
+    end: float | None = None
 
 
 def pieces_of(windows: list[Window]) -> tuple[Piece, ...]:
@@ -128,7 +131,7 @@ class _Solved:
 
 
 def _solve(entry: Table, task: Window) -> _Solved:
-    if task.gap is None:
+    if left_until(task.end) == 0:
         return _Solved(
             entry_weights=np.zeros(len(entry), np.int64),
             holds=np.zeros(0, HELD),
@@ -140,7 +143,8 @@ def _solve(entry: Table, task: Window) -> _Solved:
     framed = frame(entry, task.around, task.parameters, borders, task.ends)
     states = merge_runs(framed.problem, transpose=False)
     warm_start = _warm_start(states, task, framed) if task.near else None
-    solution = Certified(gap=task.gap, jobs=1)(states, Stopwatch(), warm_start)
+    solver = within(Certified(gap=task.gap, jobs=1), task.end)
+    solution = solver(states, Stopwatch(), warm_start)
     whole = repair(states, solution.weights)
     gains = np.flatnonzero(states.entry >= 0)
     weights = np.zeros(len(framed.problem.cost), np.int64)
