@@ -1,6 +1,6 @@
 """Tracks of all blocks: global numbers, components, and the shard of each."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,7 @@ so that results do not depend on the machine."""
 
 
 FEW_PAIRS = 1 << 20
-"""Pairs of blocks wait until they are so many, and as many as are known, before they are sorted in:
-each is sorted few times, however many blocks there are."""
+"""Pairs of blocks wait until they are so many: each batch of them is a pass over all tracks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,41 +95,58 @@ def make_shards(
 
     Components of more than `most_entries` are long.
     """
-    width = max(len(estimates.ids), 1)
-    keys: Ints = np.zeros(0, np.int64)
-    counts: Ints = np.zeros(0, np.int64)
-    waiting: list[tuple[Ints, Ints]] = []
-    rows = 0
-    for number, block in enumerate(blocks):
-        truth = truths.numbers[number][block.pairs["truth"]].astype(np.int64)
-        key = truth * width + estimates.numbers[number][block.pairs["estimate"]]
-        waiting.append((key, block.pairs["entries"]))
-        rows += len(key)
-        if rows > len(keys) + FEW_PAIRS or number == len(blocks) - 1:
-            keys, counts = _merged([(keys, counts), *waiting])
-            waiting, rows = [], 0
-    truth, estimate = np.divmod(keys, width)
-    m = len(truths.ids)
-    root = connected_components(truth, estimate + m, m + len(estimates.ids))[truth]
-    _, component = np.unique(root, return_inverse=True)  # roots are the first truths
-    entries = np.bincount(component, counts).astype(np.int64)
+    m, n = len(truths.ids), len(estimates.ids)
+    several = [_in_several(side) for side in (truths, estimates)]
+    root: Ints = np.arange(m + n, dtype=np.int32)
+    by_truth = np.zeros(m, np.int64)
+    once, often = 0, np.zeros(0, np.int64)
+    for batch in _batches(blocks, truths, estimates):
+        truth, estimate, entries = (np.concatenate(column) for column in zip(*batch, strict=True))
+        by_truth += np.bincount(truth, entries, minlength=m).astype(np.int64)
+        # The root of a component is its least node, also of those made of components.
+        root = connected_components(root[truth], root[estimate + m], m + n)[root]
+        again = several[0][truth] & several[1][estimate]
+        once += len(again) - int(np.count_nonzero(again))
+        key = truth[again].astype(np.int64) * max(n, 1) + estimate[again]
+        often = np.unique(np.concatenate((often, key)))
+    near = np.flatnonzero(by_truth)
+    _, component = np.unique(root[near], return_inverse=True)  # roots are the first truths
+    entries = np.bincount(component, by_truth[near]).astype(np.int64)
     shard, long = _cut(entries, most_entries)
     of_truth = np.full(m, -1, np.int32)
-    of_truth[truth] = shard[component]
+    of_truth[near] = shard[component]
     return Shards(
         of_truth=of_truth,
         entries=np.bincount(shard, entries, minlength=len(long)).astype(np.int64),
         long=long,
         components=len(entries),
-        pairs=len(keys),
+        pairs=once + len(often),
     )
 
 
-def _merged(parts: Sequence[tuple[Ints, Ints]]) -> tuple[Ints, Ints]:
-    """Distinct keys, and the sums of their counts."""
-    keys, at = np.unique(np.concatenate([key for key, _ in parts]), return_inverse=True)
-    counts = np.bincount(at, np.concatenate([count for _, count in parts]), minlength=len(keys))
-    return keys, counts.astype(np.int64)
+def _in_several(side: Tracks) -> NDArray[np.bool_]:
+    """Which tracks are in more than one block: only pairs of these may be as well."""
+    count = np.zeros(len(side.ids), np.int32)
+    for numbers in side.numbers:
+        count[numbers] += 1
+    return count > 1
+
+
+def _batches(
+    blocks: Sequence[Scanned], truths: Tracks, estimates: Tracks
+) -> Iterator[list[tuple[Ints, Ints, Ints]]]:
+    """Truths, estimates and entries of the pairs of some blocks at a time."""
+    batch: list[tuple[Ints, Ints, Ints]] = []
+    waiting = 0
+    for number, block in enumerate(blocks):
+        pairs = block.pairs
+        truth = truths.numbers[number][pairs["truth"]]
+        estimate = estimates.numbers[number][pairs["estimate"]]
+        batch.append((truth, estimate, pairs["entries"]))
+        waiting += len(pairs)
+        if waiting > FEW_PAIRS or number == len(blocks) - 1:
+            yield batch
+            batch, waiting = [], 0
 
 
 def _cut(entries: Ints, most: int) -> tuple[Ints, NDArray[np.bool_]]:

@@ -237,7 +237,7 @@ def _shuffle(
             long=shards.long,
         )
         for k, folder in enumerate(scanned)
-        if len(blocks[k].pairs)
+        if blocks[k].near
     ]
     plan.run("sorting near pairs", sort_entries, tasks)
     return tuple(task.output for task in tasks)

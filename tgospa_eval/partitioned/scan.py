@@ -78,24 +78,34 @@ class Scanned:
         Tracks of either side that have a row.
     rows : pair of (k,) int arrays
         How many rows they have.
-    pairs : (P,) array of PAIR
-        Tracks that come near each other.
+    near : int
+        Pairs of tracks that come near each other.
     slack : float
         As `Problem.cost_slack`.
     blur : float
         As `Distance.last_place`; infinite without objects.
     read : pair of Read
         What else is known of the two sides.
+    folder : Path
+        Where it was read from.
     """
 
     first: int
     objects: tuple[Ints, Ints]
     ids: tuple[NDArray[np.str_], NDArray[np.str_]]
     rows: tuple[Ints, Ints]
-    pairs: NDArray[np.void]
+    near: int
     slack: float
     blur: float
     read: "tuple[Read, Read]"
+    folder: Path
+
+    @property
+    def pairs(self) -> NDArray[np.void]:
+        """Tracks that come near each other, of PAIR: read anew each time, as they may be many."""
+        with np.load(self.folder / "block.npz") as found:
+            pairs: NDArray[np.void] = found["pairs"]
+            return pairs
 
     @classmethod
     def load(cls, folder: Path) -> "Scanned":
@@ -109,7 +119,8 @@ class Scanned:
             return cls(
                 **both,
                 first=int(found["first"]),
-                pairs=found["pairs"],
+                near=int(found["near"]),
+                folder=folder,
                 slack=float(found["slack"]),
                 blur=float(found["blur"]),
                 read=(first, second),
@@ -173,9 +184,11 @@ def scan(block: Block) -> None:
     entry["truth"] = problem.truth_track[problem.truth_row]
     entry["estimate"] = problem.estimate_track[problem.estimate_row]
     entry["cost"] = problem.cost
+    pairs = _pairs(entry, len(aligned[1].ids))
     found: dict[str, object] = {
         "first": block.first,
-        "pairs": _pairs(entry, len(aligned[1].ids)),
+        "near": len(pairs),
+        "pairs": pairs,
         "slack": problem.cost_slack,
         "blur": blur,
         "read": json.dumps(
