@@ -270,6 +270,23 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     assert json.loads(said.out)["certified"]
 
 
+def test_what_is_not_solved_in_time_is_bracketed(
+    invoke: Invoke, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders = str(recording / "truth"), str(recording / "estimate")
+    exact = json.loads(invoke(*folders, *METRIC, "--format", "json", "-q").out)
+    for most in (run.MOST_ENTRIES, 100):  # in one piece, and in windows
+        monkeypatch.setattr(run, "MOST_ENTRIES", most)
+        asked = (*METRIC, "--format", "json", "--time-limit", "1e-9", "-o", str(tmp_path / "out"))
+        answer = invoke(*folders, *asked)
+        assert answer.status == 4
+        assert "accuracy not reached: solver stopped by the time limit" in answer.err
+        found = json.loads(answer.out)
+        assert found["lower_bound"] < exact["tgospa"] < found["upper_bound"]
+        assert not found["certified"]
+        assert not (tmp_path / "out" / "work").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "size"),
     [
