@@ -31,8 +31,11 @@ def near_pairs(
     distance: Distance,
     effort: Effort | None = None,
 ) -> Pairs:
-    """All pairs of one step that are nearer than `cutoff`; both must be on the same times."""
-    effort = effort or Effort()
+    """All pairs of one step that are nearer than `cutoff`, in one thread unless `effort` says more.
+
+    Both must be on the same times.
+    """
+    effort = effort or Effort(jobs=1)
     sides, distance = distance.prepared((truth, estimate), effort)
     return prepared_pairs(sides, cutoff, distance, effort)
 
