@@ -89,6 +89,10 @@ class States:
         """Truth and estimate of each pair."""
         return self.pair_truth, self.pair_estimate
 
+    def slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether the block of each column slot is one of these, (K,)."""
+        return np.repeat(blocks[self.node_block], np.diff(self.columns.first))
+
     @cached_property
     def track_blocks(self) -> tuple[Ints, Ints]:
         """Block of each truth, and of each estimate, -1 for those without a near pair."""

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from tgospa_eval.common.arrays import places_of
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.solver_status import Status
@@ -83,20 +85,23 @@ class Certified:
         """Stages of sweeps, then programmes, until no bracket is wide."""
         begin = time.perf_counter()
         tried = batch.wanted | batch.quickly
+        near = batch.warm_start is not None and batch.warm_start.near
+        if near and batch.warm_start is not None:  # its prices prove more than none
+            np.copyto(batch.prices, batch.warm_start.prices, where=batch.states.slots_of(tried))
         ascent = Ascent(batch.states, tried, self.gap, batch.weights, batch.prices)
         preparation = time.perf_counter() - begin
         programmes = Programmes(ascent, batch)
         if batch.limit.progress.watched:
             programmes.report_progress()
         if batch.warm_start is not None:
-            ascent.try_prices(batch.warm_start.prices)
+            if not near:
+                ascent.try_prices(batch.warm_start.prices)
             for weights in batch.warm_start.weights:
                 ascent.try_weights(weights)
         ascent.keep(ascent.wide())
         left = places_of(ascent.open)
         too_far = ascent.open & batch.quickly
         ascent.keep(ascent.open & ~too_far)
-        near = batch.warm_start is not None and batch.warm_start.near
         if near and len(batch.weights) >= TIME_WINDOWS.least:  # before sweeps of all states
             programmes.run(PROGRAMMES.early, most=PROGRAMMES.early_states)
         iterations = _sweep(ascent, programmes, batch, near=near)

@@ -48,8 +48,8 @@ class Ascent:
     gap : float
         Relative gap at which no further candidates are tried.
     weights, prices : (S,), (K,) float arrays
-        Where the best assignment and the best prices are kept; come as zeros in the wanted blocks,
-        and nothing else is written to.
+        Where the best assignment and the best prices are kept. In the wanted blocks, and nothing
+        else is written to, weights come as zeros, and prices as those to begin with.
 
     Attributes
     ----------
@@ -162,11 +162,6 @@ class Ascent:
         """Take the feasible assignment in the open blocks where it gains more."""
         self.brackets.try_weights(weights)
 
-    def _slots_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Whether the block of each column slot is one of these, (K,)."""
-        columns = self.states.columns
-        return np.repeat(blocks[self.states.node_block], np.diff(columns.first))
-
     def _states_of(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether the block of each state is one of these, (S,)."""
         return np.repeat(blocks[self.states.pair_block], np.diff(self.states.pair_first))
@@ -275,7 +270,7 @@ class Ascent:
         lost = np.zeros(s.problem.steps + 1)
         self.brackets.regrets(prices, lost)
         idle = prices * np.maximum(1.0 - load(s.columns, self.weights), 0.0)
-        idle *= self._slots_of(self.open)
+        idle *= s.slots_of(self.open)
         lost += sum_by(s.columns.step, idle, len(lost))
         return lost[:-1]
 

@@ -236,10 +236,10 @@ class _Ladder:
         """Solve at the cutoff as it is."""
         found = self.base(self.states, chosen, np.zeros_like(chosen))
         self.iterations += found.iterations
-        prices = np.where(self._slots_of(chosen), found.prices, 0.0)
+        prices = np.where(self.states.slots_of(chosen), found.prices, 0.0)
         lower = lower_bounds(self.states, prices)
         wins = chosen & (lower > self.lower)
-        self._take(chosen, found.weights, np.where(self._slots_of(wins), prices, self.prices))
+        self._take(chosen, found.weights, np.where(self.states.slots_of(wins), prices, self.prices))
         self._prove(wins, lower, None)
         self.missing[chosen] = found.missing[chosen]
 
@@ -252,7 +252,7 @@ class _Ladder:
         wins = chosen & (cost < self.cost)
         self.weights = np.where(np.repeat(wins[states.pair_block], size), weights, self.weights)
         self.cost = np.where(wins, cost, self.cost)
-        self.prices = np.where(self._slots_of(chosen), prices, self.prices)
+        self.prices = np.where(self.states.slots_of(chosen), prices, self.prices)
 
     def _prove(self, wins: Mask, lower: Floats, part: Reduced | None) -> None:
         """Let a part, or the prices at the cutoff itself, stand for these blocks."""
@@ -260,7 +260,3 @@ class _Ladder:
         self.parts = [replace(other, blocks=other.blocks & ~wins) for other in self.parts]
         if part is not None:
             self.parts.append(replace(part, blocks=wins))
-
-    def _slots_of(self, chosen: Mask) -> Mask:
-        states = self.states
-        return np.repeat(chosen[states.node_block], np.diff(states.columns.first))
