@@ -2,8 +2,10 @@
 
 import csv
 import json
+import os
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import pytest
 
 from tgospa_eval.batches.lock import locked
 from tgospa_eval.cli.evaluate import partitioned
+from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.large_data import Size
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
@@ -259,7 +262,7 @@ def test_interrupted_work_is_kept_and_gone_on_with(
         partitioned.evaluate_parts(paths, other, output, "so")
     with (
         locked(folder / "work", (0, 1)),
-        pytest.raises(ConfigError, match="work: another process is at work on it"),
+        pytest.raises(ConfigError, match="out: another process is at work on it"),
     ):
         partitioned.evaluate_parts(paths, options, output, "so")
     monkeypatch.setattr("tgospa_eval.partitioned.run.solve_shard", None)  # nothing is left to solve
@@ -268,6 +271,54 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     said = capsys.readouterr()
     assert f"going on with {folder / 'work'}" in said.err
     assert json.loads(said.out)["certified"]
+
+
+@pytest.mark.parametrize("most", range(0, 12, 2))
+def test_what_is_half_removed_does_not_pass_for_done(
+    most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Broken off after so many calls of the system, all of the old work is known, or none."""
+    output = OutputOptions(output=str(tmp_path), quiet=True)
+    names = {"scan", "shards", "sides"}
+    with suppress(KeyboardInterrupt), work_folder(output, {"cutoff": 1}) as folder:
+        for name in names:
+            (folder / name).mkdir()
+            (folder / name / "old").touch()
+        raise KeyboardInterrupt
+    calls = iter(range(most))
+
+    def breaking(function: Callable[..., Any]) -> Callable[..., Any]:
+        def broken(*arguments: Any, **options: Any) -> Any:
+            if next(calls, None) is None:
+                raise KeyboardInterrupt
+            return function(*arguments, **options)
+
+        return broken
+
+    with monkeypatch.context() as patch:
+        for name in ("replace", "unlink", "rmdir"):
+            patch.setattr(os, name, breaking(getattr(os, name)))
+        with suppress(KeyboardInterrupt), work_folder(output, {"cutoff": 1}):
+            pass  # done, and so removed
+    with suppress(ConfigError), work_folder(output, {"cutoff": 2}) as folder:
+        assert not [path for path in folder.rglob("old") if ".removed" not in str(path)]
+    with work_folder(output, {"cutoff": 1}) as folder:
+        there = {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+        assert there <= names | {"run.json"}
+        for name in there & names:
+            assert (folder / name / "old").exists()
+    assert not (tmp_path / "work").exists()
+
+
+def test_a_folder_of_others_is_left_alone(invoke: Invoke, recording: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "out" / "work" / "thesis.txt"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("precious")
+    folders = str(recording / "truth"), str(recording / "estimate")
+    answer = invoke(*folders, *METRIC, "-o", str(tmp_path / "out"), "--force", "-q")
+    assert answer.status == 2
+    assert "there is a folder work in it that is not of this program" in answer.err
+    assert kept.read_text() == "precious"
 
 
 def test_what_is_not_solved_in_time_is_bracketed(

@@ -5,7 +5,7 @@ import stat
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from typing import TextIO
 
@@ -130,7 +130,9 @@ def stored(path: str) -> Iterator[tuple[str, os.stat_result]]:
     for place, folders, found in os.walk(path):
         folders.sort()
         names += [os.path.join(place, name) for name in sorted(found)]
-    return ((name, os.stat(name)) for name in names)
+    for name in names:
+        with suppress(FileNotFoundError):  # a link to nowhere
+            yield name, os.stat(name)
 
 
 def is_regular(path: str) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.engines.spread import Engine
+from tgospa_eval.engines.standing import Standing
 from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.partitioned.add_up import Whole, add_up
 from tgospa_eval.partitioned.components import Shards, Tracks, make_shards, number_tracks
@@ -32,6 +33,9 @@ BYTES_A_ROW, BYTES_AN_ENTRY = 600, 300
 
 SCANNED = "scan"
 """In the folder of work, that of the blocks that were read."""
+
+HEAVY = 50_000
+"""Work of a task, in entries, for which workers are begun at once where there are more tasks."""
 
 MOST_ROWS, MOST_ENTRIES = 4_000_000, 30_000_000
 """No more than this together, however much memory there is."""
@@ -101,11 +105,13 @@ class Plan:
         tasks : sequence of Task
             In the order in which to begin.
         amounts : sequence of float, optional
-            How much work each is.
+            How much work each is, in entries.
         share_of : callable
             What is proven by one that is done, from its output.
         """
         each = amounts or [1.0] * len(tasks)
+        if isinstance(self.engine, Standing) and len(tasks) > 1 and max(amounts or [0]) > HEAVY:
+            self.engine.patience = 0.0
         outputs = [task.output for task in tasks]
         self.stages.stage(name, dict(zip(outputs, each, strict=True)))
         run_tasks(

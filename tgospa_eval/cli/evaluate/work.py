@@ -6,12 +6,13 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tgospa_eval._version import __version__
-from tgospa_eval.batches.lock import LOCK, locked
+from tgospa_eval.batches.lock import locked
 from tgospa_eval.cli.shared.in_parts import memory_of
+from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.cores import cores
@@ -34,45 +35,78 @@ def work_folder(output: OutputOptions, identity: Mapping[str, object]) -> Iterat
         with tempfile.TemporaryDirectory(prefix="tgospa-eval-", ignore_cleanup_errors=True) as made:
             yield Path(made)
         return
-    work, over = Path(output.output, WORK_FOLDER), False
-    with named(f"--output {output.output}", ConfigError, "cannot be written"):
+    folder = Path(output.output)
+    work = folder / WORK_FOLDER
+    with named(f"--output {folder}", ConfigError, "cannot be written"):
         work.mkdir(parents=True, exist_ok=True)
-    try:
-        with locked(work, (0, 1)):
-            _begin(work, identity, output)
-            try:
-                yield work.absolute()  # workers of a cluster have other folders of their own
-                over = True
-            except InputError:  # nothing to go on with, once the data are right
-                over = not (work / SCANNED).exists()
-                raise
-            finally:
-                if over:
-                    _empty(work)
-    finally:
-        if over:
-            shutil.rmtree(work, ignore_errors=True)
+    with locked(work, (0, 1), said=folder):
+        _begin(work, identity, output)
+        over = False
+        try:
+            yield work.absolute()  # workers of a cluster have other folders of their own
+            over = not heard()  # or the result was not written
+        except InputError:  # nothing to go on with, once the data are right
+            over = not (work / SCANNED).exists()
+            raise
+        finally:
+            if over:
+                _remove(work)
+    if over and work.exists():
+        _remove(work)  # Windows keeps a file that is open
 
 
 def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) -> None:
-    """See that what is there is of this evaluation, or begin it."""
+    """See that what is there is of this evaluation, or begin it.
+
+    Raises
+    ------
+    ConfigError
+        It is of another evaluation or not ours, or it cannot be written.
+    """
     log, where = work.parent / WORK_LOG, f"--output {output.output}"
     with named(where, ConfigError, "cannot be written"):
-        if log.exists() and not _goes_on(log, identity, output, where):
+        if log.exists():
+            if _goes_on(log, identity, output, where):
+                return
             _empty(work)
-        if not log.exists():
-            beside = log.with_suffix(".new")
-            beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
-            os.replace(beside, log)
+        elif any(not path.name.startswith(".") for path in work.iterdir()):
+            raise ConfigError(
+                f"{where}: there is a folder {WORK_FOLDER} in it that is not of this program, and "
+                "would be; name another folder"
+            )
+        beside = log.with_name(f".{log.name}")
+        beside.write_text(json.dumps(identity, indent=1, sort_keys=True) + "\n", "utf-8")
+        os.replace(beside, log)
 
 
 def _empty(work: Path) -> None:
-    """Remove all but what keeps other processes away."""
+    """Remove all but the lock; what is done loses its name first, and the log goes last.
+
+    However this is broken off, nothing that is half there passes for done, and nothing that is of
+    one evaluation for that of another.
+
+    Raises
+    ------
+    OSError
+        Something cannot be moved.
+    """
+    log = work.parent / WORK_LOG
+    aside = Path(tempfile.mkdtemp(prefix=".removed-", dir=work))
     for path in work.iterdir():
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
-        elif not path.name.startswith(LOCK):
-            path.unlink(missing_ok=True)
+        if path != log and not path.name.startswith("."):
+            os.replace(path, aside / path.name)
+    log.unlink(missing_ok=True)
+    for path in work.glob(".removed-*"):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _remove(work: Path) -> None:
+    """Remove the folder, as far as the system allows."""
+    with suppress(OSError):
+        _empty(work)
+        for path in work.iterdir():
+            path.unlink()
+        work.rmdir()
 
 
 def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, where: str) -> bool:

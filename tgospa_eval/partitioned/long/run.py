@@ -58,7 +58,7 @@ def solve_long(
     overlap = overlap_of(component)
     best = joined = prove_long(component, plan, pieces_of(windows), "round-0", run)
     proven(best.share)
-    stuck = 0
+    stuck = rounds = 0
     for number in range(REPAIR_ROUNDS):
         if best.share.solved or stuck == PATIENCE or left_until(component.end) == 0:
             break
@@ -68,9 +68,10 @@ def solve_long(
         joined = prove_long(component, plan, pieces, f"round-{number + 1}", run)
         before, best = best, better(best, joined, component.gap)
         proven(best.share)
+        rounds = number + 1
         stuck = 0 if width(best) < LITTLE_PROGRESS * width(before) else stuck + 1
         overlap *= 2
-    return _stored(best, f"{component.work}/result")
+    return _stored(best, f"{component.work}/result-{rounds}")
 
 
 def better(first: Joined, second: Joined, gap: float) -> Joined:
