@@ -13,6 +13,10 @@ OUTWARD = 1e-12
 """Relative, by which bounds that are shown are wider: sums of sums are off by less."""
 
 
+ENOUGH = 0.01
+"""Of the work has to be done before anyone says how long the rest takes."""
+
+
 class Stages:
     """The stage, how much of it is done, the time that is left, and what is proven so far.
 
@@ -119,6 +123,6 @@ class Stages:
             return
         progress.done(self._done / whole)
         fresh = self._done - self._before
-        if fresh > 0:
+        if fresh > ENOUGH * whole:
             seconds = time.monotonic() - self._begin
             progress.left = seconds / fresh * (whole - self._done)
