@@ -13,7 +13,7 @@ OUTWARD = 1e-12
 """Relative, by which bounds that are shown are wider: sums of sums are off by less."""
 
 
-ENOUGH = 0.01
+TOLD_FROM = 0.01
 """Of the work has to be done before anyone says how long the rest takes."""
 
 
@@ -123,6 +123,6 @@ class Stages:
             return
         progress.done(self._done / whole)
         fresh = self._done - self._before
-        if fresh > ENOUGH * whole:
+        if fresh > TOLD_FROM * whole:
             seconds = time.monotonic() - self._begin
             progress.left = seconds / fresh * (whole - self._done)
