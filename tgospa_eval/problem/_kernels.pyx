@@ -386,29 +386,6 @@ def slot_loads(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_f
     return change
 
 
-def slot_counts(const i32[::1] first, const i32[::1] begin, const i32[::1] pair_first,
-                const i32[::1] pair_node, const u8[::1] marked):
-    """How many of the states that are marked (S,) cover each slot, (K,): `capacities.load`."""
-    cdef Py_ssize_t p, s, t
-    cdef i32 node, held
-    change = np.zeros(first[first.shape[0] - 1], np.int32)
-    cdef i32[::1] total = change
-    with nogil:
-        for p in range(pair_node.shape[0]):
-            node = pair_node[p]
-            if first[node] == first[node + 1]:
-                continue
-            held = 0
-            for s in range(pair_first[p], pair_first[p + 1]):
-                if marked[s] != held:
-                    total[begin[s]] += marked[s] - held
-                    held = marked[s]
-        for node in range(first.shape[0] - 1):
-            for t in range(first[node] + 1, first[node + 1]):
-                total[t] += total[t - 1]
-    return change
-
-
 def whole_weights(const double[::1] weight, int64_t[::1] whole, int64_t one, double snap):
     """Weights in units of 1 / `one`, clipped and snapped to 0 and 1: `weights.whole_weights`.
 

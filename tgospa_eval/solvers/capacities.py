@@ -95,18 +95,17 @@ def capacity_rows(
 
 def load(slots: Slots, weights: Floats | NDArray[np.bool_]) -> Floats:
     """Sum of the weights (S,) on each slot, (K,); of booleans, how many are true."""
-    marks = weights.dtype == bool
+    weights = weights.astype(np.float64, copy=False)
     if kernels:
-        of, kind = (kernels.slot_counts, np.uint8) if marks else (kernels.slot_loads, np.float64)
-        found: Floats = of(
-            slots.first, slots.begin, slots.pair_first, slots.pair_node, weights.view(kind)
+        found: Floats = kernels.slot_loads(
+            slots.first, slots.begin, slots.pair_first, slots.pair_node, weights
         )
         return found
-    total = np.zeros(len(slots.step) + 1, "i4" if marks else "f8")
+    total = np.zeros(len(slots.step) + 1)
     ends = slots.end
     for part in parts(len(weights)):
         used = np.flatnonzero(weights[part])
-        amount = 1 if marks else weights[part][used]
+        amount = weights[part][used]
         np.add.at(total, slots.begin[part][used], amount)
         np.subtract.at(total, ends[part][used], amount)
     np.cumsum(total, out=total)
