@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-fallback coverage fuzz bench lint docs man lock clean
+.PHONY: demo test test-fallback test-oldest test-newest coverage fuzz bench lint docs man lock clean
 
 demo: .venv/installed
 	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
@@ -14,6 +14,25 @@ test: .venv/installed-test
 test-fallback: .venv/installed-test
 	TGOSPA_EVAL_KERNEL=numpy $(BIN)/python -m pytest -n auto tests/contract/test_solver_contract.py \
 		tests/contract/test_metric_properties.py tests/golden/test_known_values.py
+
+# Golden values, the contract of the solvers, and every verb and output once, with the lowest versions that
+# pyproject.toml allows, and with the newest of everything. Each has an environment of its own, with the wheel.
+BOUNDS := tests/golden tests/contract/test_solver_contract.py tests/cli/test_smoke.py
+test-oldest: .venv-oldest/bin/uv
+	$(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")' | \
+		sed 's/>=/==/' > .venv-oldest/build.txt
+	.venv-oldest/bin/uv pip install --quiet --python .venv-oldest --resolution lowest-direct \
+		--build-constraints .venv-oldest/build.txt --reinstall-package tgospa-eval '.[smoke]'
+	.venv-oldest/bin/pytest -n auto -W ignore $(BOUNDS)
+
+test-newest: .venv-newest/bin/uv
+	.venv-newest/bin/uv pip install --quiet --python .venv-newest --upgrade \
+		--reinstall-package tgospa-eval '.[smoke]'
+	.venv-newest/bin/pytest -n auto $(BOUNDS)
+
+.venv-%/bin/uv:
+	$(PYTHON) -m venv .venv-$*
+	.venv-$*/bin/python -m pip install --quiet --disable-pip-version-check uv
 
 # Lines and branches that the tests reach, the processes that they start included.
 coverage: .venv/installed-dev
@@ -50,7 +69,7 @@ lock: .venv/bin/python
 		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
 
 clean:
-	rm -rf .venv build dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/problem/*.so \
+	rm -rf .venv .venv-oldest .venv-newest build dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/problem/*.so \
 		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:

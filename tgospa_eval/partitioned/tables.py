@@ -126,7 +126,7 @@ def write_tracks(
         for first in range(0, len(rows), ROW_GROUP):
             own = slice(first, first + ROW_GROUP)
             columns = {name: factor * cost[own] for name, (factor, cost) in costs.items()}
-            yield pa.record_batch(
+            yield pa.RecordBatch.from_pydict(
                 {"id": _array(ids[own]), "steps": rows[own].astype(np.int64), **columns}
             )
 
@@ -151,7 +151,7 @@ def write_assignments(path: str, chunks: Iterable[NDArray[np.void]], naming: Nam
     def batches() -> "Iterator[pa.RecordBatch]":
         for chunk in chunks:
             weight, cost = chunk["weight"], chunk["cost"]
-            yield pa.record_batch(
+            yield pa.RecordBatch.from_pydict(
                 {
                     "t": _array(naming.times[chunk["step"]]),
                     "truth": truths.take(_array(chunk["truth"])),
@@ -186,7 +186,7 @@ def write_switches(path: str, chunks: Iterable[NDArray[np.void]], naming: Naming
 
     def batches() -> "Iterator[pa.RecordBatch]":
         for chunk in chunks:
-            yield pa.record_batch(
+            yield pa.RecordBatch.from_pydict(
                 {
                     "t": _array(naming.times[chunk["step"]]),
                     "truth": _array(naming.truths[chunk["truth"]]),

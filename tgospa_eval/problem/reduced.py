@@ -100,8 +100,9 @@ def _cover(
     from scipy import sparse  # here: slow to import and rarely needed
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
+    row, column = truth.astype(np.int32), estimate.astype(np.int32)  # no others before SciPy 1.15
     graph = sparse.csr_array(
-        (np.ones(len(truth), np.int8), (truth, estimate)), shape=(truths, estimates)
+        (np.ones(len(truth), np.int8), (row, column)), shape=(truths, estimates)
     )
     partner = maximum_bipartite_matching(graph, perm_type="column")
     # Alternating paths from the truths without partner: along any pair, back along a matched one.

@@ -258,9 +258,19 @@ def _model(p: Programme, *, slacks: bool = False, loose: float = 0.0) -> highspy
     return lp
 
 
+class _Silent(highspy.Highs):
+    """HiGHS that prints nothing: its constructor prints a banner when it enables callbacks.
+
+    Since 1.16.0, and before any option can be set from outside. Callbacks are not used.
+    """
+
+    def enableCallbacks(self) -> None:  # noqa: N802
+        self.setOptionValue("output_flag", False)
+
+
 def _highs(model: highspy.HighsLp) -> highspy.Highs:
     """HiGHS with the model and our options."""
-    highs = highspy.Highs()  # type: ignore[no-untyped-call]
+    highs = _Silent()  # type: ignore[no-untyped-call]
     for option, value in (
         ("output_flag", False),
         ("presolve", "off"),

@@ -37,12 +37,12 @@ def seconds(work: Callable[[], object]) -> float:
 def interior_point(a: Cloud, b: Cloud) -> None:
     """W2 by a general linear programme, as LIPSOL has it."""
     from scipy.optimize import linprog
-    from scipy.sparse import eye_array, kron, vstack
+    from scipy.sparse import identity, kron, vstack
 
     (x, u), (y, v) = a, b
     costs = ((x[:, None] - y) ** 2).sum(axis=2).ravel()
-    rows = kron(eye_array(len(u)), np.ones((1, len(v))))
-    columns = kron(np.ones((1, len(u))), eye_array(len(v)))
+    rows = kron(identity(len(u)), np.ones((1, len(v))))
+    columns = kron(np.ones((1, len(u))), identity(len(v)))
     solved = linprog(
         costs, A_eq=vstack([rows, columns]).tocsr(), b_eq=np.append(u, v), method="highs-ipm"
     )

@@ -14,7 +14,7 @@ LEAST_MEMORY = 100 * 10**6
 """Bytes with which a process can work at all."""
 
 
-class Size(click.ParamType[int]):
+class Size(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
     """Bytes as people write them: 4GB, 500MB, 1.5GiB; a number alone is of GB."""
 
     name = "size"
