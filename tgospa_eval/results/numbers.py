@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.problem.problem import Floats, Ints
@@ -81,6 +82,8 @@ class Numbers(ABC):
         between; lists over the thresholds of HOTA.
     calibration : Calibration, optional
         Of `similarity`, if every output is to show it.
+    settings_file : SettingsFile, optional
+        The configuration file that set options of it.
     """
 
     proof: Costs
@@ -100,6 +103,7 @@ class Numbers(ABC):
     sliced: tuple[Slicing, ...] = ()
     sums: MetricSums = field(default_factory=dict)
     calibration: Calibration | None = None
+    settings_file: SettingsFile | None = None
 
     @cached_property
     def scale(self) -> float:

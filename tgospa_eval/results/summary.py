@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.notices import told
 from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.numbers import SPLIT_PARTS, Numbers
@@ -106,6 +108,7 @@ class Summary(Numbers, ABC):
             "version": self.version,
             "warnings": [notice.record() for notice in self.warnings],
             "files": self.files,
+            **settings_field(self.settings_file),
         }
 
     def _records(self) -> Json:
@@ -239,6 +242,11 @@ class Summary(Numbers, ABC):
         return f"proven (the totals differ by {number(100 * self.relative_gap, 2)}%)"
 
     @property
+    def told(self) -> list[str]:
+        """What is said beside the number: where settings come from, and what looks wrong."""
+        return told(self.settings_file, self.warnings)
+
+    @property
     def claim(self) -> str:
         """The value, or the bracket, in words."""
         value = self.quantity(self.tgospa)
@@ -256,7 +264,7 @@ class Summary(Numbers, ABC):
             title=self.claim,
             proof=self.proven,
             notes=(
-                *map(str, self.warnings),
+                *self.told,
                 sizes_in_words(self.sizes),
                 self.parameters_in_words(self.labels.unit),
             ),

@@ -161,6 +161,7 @@ def tasks_of(
             per_step=batch.per_step,
             base=base,
             store=os.path.join(str(output.output), SETTINGS_FILE),
+            settings_file=output.config,
         )
 
 

@@ -59,7 +59,7 @@ class CompareOptions(Values):
 
     def settings(self) -> Settings:
         """The records that the options ask for."""
-        return make_settings(self.evaluation, self.output)
+        return make_settings(self.evaluation)
 
     def check_folder(self) -> None:
         """See that the folder can be written, before any work is done."""

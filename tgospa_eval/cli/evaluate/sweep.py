@@ -78,7 +78,7 @@ def sweep_files(
     # Notices of the files are for a value in the middle.
     middle = sorted(values)[len(values) // 2]
     swept: dict[str, Any] = {name: middle}
-    settings = make_settings(replace(options, by=None, **swept), output)
+    settings = make_settings(replace(options, by=None, **swept))
     others = {k: v for k, v in vars(settings.parameters).items() if k != name}
     parameters = in_order(name, values, others)
     wanted = None
@@ -96,7 +96,7 @@ def sweep_files(
         found = sweep_fitted(
             fitted, request, name, parameters, files=infos(sides), stopwatch=stopwatch
         )
-        return replace(found, warnings=warnings)
+        return replace(found, warnings=warnings, settings_file=output.config)
 
     found = run(work, stopwatch, show=not output.quiet)
     if len(found.points) < len(parameters):
