@@ -210,7 +210,8 @@ def test_given_by_environment_or_file_counts_as_given(
     write("tgospa-eval.toml", "cutoff = 5\n")
     assert gate().status == 2
     assert gate("-c", "4").status == 0
-    write("tgospa-eval.toml", 'baseline = "b.json"\nfail-on = ["total:+9%", "missed:+1"]\n')
+    write("ours.toml", 'baseline = "b.json"\nfail-on = ["total:+9%", "missed:+1"]\n')
+    monkeypatch.setenv("TGOSPA_EVAL_CONFIG", "ours.toml")
     answer = gate("--format", "json")
     assert [rule["rule"] for rule in pair(answer)["rules"]] == ["total:+9%", "missed:+1"]
     assert invoke("t.csv", "e.csv").status == 0  # other verbs pass over the keys of the gate

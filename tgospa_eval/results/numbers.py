@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
@@ -104,6 +104,11 @@ class Numbers(ABC):
     sums: MetricSums = field(default_factory=dict)
     calibration: Calibration | None = None
     settings_file: SettingsFile | None = None
+
+    @property
+    def told(self) -> list[str]:
+        """What is said beside the number: where settings come from, and what looks wrong."""
+        return told(self.settings_file, self.warnings)
 
     @cached_property
     def scale(self) -> float:

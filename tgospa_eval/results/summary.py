@@ -15,7 +15,6 @@ import numpy as np
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import told
 from tgospa_eval.common.words import install, sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.numbers import SPLIT_PARTS, Numbers
@@ -240,11 +239,6 @@ class Summary(Numbers, ABC):
             digits = math.floor(-math.log10(max(self.relative_gap, 1e-12)) + 1e-9)
             return f"exact: proven lower and upper bound agree to {digits} digits"
         return f"proven (the totals differ by {number(100 * self.relative_gap, 2)}%)"
-
-    @property
-    def told(self) -> list[str]:
-        """What is said beside the number: where settings come from, and what looks wrong."""
-        return told(self.settings_file, self.warnings)
 
     @property
     def claim(self) -> str:
