@@ -1,6 +1,5 @@
 """``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from tgospa_eval.cli.shared.settings import infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.common.figures import parsed, parsed_whole
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
@@ -135,10 +135,7 @@ def _range(text: str, parts: list[str]) -> list[float]:
     if len(parts) != 3 and not logarithmic:
         raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}")
     low, high = (_number(text, part) for part in parts[:2])
-    try:
-        count = int(parts[2])
-    except ValueError:
-        count = 0
+    count = parsed_whole(parts[2]) or 0
     if not 2 <= count <= MOST_VALUES:
         raise ConfigError(
             f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST_VALUES}"
@@ -153,11 +150,8 @@ def _range(text: str, parts: list[str]) -> list[float]:
 
 
 def _number(text: str, part: str) -> float:
-    try:
-        value = float(part)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    value = parsed(part)
+    if value is None:
         raise ConfigError(
             f"--sweep {quoted(text)}: {quoted(part.strip())} is not a number; must be {FORM}"
         )

@@ -9,6 +9,7 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import config
+from tgospa_eval.common.figures import parsed, parsed_whole
 from tgospa_eval.common.files import STDIN
 
 if TYPE_CHECKING:
@@ -53,6 +54,12 @@ TRUSTED_KEYS = frozenset(
 Somebody else may have written it. Nothing is here that writes, connects, takes resources, judges,
 says how exact is exact, or keeps quiet.
 """
+
+
+PLAIN_NUMBERS: tuple[tuple[type, Callable[[str], float | None], str], ...] = (
+    (click.types.FloatParamType, parsed, "plain, finite number; write it as 2.5 or 1e-3"),
+    (click.types.IntParamType, parsed_whole, "whole number; write it as 10"),
+)
 
 
 class OptionSettings(TypedDict, total=False):
@@ -103,6 +110,13 @@ class Option(click.Option):
     def key(self) -> str:
         """Its name in a configuration file: the first long one."""
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
+        """The value; a number is a plain one, where click takes any that Python has."""
+        for kind, parse, right in PLAIN_NUMBERS if isinstance(value, str) else ():
+            if isinstance(self.type, kind) and parse(value) is None:
+                raise click.BadParameter(f"{value!r} is no {right}", ctx, self)
+        return super().type_cast_value(ctx, value)
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """Names and text; a default in words needs no parentheses of its own."""

@@ -368,7 +368,6 @@ GATE = (
     ),
 )
 
-
 SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),
     *("solver", "gap", "epsilon", "time-limit", "jobs"),
