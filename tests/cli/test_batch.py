@@ -171,7 +171,8 @@ def test_shards_make_one_store(invoke: Invoke, runs: Path) -> None:
     counts = [batch(invoke, "--shard", f"{k}/3").out.split()[0] for k in (1, 2, 3)]
     assert counts == ["3", "3", "2"]
     assert invoke("batch", "report", "r").out.startswith("8 jobs, 0 failed")
-    assert "must be K/N" in batch(invoke, "--shard", "4/3").err
+    for text in ("4/3", "1", "1/\uff13", "1/1_0"):
+        assert "must be K/N" in batch(invoke, "--shard", text).err
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,9 @@ from typing import Any
 
 import pytest
 
+from tgospa_eval.cli.shared.option import TRUSTED_KEYS, Option
+from tgospa_eval.cli.verbs import VERBS, load
+
 Invoke = Callable[..., Any]
 
 
@@ -79,7 +82,6 @@ def test_every_source_counts_as_given(
         ('distance = "manhattan"', "distance", "manhattan"),
         ('columns = "y,x"', "columns", ["y", "x"]),
         ('columns = ["y", "x"]', "columns", ["y", "x"]),
-        ('solver = "sinkhorn"\nepsilon = 0.1', "epsilon", 0.1),
         ('on-duplicate = "last"', "on_duplicate", "last"),
         ('unit = "m"', "unit", "m"),
     ],
@@ -106,9 +108,9 @@ def test_gamma_is_the_switch_penalty(
 def test_keys_that_are_no_parameters(
     invoke: Invoke, scene: list[str], settings: Settings, tmp_path: Path
 ) -> None:
-    settings("tgospa-eval.toml", 'format = "csv"\noutput = "out"\nforce = true\nquiet = true\n')
+    settings("ours.toml", 'format = "csv"\noutput = "out"\nforce = true\nquiet = true\n')
     settings("out/notes.txt", "mine")
-    status, out, err = invoke("t.csv", "e.csv")
+    status, out, err = invoke("t.csv", "e.csv", "--config", "ours.toml")
     assert (status, err) == (0, "")
     assert out.startswith("t,localisation,")
     assert (tmp_path / "out" / "result.json").exists()
@@ -152,8 +154,12 @@ def test_the_file_in_use_is_named(
     settings(name, text)
     answer = invoke(*scene, *arguments)
     assert parameters(answer)["cutoff"] == 3
-    assert f"settings from {name}\n" in answer.err
-    assert invoke(*scene, *arguments, "-q").err == ""
+    assert f"settings from {name}: cutoff = 3\n" in answer.err
+    used = {"path": name, "named": bool(arguments), "options": {"cutoff": 3}}
+    assert json.loads(answer.out)["settings_file"] == used
+    quiet = invoke(*scene, *arguments, "-q")
+    assert quiet.err == ""
+    assert json.loads(quiet.out)["settings_file"] == used
 
 
 @pytest.mark.parametrize(
@@ -218,9 +224,9 @@ def test_a_named_file_must_be_readable(
         ("cutoff = 'three'", ["--cutoff", "three"]),
         ("cutoff = true", ["cutoff"]),
         ("cutoff = nan", ["cutoff is nan"]),
-        ("solver = 'magic'", ["magic", "certified"]),
-        ("solver = 3", ["3", "certified"]),
-        ("force = 'maybe'", ["maybe"]),
+        ("grid = 'magic'", ["magic", "union"]),
+        ("grid = 3", ["3", "union"]),
+        ("fix-cov = 'maybe'", ["maybe"]),
     ],
 )
 def test_bad_values(
@@ -247,3 +253,112 @@ def test_help_does_not_need_a_good_file(invoke: Invoke, settings: Settings) -> N
     assert invoke("--help").status == 0
     assert invoke("evaluate", "--help").status == 0
     assert invoke("--version").status == 0
+
+
+NOT_TRUSTED = {
+    *("output", "force", "junit", "github", "format", "pictures", "style", "components", "plane"),
+    *("quiet", "verbose", "config"),
+    *("scheduler", "memory", "max-input", "jobs", "no-gating"),
+    *("solver", "gap", "epsilon", "time-limit"),
+    *("baseline", "suite", "fail-on", "warn-on", "max"),
+}
+"""Keys that a file may not set which was only found."""
+
+
+def test_every_key_is_trusted_or_not() -> None:
+    options = [item for verb in VERBS for item in load(verb).params if isinstance(item, Option)]
+    keys = {item.key for item in options if item.envvar}
+    assert keys == TRUSTED_KEYS | NOT_TRUSTED
+    assert not TRUSTED_KEYS & NOT_TRUSTED
+
+
+@pytest.mark.parametrize("key", sorted(NOT_TRUSTED - {"config", "memory", "scheduler"}))
+@pytest.mark.parametrize("name", ["tgospa-eval.toml", "pyproject.toml"])
+def test_a_file_that_was_found_sets_what_is_evaluated_alone(
+    invoke: Invoke, scene: list[str], settings: Settings, tmp_path: Path, name: str, key: str
+) -> None:
+    flags = ("force", "github", "quiet", "verbose", "no-gating")
+    head = "" if name == "tgospa-eval.toml" else "[tool.tgospa-eval]\n"
+    value = "true" if key in flags else "'x'"
+    settings(name, f"{head}cutoff = 3\n{key} = {value}\n")
+    before = set(tmp_path.iterdir())
+    for verb in ("evaluate", "gate", "compare", "explain", "inspect"):
+        status, out, err = invoke(verb, "t.csv", "e.csv")
+        assert (status, out) == (2, "")
+        assert err == (
+            f'{name}: a file that nobody named may not set "{key}"; if it is yours, name it: '
+            f"--config {name}\n"
+        )
+    assert set(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("text", ['scheduler = "tcp://127.0.0.1:1"', 'memory = "1TB"'])
+def test_a_file_that_was_found_connects_to_nothing(
+    invoke: Invoke, scene: list[str], settings: Settings, text: str
+) -> None:
+    settings("tgospa-eval.toml", text)
+    answer = invoke(*scene)
+    assert answer.status == 2
+    assert "nobody named" in answer.err
+
+
+def test_a_file_names_what_it_set_and_no_more(
+    invoke: Invoke, scene: list[str], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings(
+        "tgospa-eval.toml", 'cutoff = 3\norder = 1\nrho = 0.4\nregion = "x=0:9"\nmixed = "error"'
+    )
+    monkeypatch.setenv("TGOSPA_EVAL_ORDER", "2")
+    answer = invoke(*scene, "-c", "5")
+    parameters(answer)
+    set_by_it = {"rho": 0.4, "region": "x=0:9", "mixed": "error"}
+    assert json.loads(answer.out)["settings_file"]["options"] == set_by_it
+    told = 'settings from tgospa-eval.toml: rho = 0.4, region = "x=0:9", mixed = "error"\n'
+    assert answer.err.startswith(told)
+    settings("tgospa-eval.toml", "cutoff = 3\n")
+    assert invoke(*scene, "-c", "5").err.startswith("no setting from tgospa-eval.toml\n")
+
+
+def test_every_output_names_the_file(
+    invoke: Invoke, scene: list[str], settings: Settings, tmp_path: Path
+) -> None:
+    told, used = 'settings from tgospa-eval.toml: region = "x=0:9"', {"region": "x=0:9"}
+    settings("tgospa-eval.toml", 'region = "x=0:9"\n')
+    for name, y in (("t.csv", 3), ("e.csv", 3), ("b.csv", 4)):
+        settings(name, f"id,t,x,y,class\na,1,2,{y},car\n")
+    two = ("t.csv", "e.csv")
+    for line in (
+        ("evaluate", *two),
+        ("evaluate", *two, "--by", "class"),
+        ("evaluate", *two, "--sweep", "gamma=1,2"),
+        ("explain", *two),
+        ("inspect", *two),
+        ("compare", *two),
+        ("compare", *two, "b.csv"),
+        ("gate", *two, "--max", "tgospa=9"),
+        ("associate", *two, "-c", "5"),
+    ):
+        answer = invoke(*line, "--format", "json", "-q")
+        assert json.loads(answer.out)["settings_file"]["options"] == used, line
+        assert answer.err == ""
+        assert told in invoke(*line).err
+        if line[0] not in ("inspect", "associate"):
+            shown = invoke(*line, "--format", "markdown", "-q").out
+            assert told in shown.replace("\\", ""), line
+    invoke("gate", *two, "--max", "tgospa=9", "--junit", "gate.xml", "-q")
+    assert told.replace('"', "&#34;") in (tmp_path / "gate.xml").read_text(encoding="utf-8")
+    assert told in invoke("gate", *two, "--max", "tgospa=9", "-q").out
+    assert invoke(*two, "-o", "out", "--pictures", "none", "-q").status == 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert told[1:].replace('"', "&#34;") in page
+    jobs = ("batch", "--truth", "{run}.csv", "--estimate", "{run}.csv", "-o", "store", "--reports")
+    assert told in invoke(*jobs, "--pictures", "none").err
+    store = tmp_path / "store"
+    for path in (store / "batch.json", store / "reports" / "t" / "result.json"):
+        found = json.loads(path.read_text(encoding="utf-8"))
+        assert found["settings_file"]["options"] == used
+    page = (store / "report.html").read_text(encoding="utf-8")
+    assert told.replace('"', "&#34;") in page
+    assert told in " ".join(
+        json.loads(invoke("batch", "report", "store", "--format", "json").out)["notes"]
+    )

@@ -210,10 +210,29 @@ def test_given_by_environment_or_file_counts_as_given(
     write("tgospa-eval.toml", "cutoff = 5\n")
     assert gate().status == 2
     assert gate("-c", "4").status == 0
-    write("tgospa-eval.toml", 'baseline = "b.json"\nfail-on = ["total:+9%", "missed:+1"]\n')
+    write("ours.toml", 'baseline = "b.json"\nfail-on = ["total:+9%", "missed:+1"]\n')
+    monkeypatch.setenv("TGOSPA_EVAL_CONFIG", "ours.toml")
     answer = gate("--format", "json")
     assert [rule["rule"] for rule in pair(answer)["rules"]] == ["total:+9%", "missed:+1"]
     assert invoke("t.csv", "e.csv").status == 0  # other verbs pass over the keys of the gate
+
+
+def test_a_rule_whose_limit_is_no_number_passes_nothing(
+    gate: Invoke, invoke: Invoke, write: Write
+) -> None:
+    write("e.csv", estimate(100))
+    assert gate("-c", "1000", "-g", "1", "--update-baseline").status == 0  # a total of 5e4
+    for rule in ("total:+1e308%", "total:+1_0%", "total:+\u0661%"):
+        for key in ("--fail-on", "--warn-on"):
+            answer = gate(key, rule)
+            assert (answer.status, answer.out) == (2, "")
+            assert rule in answer.err
+            assert len(answer.err.splitlines()) == 1
+    pair = '[[pair]]\ntruth = "t.csv"\nestimate = "e.csv"\n'
+    for text in ('max = ["tgospa=1_0"]', 'max = "tgospa=9"\noptions = {cutoff = "1_0"}'):
+        answer = invoke("gate", "--suite", write("suite.toml", f"{pair}{text}\n"))
+        assert answer.status == 2
+        assert "1_0" in answer.err
 
 
 def test_other_truth(gate: Invoke, write: Write) -> None:

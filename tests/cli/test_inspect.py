@@ -174,7 +174,9 @@ def test_lines_break_where_a_track_has_a_hole() -> None:
 
 def test_settings_of_other_verbs_do_not_disturb(invoke: Run, write: Write) -> None:
     files = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
-    write("tgospa-eval.toml", 'cutoff = 2\nsolver = "exact"\nformat = "markdown"\n')
-    assert "c = 2:" in invoke("inspect", *files).out
+    ours = write("ours.toml", 'cutoff = 2\nsolver = "exact"\nformat = "markdown"\n')
+    answer = invoke("inspect", *files, "--config", ours)
+    assert "c = 2:" in answer.out
+    assert f"settings from {ours}: cutoff = 2\n" in answer.err
     write("tgospa-eval.toml", "cutof = 2\n")
     assert "unknown key" in invoke("inspect", *files).err

@@ -80,7 +80,7 @@ class Store:
         old = self.settings()
         differing = [
             f"{key} was {json.dumps(old.get(key))}, is {json.dumps(settings.get(key))}"
-            for key in sorted({*old, *settings} - {"version"})
+            for key in sorted({*old, *settings} - {"version", "settings_file"})
             if old.get(key) != settings.get(key)
         ]
         if differing:

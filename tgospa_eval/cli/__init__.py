@@ -58,7 +58,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         if context is not None and context.meta.get(CONFIG):
-            print_notice(f"settings from {context.meta[CONFIG]}")
+            print_notice(str(context.meta[CONFIG]))
         text = io.StringIO()
         error.show(file=text)
         print_notices(text.getvalue().rstrip("\n"))

@@ -2,11 +2,13 @@
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import NotRequired, TypeAlias, TypedDict
 
 from tgospa_eval.common.files import read_bytes
+from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.text import quoted
 
@@ -20,7 +22,60 @@ Settings: TypeAlias = dict[str, str | int | float | bool]
 """Values by option name, with dashes."""
 
 
-def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, Settings]:
+@dataclass(frozen=True, kw_only=True)
+class SettingsFile:
+    """A configuration file in use.
+
+    Parameters
+    ----------
+    path : str
+        Where it is.
+    named : bool
+        Whether somebody named it; else it was only found.
+    options : dict
+        What it sets, by option name, with dashes.
+    """
+
+    path: str
+    named: bool
+    options: Settings
+
+    def __str__(self) -> str:
+        shown = ", ".join(f"{name} = {_shown(value)}" for name, value in self.options.items())
+        return f"settings from {self.path}: {shown}" if shown else f"no setting from {self.path}"
+
+    def record(self) -> "SettingsRecord":
+        """As in the JSON."""
+        return {"path": self.path, "named": self.named, "options": dict(self.options)}
+
+    def only(self, names: Collection[str]) -> "SettingsFile":
+        """The same, as far as it sets these options."""
+        kept = {name: value for name, value in self.options.items() if name in names}
+        return replace(self, options=kept)
+
+
+class SettingsRecord(TypedDict):
+    """The file in a document."""
+
+    path: str
+    named: bool
+    options: Settings
+
+
+class WithSettings(TypedDict):
+    """A document that names the file in use, if there is one."""
+
+    settings_file: NotRequired[SettingsRecord]
+
+
+def settings_field(used: SettingsFile | None) -> WithSettings:
+    """What documents say of the file in use."""
+    return {} if used is None else {"settings_file": used.record()}
+
+
+def load(
+    path: str | None, known: Mapping[str, bool], trusted: Collection[str]
+) -> SettingsFile | None:
     """Read the settings.
 
     Parameters
@@ -30,28 +85,38 @@ def load(path: str | None, known: Mapping[str, bool]) -> tuple[str | None, Setti
     known : mapping of str to bool
         Names of the options, as on the command line without dashes in front, and whether each is a
         flag.
+    trusted : collection of str
+        Those that a file may set which was only found: somebody else may have written it.
 
     Returns
     -------
-    path : str or None
+    SettingsFile or None
         The file in use.
-    settings : dict
-        Values by option name, with dashes.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, is no TOML, or has an unknown key.
+        The file cannot be read, is no TOML, has an unknown key, or one that it may not set.
     """
+    named = path is not None
     if path is None:
         path, table = _search()
+        if path is None:
+            return None
     else:
         table = read_toml(path)
         if Path(path).name == "pyproject.toml":
             table = _section(table) or {}
     if not isinstance(table, dict):
         raise ConfigError(f"{path}: [tool.{TOOL_TABLE}] must be a table")
-    return path, settings_of(table, str(path), known)
+    options = settings_of(table, path, known)
+    refused = [quoted(name) for name in options if name not in trusted]
+    if refused and not named:
+        raise ConfigError(
+            f"{path}: a file that nobody named may not set {', '.join(refused)}; if it is yours, "
+            f"name it: --config {path}"
+        )
+    return SettingsFile(path=path, named=named, options=options)
 
 
 def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool]) -> Settings:
@@ -87,6 +152,11 @@ def settings_of(table: Mapping[str, object], path: str, known: Mapping[str, bool
             raise ConfigError(f"{path}: {quoted(key)} is {value!r}; needed is {needed}")
         settings[name] = value
     return settings
+
+
+def _shown(value: str | float | bool) -> str:
+    """A value as TOML has it."""
+    return quoted(value) if isinstance(value, str) else str(value).lower()
 
 
 def _meant(name: str, known: Iterable[str]) -> str:

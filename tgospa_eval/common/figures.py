@@ -1,7 +1,30 @@
-"""How numbers are written for people, everywhere alike: 12,345.7. Files for programs do without."""
+"""How numbers are written for people, everywhere alike: 12,345.7, and how people write them.
+
+Files for programs do without.
+"""
+
+import math
+import re
 
 THOUSANDS = 1e9
 """Up to here a number is written out."""
+
+
+PLAIN_DECIMAL = r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+"""A number as people write it; Python also takes 1_0, digits of any script, nan and inf."""
+
+PLAIN_WHOLE = "[-+]?[0-9]{1,30}"
+
+
+def parsed(text: str) -> float | None:
+    """The finite number that a plain decimal stands for; None of any other text."""
+    value = float(text) if re.fullmatch(PLAIN_DECIMAL, text.strip()) else math.inf
+    return value if math.isfinite(value) else None
+
+
+def parsed_whole(text: str) -> int | None:
+    """The same of whole numbers."""
+    return int(text) if re.fullmatch(PLAIN_WHOLE, text.strip()) else None
 
 
 def shortest(value: float, noise: float) -> float:

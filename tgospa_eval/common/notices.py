@@ -59,6 +59,11 @@ class Notice:
         return Notice(text=f"{name}: {self.text}", code=self.code, remedy=self.remedy)
 
 
+def told(settings_file: object | None, warnings: Iterable[Notice]) -> list[str]:
+    """What is said beside numbers: where settings come from, and what looks wrong."""
+    return [str(one) for one in (settings_file, *warnings) if one is not None]
+
+
 def as_option(name: str, value: object = "") -> str:
     """A setting as the command line takes it."""
     option = SHORT.get(name) or f"--{name.replace('_', '-')}"

@@ -9,6 +9,7 @@ from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.comparison.entrants import Outcome
 from tgospa_eval.errors import InputError
+from tgospa_eval.formats.fields import floats
 from tgospa_eval.formats.times import TimeError, parse_times
 from tgospa_eval.problem.problem import Floats
 from tgospa_eval.reports.other_metrics import COMPARED
@@ -131,12 +132,8 @@ def _keys(times: list[Time]) -> list[int | float]:
     texts = [t for t in times if isinstance(t, str)]
     if not texts:
         return [t for t in times if not isinstance(t, str)]
-    found: list[int | float] = parse_times(texts, _floats).value.tolist()
+    found: list[int | float] = parse_times(texts, floats).value.tolist()
     return found
-
-
-def _floats(texts: Sequence[str]) -> Floats:
-    return np.array(list(map(float, texts)))
 
 
 def _occupied(documents: Documents, paths: Paths) -> list[NDArray[np.bool_]]:

@@ -223,7 +223,7 @@ def document(study: Study, records: Sequence[SceneRecord], machine: str) -> Stud
         "schema": SCHEMA,
         "version": __version__,
         "kind": "study",
-        **study.settings,
+        **study.settings,  # type: ignore[typeddict-item]  # it has no settings_file
         "machine": machine,
         "runs": study.runs,
         "sizes": [_size(size, scenes, study) for size, scenes in by_size.items()],

@@ -16,7 +16,11 @@ SUITE = "tgospa-eval gate"
 
 def junit(report: Report) -> str:
     """The report as a document."""
-    cases = [case for outcome in report.outcomes for case in _cases(outcome)]
+    cases = [
+        case
+        for outcome in report.outcomes
+        for case in _cases(outcome, report.told(*outcome.warnings))
+    ]
     attributes = {
         "name": SUITE,
         "tests": str(len(cases)),
@@ -35,13 +39,12 @@ def junit(report: Report) -> str:
     )
 
 
-def _cases(outcome: Outcome) -> Iterator[str]:
-    """A case for each rule, or one for what could not be judged; the first has the time."""
+def _cases(outcome: Outcome, told: list[str]) -> Iterator[str]:
+    """A case for each rule, or one for what could not be judged; the first has time and lines."""
     text = "\n".join(outcome.notes)
-    warnings = list(map(str, outcome.warnings))
     if not outcome.findings:
         result = _result("error", outcome.verdict, text) if outcome.status else ""
-        yield _case(outcome, "gate", outcome.seconds, result + _output(warnings))
+        yield _case(outcome, "gate", outcome.seconds, result + _output(told))
     for number, finding in enumerate(outcome.findings):
         verdict = shown_verdict(finding)
         mark = "" if finding.now.proven else " (split, not proven)"
@@ -49,7 +52,7 @@ def _cases(outcome: Outcome) -> Iterator[str]:
         about = f"{finding.rule.path} is between {lower} and {upper}, allowed is {limit}{mark}"
         if finding.verdict is Verdict.INCOMPARABLE:
             about = f"there is no {finding.rule.path}"
-        result, lines = "", [] if number else warnings
+        result, lines = "", [] if number else told
         if finding.rule.warns and verdict != Verdict.PASS:
             lines = [f"{verdict}: {about}", *lines]
         elif verdict == Verdict.FAIL:

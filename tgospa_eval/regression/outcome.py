@@ -5,9 +5,10 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Self
 
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.regression.baseline import BASELINE_VALUES, Baseline, Entry, differences
 from tgospa_eval.regression.measured import Measured
 from tgospa_eval.regression.rules import (
@@ -106,12 +107,19 @@ class Report:
         Of the program.
     again : tuple of str
         Command that makes the baseline anew, word for word.
+    settings_file : SettingsFile, optional
+        The configuration file that set options.
     """
 
     baseline: str
     outcomes: tuple[Outcome, ...]
     version: str
     again: tuple[str, ...] = ()
+    settings_file: SettingsFile | None = None
+
+    def told(self, *warnings: Notice) -> list[str]:
+        """What is said beside the verdicts: where settings come from, and these warnings."""
+        return told(self.settings_file, warnings)
 
     @property
     def status(self) -> int:

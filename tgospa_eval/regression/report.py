@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from textwrap import TextWrapper
 
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.figures import number
 from tgospa_eval.regression.outcome import Outcome, Report
 from tgospa_eval.regression.rules import Finding, Verdict
@@ -51,6 +52,7 @@ def table(report: Report) -> str:
         for line in lay.wrap(visible(f"{title(outcome)}: {note}"))
     ]
     blocks = [[headline(report)], lines if len(lines) > 1 else [], notes]
+    blocks += [lay.wrap(visible(text)) for text in report.told()]
     if report.advice:
         blocks.append([f"{ANEW}:", f"  {visible(report.advice)}"])
     return "\n\n".join("\n".join(block) for block in blocks if block) + "\n"
@@ -111,6 +113,7 @@ def json_report(report: Report) -> str:
         "verdict": report.verdict,
         "status": report.status,
         "update": report.advice,
+        **settings_field(report.settings_file),
         "pairs": [_pair(outcome) for outcome in report.outcomes],
     }
     return json_text(document)
@@ -169,6 +172,7 @@ def github_lines(report: Report) -> Iterator[str]:
     for outcome in report.outcomes:
         for note in (*outcome.notes, *map(str, outcome.warnings)):
             yield f"- {markdown_code(title(outcome))}: {escape.markdown(note)}"
+    yield from (f"- {escape.markdown(text)}" for text in report.told())
     if report.advice:
         yield f"\n{ANEW}: {markdown_code(report.advice)}"
 

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable
 from enum import StrEnum
 
+from tgospa_eval.common.figures import parsed
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.interval import Interval
 from tgospa_eval.errors import ConfigError, ExitStatus
@@ -140,7 +141,10 @@ class Rule:
         if base is None:
             raise ConfigError(f"{self.text}: the baseline has no {self.path}")
         slack = base * self.slack if self.relative else self.slack
-        return base + max(slack, self.floor * unit)
+        limit = base + max(slack, self.floor * unit)
+        if math.isinf(limit):
+            raise ConfigError(f"{self.text}: allows more than any number; choose a smaller one")
+        return limit
 
 
 DEFAULT = Rule(text="total:+0.001%", path="total", slack=1e-5, relative=True, floor=LEAST_SLACK)
@@ -212,7 +216,7 @@ def parse_rule(text: str, *, option: str = "fail-on") -> Rule:
         The text has another form, or names a value that cannot be judged.
     """
     found = re.fullmatch(_RULE, text.strip())
-    slack = _number(found["slack"]) if found else None
+    slack = _not_negative(found["slack"]) if found else None
     if found is None or slack is None:
         raise ConfigError(f"--{option} {quoted(text)}: must be PATH:+N or PATH:+N%, as total:+0.1%")
     path = _path(found["path"].strip(), option, text)
@@ -235,7 +239,7 @@ def parse_maximum(text: str) -> Rule:
         The text has another form, or names a value that cannot be judged.
     """
     name, equals, number = text.rpartition("=")
-    limit = _number(number)
+    limit = _not_negative(number)
     if not equals or limit is None:
         raise ConfigError(f"--max {quoted(text)}: must be NAME=VALUE, as tgospa=50")
     path = _path(name.strip(), "max", text)
@@ -265,13 +269,9 @@ def split_rules(text: str) -> list[str]:
     return [rule for rule in found if rule.strip()]
 
 
-def _number(text: str) -> float | None:
-    """A finite number that is not negative."""
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if 0 <= number < math.inf else None
+def _not_negative(text: str) -> float | None:
+    number = parsed(text)
+    return None if number is None or number < 0 else number
 
 
 def _path(path: str, option: str, text: str) -> str:

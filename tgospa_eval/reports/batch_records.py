@@ -177,7 +177,7 @@ class BatchTables:
     rankings : tuple of Ranking
         One for each set of parameters.
     notes : tuple of str
-        Why something is not ranked.
+        Why something is not ranked, and where settings come from.
     seed : int
         Of the bootstrap intervals of the groups.
     slices : tuple of GroupSlices

@@ -1,5 +1,8 @@
 """Documents of `compare` in the formats that are printed. Computes nothing that is not in them."""
 
+from dataclasses import replace
+
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.ranking import estimates_columns, estimates_document, estimates_paper
 from tgospa_eval.reports.records import Comparison
@@ -15,9 +18,12 @@ def render(document: Comparison, format: str) -> str:
         return json_text(document)
     if format == "csv":
         return csv_text(_columns(document))
-    if format == "latex":
-        return as_latex(_document(document, paper=True))
-    return (as_text if format == "table" else as_markdown)(_document(document))
+    write = {"table": as_text, "markdown": as_markdown, "latex": as_latex}[format]
+    page = _document(document, paper=format == "latex")
+    if "settings_file" in document:
+        used = str(SettingsFile(**document["settings_file"]))
+        page = replace(page, warnings=[used, *page.warnings])
+    return write(page)
 
 
 def _columns(record: Comparison) -> Columns:

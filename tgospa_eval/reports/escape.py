@@ -6,6 +6,7 @@ the reports writes a text of the user without one of these.
 
 import re
 
+from tgospa_eval.common.figures import PLAIN_DECIMAL
 from tgospa_eval.text import visible
 
 LATEX = {
@@ -26,8 +27,6 @@ _LINKS = r":(?=//)|(?<=www)\."
 
 _FORMULA = "'*[-=+@\t\r\n\uff1d\uff0b\uff0d\uff20]"
 """How a text begins that a spreadsheet takes for a formula, after marks of ours if any."""
-
-_NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 _NO_XML = "[\ufffe\uffff]"
 """What is visible and XML 1.0 cannot express, escaped or not."""
@@ -88,6 +87,10 @@ def csv_cell(value: object) -> object:
     So does a text that begins so after marks of that kind, so that all texts stay different and
     the first ' before a formula is always ours. Numbers stay as they are.
     """
-    if isinstance(value, str) and re.match(_FORMULA, value) and not re.fullmatch(_NUMBER, value):
+    if (
+        isinstance(value, str)
+        and re.match(_FORMULA, value)
+        and not re.fullmatch(PLAIN_DECIMAL, value)
+    ):
         return f"'{value}"
     return value

@@ -35,7 +35,7 @@ def _document(found: Explanation, *, folded: bool) -> Document:
         ],
         tables=[repair_table(result, found, folded=folded)] if found.repairs else [],
         notes=list(repair_notes(found)),
-        warnings=list(map(str, result.warnings)),
+        warnings=result.told,
     )
 
 

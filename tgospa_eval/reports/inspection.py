@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import zip_longest
 from typing import NotRequired, TypedDict
 
+from tgospa_eval.common.config import WithSettings
 from tgospa_eval.common.figures import number, shortest
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, in_both
@@ -86,7 +87,7 @@ class PairDocument(TypedDict):
     nearest: Nearest | None
 
 
-class Inspection(TypedDict):
+class Inspection(WithSettings):
     """What was read, and what looks wrong with it."""
 
     schema: str

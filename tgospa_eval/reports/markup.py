@@ -50,7 +50,7 @@ def _title(result: Summary) -> tuple[str, str]:
 def markdown(result: Summary) -> str:
     """A Markdown table with the headline above it."""
     title, parameters = _title(result)
-    warnings = [f"> {escape.markdown(str(notice))}" for notice in result.warnings]
+    warnings = [f"> {escape.markdown(text)}" for text in result.told]
     tables = ["\n".join(markdown_lines(table)) for table in (_table(result), *_others(result))]
     words = [*map(escape.markdown, _notes(result)), *warnings]
     return "\n\n".join([f"**{escape.markdown(title)}** {parameters}", *tables, *words]) + "\n"
@@ -58,7 +58,7 @@ def markdown(result: Summary) -> str:
 
 def latex(result: Summary) -> str:
     """A booktabs table with a comment that says how the number was proven."""
-    notes = (*map(str, result.warnings), *_notes(result))
+    notes = (*result.told, *_notes(result))
     words = map(escape.latex_comment, [" ".join(_title(result)), *notes])
     table, head = _table(result), ("cost", None, "share (%)", "count")
     last, rows = len(table.rows), [*table.rows, ("TGOSPA", number(result.tgospa))]

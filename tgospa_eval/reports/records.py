@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Literal, NotRequired, TypedDict
 
+from tgospa_eval.common.config import WithSettings
 from tgospa_eval.results.records import OtherMetrics
 
 Warnings = list[dict[str, str]]
@@ -105,7 +106,7 @@ class Referee(TypedDict):
     total: Ends
 
 
-class SolversRecord(TypedDict):
+class SolversRecord(WithSettings):
     """Several solvers on one problem."""
 
     schema: str
@@ -212,7 +213,7 @@ class PairRecord(TypedDict):
     per_run: RunCounts
 
 
-class RankingRecord(TypedDict):
+class RankingRecord(WithSettings):
     """Estimates of one truth in their order."""
 
     schema: str
@@ -294,7 +295,7 @@ class StudySettings(TypedDict):
     solvers: list[dict[str, object]]
 
 
-class StudyRecord(StudySettings):
+class StudyRecord(StudySettings, WithSettings):
     """A scaling study."""
 
     schema: str

@@ -49,7 +49,7 @@ def sweep_document(found: Sweep) -> Document:
             )
         ],
         notes=list(_notes(found)),
-        warnings=list(map(str, found.warnings)),
+        warnings=found.told,
     )
 
 

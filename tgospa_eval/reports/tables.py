@@ -68,7 +68,8 @@ class Document:
     tables : sequence of Table
         Tables.
     warnings : sequence of str
-        What looks wrong with the data; on a terminal it is on stderr already.
+        Where settings come from, what looks wrong with the data; on a terminal it is on stderr
+        already.
     notes : sequence of str
         Sentences below.
     kind : str

@@ -1,5 +1,6 @@
 """Which single repairs of an estimate would save most: what a user holds. Computes nothing."""
 
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.results.records import PARTS, Json, json_text
 from tgospa_eval.results.repairs import Repairs
@@ -38,6 +39,7 @@ class Explanation(Repairs):
             "worst": result.worst(),
             "parameters": result.parameters,
             "files": result.files,
+            **settings_field(result.settings_file),
             "input": result.input,
             "warnings": [notice.record() for notice in result.warnings],
             "timings": {**result.timings, "explain": self.seconds},

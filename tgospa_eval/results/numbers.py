@@ -10,8 +10,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.problem.solution import Brackets, Curve, Windows
 from tgospa_eval.problem.tgospa import POWER
@@ -81,6 +82,8 @@ class Numbers(ABC):
         between; lists over the thresholds of HOTA.
     calibration : Calibration, optional
         Of `similarity`, if every output is to show it.
+    settings_file : SettingsFile, optional
+        The configuration file that set options of it.
     """
 
     proof: Costs
@@ -100,6 +103,12 @@ class Numbers(ABC):
     sliced: tuple[Slicing, ...] = ()
     sums: MetricSums = field(default_factory=dict)
     calibration: Calibration | None = None
+    settings_file: SettingsFile | None = None
+
+    @property
+    def told(self) -> list[str]:
+        """What is said beside the number: where settings come from, and what looks wrong."""
+        return told(self.settings_file, self.warnings)
 
     @cached_property
     def scale(self) -> float:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import install, sizes_in_words
@@ -106,6 +107,7 @@ class Summary(Numbers, ABC):
             "version": self.version,
             "warnings": [notice.record() for notice in self.warnings],
             "files": self.files,
+            **settings_field(self.settings_file),
         }
 
     def _records(self) -> Json:
@@ -256,7 +258,7 @@ class Summary(Numbers, ABC):
             title=self.claim,
             proof=self.proven,
             notes=(
-                *map(str, self.warnings),
+                *self.told,
                 sizes_in_words(self.sizes),
                 self.parameters_in_words(self.labels.unit),
             ),

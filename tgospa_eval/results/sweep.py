@@ -6,8 +6,9 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.notices import Notice
+from tgospa_eval.common.notices import Notice, told
 from tgospa_eval.results.records import Columns, FileRecord, Json, json_text
 
 if TYPE_CHECKING:
@@ -77,6 +78,8 @@ class Sweep:
         Version of the package that made it.
     warnings : tuple of Notice
         What looks wrong with the data.
+    settings_file : SettingsFile, optional
+        The configuration file that set options of it.
     """
 
     parameter: str
@@ -87,6 +90,7 @@ class Sweep:
     timings: dict[str, float]
     version: str
     warnings: tuple[Notice, ...] = ()
+    settings_file: SettingsFile | None = None
 
     def __repr__(self) -> str:
         first, last = self.points[0].value, self.points[-1].value
@@ -94,6 +98,11 @@ class Sweep:
             f"Sweep({self.parameter}={first:g}...{last:g}, points={len(self.points)}, "
             f"certified={self.certified})"
         )
+
+    @property
+    def told(self) -> list[str]:
+        """What is said beside the numbers, as of a `Result`."""
+        return told(self.settings_file, self.warnings)
 
     @property
     def certified(self) -> bool:
@@ -152,6 +161,7 @@ class Sweep:
             "input": self.input,
             "timings": self.timings,
             "warnings": [notice.record() for notice in self.warnings],
+            **settings_field(self.settings_file),
         }
 
     def to_json(self) -> str:

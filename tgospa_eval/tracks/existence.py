@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.common.figures import parsed
 from tgospa_eval.common.words import more
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.text import quoted
@@ -47,9 +48,7 @@ def _possible(side: Trajectories, name: str) -> Trajectories:
     if given is None:
         return side
     numbers = given.dtype.kind == "f"
-    likely = np.asarray(
-        given if numbers else [_number(text) for text in given.tolist()], np.float64
-    )
+    likely = np.asarray(given if numbers else [parsed(text) for text in given.tolist()], np.float64)
     odd = np.flatnonzero(~((likely >= 0) & (likely <= 1)))
     if len(odd):
         row = int(odd[0])
@@ -66,11 +65,3 @@ def _possible(side: Trajectories, name: str) -> Trajectories:
         return side
     part = side.chosen(kept, side.step[kept], side.times)
     return replace(part, labels=side.labels)
-
-
-def _number(text: str) -> float:
-    """NaN where a text is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan

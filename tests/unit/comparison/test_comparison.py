@@ -182,6 +182,7 @@ def test_what_nobody_expects_in_a_process_is_told_as_such(monkeypatch) -> None:
     [
         (["--solvers", "simplex"], 2, '--solvers "simplex": must be of certified, exact, sinkhorn'),
         (["--epsilon", "0.1,x"], 2, '--epsilon "x": must be numbers with commas'),
+        (["--epsilon", "0.1,1_0"], 2, '--epsilon "1_0": must be numbers with commas'),
         (["--epsilon", "0.1,0.1"], 2, "sinkhorn 0.1 is given twice"),
         (["--epsilon", "0"], 2, "epsilon is 0: must be finite and more than 0"),
         (["--solvers", ""], 2, '--solvers "": must be of certified, exact, sinkhorn'),

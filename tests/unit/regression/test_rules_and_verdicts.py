@@ -108,7 +108,8 @@ def test_worse_is_never_judged_better(rule: Rule, base: float, values: list[floa
     [
         "", "total", "total:1%", "total:-1%", "total:+", "total:+%", "total:+x", "total:+1%%",
         "total:+nan", "total:+inf", "total:+-1", "totl:+1%", "per_step:+1", "sizes.steps:+1",
-        "lower_bound:+1", "by_class.car:+1", ":+1", "counts:+1",
+        "lower_bound:+1", "by_class.car:+1", ":+1", "counts:+1", "total:+1_0%", "total:+\u0661%",
+        "total:+\uff11", "total:+0x10", "total:+1e309", "total:+1e309%", "total:+.", "total:+1e",
     ],
 )  # fmt: skip
 def test_no_rules(text: str) -> None:
@@ -116,7 +117,10 @@ def test_no_rules(text: str) -> None:
         parse_rule(text)
 
 
-@pytest.mark.parametrize("text", ["", "tgospa", "tgospa=", "tgospa=x", "tgospa=-1", "tgospa=inf"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "tgospa", "tgospa=", "tgospa=x", "tgospa=-1", "tgospa=inf", "tgospa=1_0", "tgospa=\uff11"],
+)
 def test_no_maxima(text: str) -> None:
     with pytest.raises(ConfigError, match="--max"):
         parse_maximum(text)
@@ -126,6 +130,7 @@ def test_rules_are_read() -> None:
     assert parse_rule(" total : +0.5 % ".replace(" : ", ":")).slack == 0.005
     assert parse_rule("by_class.a.b:c.counts.switch:+1").path == "by_class.a.b:c.counts.switch"
     assert parse_rule("total:+1e-3%").slack == 1e-5
+    assert [parse_rule(f"total:+{text}").slack for text in (".5", "2.", "1.5E+2")] == [0.5, 2, 150]
     assert parse_rule("switch:+1", option="warn-on").warns
 
 

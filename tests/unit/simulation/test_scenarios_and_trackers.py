@@ -367,6 +367,8 @@ def test_a_scene_is_written_anew(invoke, write, tmp_path: Path) -> None:
         (["--scenario", "circus"], "circus"),
         (["--noise", "-1"], "noise is -1: must be from 0 to 1e+12"),
         (["--false-length", "x"], "'x': must be A:B or A, in steps"),
+        (["--false-length", "1_0:20"], "'1_0:20': must be A:B or A, in steps"),
+        (["--steps", "1_0"], "'1_0' is no whole number"),
         (["--seed", "-1"], "--seed"),
         (["--particles", "30"], "--particles is for --state cloud"),
         (["--format", "kitti", "--state", "point"], "--state point: kitti files hold boxes"),

@@ -25,6 +25,7 @@ from tgospa_eval.cli.shared.options import KNOWN
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.typed import typed_options
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.common.figures import parsed_whole
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
@@ -122,11 +123,9 @@ def shard_of(text: str | None) -> tuple[int, int]:
     ConfigError
         It is no K/N.
     """
-    try:
-        number, count = map(int, (text or "1/1").split("/"))
-    except ValueError:
-        number = count = 0
-    if not 1 <= number <= count:
+    first, slash, last = (text or "1/1").partition("/")
+    number, count = (parsed_whole(part) or 0 for part in (first, last))
+    if not slash or not 1 <= number <= count:
         raise ConfigError(f"--shard {text}: must be K/N with 1 <= K <= N, such as 3/16")
     return number, count
 
@@ -161,6 +160,7 @@ def tasks_of(
             per_step=batch.per_step,
             base=base,
             store=os.path.join(str(output.output), SETTINGS_FILE),
+            settings_file=output.config,
         )
 
 

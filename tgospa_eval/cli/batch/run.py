@@ -36,6 +36,7 @@ from tgospa_eval.cli.batch.worker import (
 from tgospa_eval.cli.shared.notices import about_defaults
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.config import SettingsFile, settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.engines.spread import Engine, spread
@@ -136,6 +137,7 @@ def work_batch(
         **({"slices": list(options.slices)} if options.slices else {}),
         "jobs": {"paths": list(paths), "truth": batch.truth, "estimate": batch.estimate,
                  "layout": batch.layout, "seqmap": batch.seqmap},
+        **settings_field(output.config),
     }  # fmt: skip
     store.open(settings)
     if not output.quiet:
@@ -273,7 +275,9 @@ def _tables(store: Store, rows: "pd.DataFrame", batch: BatchOptions) -> BatchTab
     tables = tabulated(rows, by, roots=batch.mean_of_roots)
     tables = replace(tables, curves=tuple(rms_curves(rows, store.steps(rows), by)))
     # Without --by nobody asked what there is to compare.
-    return tables if asked else replace(tables, notes=())
+    notes = tables.notes if asked else ()
+    used = store.settings().get("settings_file")
+    return replace(tables, notes=(*notes, *([str(SettingsFile(**used))] if used else ())))
 
 
 def _name(row: Mapping[Any, Any]) -> str:

@@ -18,6 +18,7 @@ from tgospa_eval.batches.per_step import STEPS, STORED_CURVE, STORED_STEPS, Step
 from tgospa_eval.batches.slices import stored_slices
 from tgospa_eval.batches.store import Row
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import is_of_memory
@@ -61,6 +62,8 @@ class Task:
     base, store : str
         Where relative paths begin, for a worker that was not started there, and the settings of
         the batch, which it sees if it shares its folder.
+    settings_file : SettingsFile, optional
+        The configuration file that set options of the batch.
     """
 
     job: Job
@@ -71,6 +74,7 @@ class Task:
     per_step: bool = False
     base: str = ""
     store: str = ""
+    settings_file: SettingsFile | None = None
 
     @property
     def is_written(self) -> bool:
@@ -152,7 +156,7 @@ def evaluate_job(task: Task) -> Row:
             here.job.truth,
             here.job.estimate,
             here.options,
-            OutputOptions(quiet=True),
+            OutputOptions(quiet=True, config=task.settings_file),
             lambda _: None,
         )
         files = files_of(here.job, here.options)

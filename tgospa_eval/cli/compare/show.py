@@ -31,6 +31,8 @@ def show(
         Makes figures by name; it is called where matplotlib is there.
     """
     kind = STUDY if answer["kind"] == "study" else COMPARISON
+    if output.config is not None:
+        answer["settings_file"] = output.config.record()
 
     def make(notify: Callable[[str, float], None]) -> Files:
         notify("the pictures", 0.0)

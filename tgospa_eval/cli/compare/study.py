@@ -9,6 +9,7 @@ from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.simulate.run import settings as scene_settings
 from tgospa_eval.cli.simulate.values import SceneOptions
+from tgospa_eval.common.figures import parsed_whole
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.comparison.log import Log, machine
@@ -73,7 +74,7 @@ def _study(options: CompareOptions, sizes: StudyOptions) -> Study:
         parameters=settings.parameters,
         distance=settings.measure.distance(COLUMNS[scene.state]),
         solvers=options.make_solvers("certified,sinkhorn"),
-        targets=numbers("targets", sizes.targets, int),
-        steps=numbers("steps", sizes.steps, int),
+        targets=numbers("targets", sizes.targets, parsed_whole),
+        steps=numbers("steps", sizes.steps, parsed_whole),
         runs=sizes.runs,
     )

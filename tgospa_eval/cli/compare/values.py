@@ -5,6 +5,7 @@ from typing import Self, TypeVar
 
 from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions, Values
+from tgospa_eval.common.figures import parsed, parsed_whole
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.comparison.runs import check_solvers
 from tgospa_eval.errors import ConfigError
@@ -59,7 +60,7 @@ class CompareOptions(Values):
 
     def settings(self) -> Settings:
         """The records that the options ask for."""
-        return make_settings(self.evaluation, self.output)
+        return make_settings(self.evaluation)
 
     def check_folder(self) -> None:
         """See that the folder can be written, before any work is done."""
@@ -90,7 +91,7 @@ class CompareOptions(Values):
             make: Callable[..., Solver] = solver_class(name)
             if name == "sinkhorn":
                 given = temperatures if self.epsilon is None else self.epsilon
-                solvers += [make(epsilon=e, **sweeping) for e in numbers("epsilon", given, float)]
+                solvers += [make(epsilon=e, **sweeping) for e in numbers("epsilon", given, parsed)]
             else:
                 solvers.append(make(**(limits if name == "exact" else sweeping)))
         check_solvers(solvers)
@@ -109,7 +110,7 @@ class StudyOptions(Values):
     seed: int
 
 
-def numbers(option: str, text: str, kind: type[Number]) -> list[Number]:
+def numbers(option: str, text: str, parse: Callable[[str], Number | None]) -> list[Number]:
     """The numbers of a list with commas.
 
     Raises
@@ -119,9 +120,9 @@ def numbers(option: str, text: str, kind: type[Number]) -> list[Number]:
     """
     found: list[Number] = []
     for part in map(str.strip, text.split(",")):
-        try:
-            found.append(kind(part))
-        except ValueError:
-            what = "whole numbers" if kind is int else "numbers"
-            raise ConfigError(f"--{option} {quoted(part)}: must be {what} with commas") from None
+        number = parse(part)
+        if number is None:
+            what = "whole numbers" if parse is parsed_whole else "numbers"
+            raise ConfigError(f"--{option} {quoted(part)}: must be {what} with commas")
+        found.append(number)
     return found

@@ -107,7 +107,7 @@ def evaluate_parts(
     TgospaError
         Something is wrong with options or data.
     """
-    settings = make_settings(options, output)
+    settings = make_settings(options)
     calibration = calibration_of(options)
     if output.output is not None:
         probed_folder(output.output, options, output, TABLE_FILES)
@@ -131,7 +131,7 @@ def evaluate_parts(
         except KeyboardInterrupt:
             print_notice(_interrupted(stopwatch.progress, output))
             raise
-        result = replace(result, calibration=calibration)
+        result = replace(result, calibration=calibration, settings_file=output.config)
         notify = notifier(quiet=output.quiet)
         for notice in result.warnings:
             notify(notice)

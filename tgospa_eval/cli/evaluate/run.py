@@ -50,7 +50,7 @@ def evaluate_files(
     TgospaError
         Something is wrong with options or files.
     """
-    settings = make_settings(options, output)
+    settings = make_settings(options)
     calibration = calibration_of(options)
     wanted = None
     if output.output is not None:
@@ -83,6 +83,7 @@ def evaluate_files(
             warnings=(*warnings, *result.warnings),
             files={"truth": truth, "estimate": estimate},
             calibration=calibration,
+            settings_file=output.config,
         )
 
     result = run(work, stopwatch, show=not output.quiet)

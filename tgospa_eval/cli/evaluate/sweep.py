@@ -1,6 +1,5 @@
 """``--sweep``: from its text to the values of a parameter, and the points to stdout and files."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,7 @@ from tgospa_eval.cli.shared.settings import infos, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.common.figures import parsed, parsed_whole
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.evaluation.sweep import in_order, sweep_fitted
@@ -78,7 +78,7 @@ def sweep_files(
     # Notices of the files are for a value in the middle.
     middle = sorted(values)[len(values) // 2]
     swept: dict[str, Any] = {name: middle}
-    settings = make_settings(replace(options, by=None, **swept), output)
+    settings = make_settings(replace(options, by=None, **swept))
     others = {k: v for k, v in vars(settings.parameters).items() if k != name}
     parameters = in_order(name, values, others)
     wanted = None
@@ -96,7 +96,7 @@ def sweep_files(
         found = sweep_fitted(
             fitted, request, name, parameters, files=infos(sides), stopwatch=stopwatch
         )
-        return replace(found, warnings=warnings)
+        return replace(found, warnings=warnings, settings_file=output.config)
 
     found = run(work, stopwatch, show=not output.quiet)
     if len(found.points) < len(parameters):
@@ -135,10 +135,7 @@ def _range(text: str, parts: list[str]) -> list[float]:
     if len(parts) != 3 and not logarithmic:
         raise ConfigError(f"--sweep {quoted(text)}: must be {FORM}")
     low, high = (_number(text, part) for part in parts[:2])
-    try:
-        count = int(parts[2])
-    except ValueError:
-        count = 0
+    count = parsed_whole(parts[2]) or 0
     if not 2 <= count <= MOST_VALUES:
         raise ConfigError(
             f"--sweep {quoted(text)}: COUNT must be a whole number from 2 to {MOST_VALUES}"
@@ -153,11 +150,8 @@ def _range(text: str, parts: list[str]) -> list[float]:
 
 
 def _number(text: str, part: str) -> float:
-    try:
-        value = float(part)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    value = parsed(part)
+    if value is None:
         raise ConfigError(
             f"--sweep {quoted(text)}: {quoted(part.strip())} is not a number; must be {FORM}"
         )

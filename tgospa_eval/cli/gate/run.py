@@ -45,16 +45,15 @@ def run_gate(given: Given, truth: str | None, estimate: str | None) -> int:
         Nothing could be judged.
     """
     gate, output = given.gate, given.output
-    if output.config and not output.quiet:
-        print_notice(f"settings from {output.config}")
     _check_junit(given, truth, estimate)
     try:
-        report = _judge(given, truth, estimate)
+        report = replace(_judge(given, truth, estimate), settings_file=output.config)
     except TgospaError as error:
         pair = Pair(name="gate", truth=truth or "", estimate=estimate or "")
         failed = replace(Outcome.of(pair, Verdict.ERROR, str(error)), status=error.exit_status)
         spared = replace(gate, junit=None) if isinstance(error, OverInputError) else gate
-        _publish(_report(gate.baseline or "", [failed]), spared)
+        report = replace(_report(gate.baseline or "", [failed]), settings_file=output.config)
+        _publish(report, spared)
         raise
     several = (gate.suite and (truth is None or estimate is None)) or is_store(truth)
     for outcome in report.outcomes:
@@ -81,8 +80,8 @@ def _check_junit(given: Given, *paths: str | None) -> None:
     gate = given.gate
     if not gate.junit:
         return
-    target = os.path.realpath(gate.junit)
-    for path in (*paths, gate.suite, gate.baseline, given.output.config):
+    target, used = os.path.realpath(gate.junit), given.output.config
+    for path in (*paths, gate.suite, gate.baseline, used and used.path):
         if path and os.path.realpath(path) == target:
             raise OverInputError(
                 f"--junit {gate.junit}: is an input of the gate; name another file"

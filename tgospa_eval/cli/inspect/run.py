@@ -4,6 +4,7 @@ from tgospa_eval.cli.inspect.picture import check_picture, write_picture
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.inspection import inspect
 from tgospa_eval.reports.inspection import Inspection
@@ -26,7 +27,7 @@ def inspect_files(
     """
     if plot is not None:
         check_picture(plot, paths)
-    settings = make_settings(options, output)
+    settings = make_settings(options)
     stopwatch = Stopwatch()
 
     def work() -> Inspection:
@@ -40,6 +41,7 @@ def inspect_files(
             shown = [side.trajectories for side in sides] if fitted is None else fitted.read
             named = list(zip(paths, shown, strict=True))
             write_picture(plot, named, options.unit or "", quiet=output.quiet)
-        return inspect(list(zip(paths, sides, strict=True)), fitted, request)
+        found = inspect(list(zip(paths, sides, strict=True)), fitted, request)
+        return {**found, **settings_field(output.config)}
 
     return run(work, stopwatch, show=not output.quiet)

@@ -13,6 +13,7 @@ from tgospa_eval.cli.shared.settings import Settings, make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import check_apart
+from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.distances import Distance, Effort, Reduction
@@ -55,7 +56,7 @@ def associate_files(
         check_file(path, force=output.force, option=option)
         check_apart(path, taken, option)
         taken.append(path)
-    settings = make_settings(options, output)
+    settings = make_settings(options)
 
     def work(effort: Effort) -> tuple[Association, Distance, dict[str, str]]:
         sides = _read(paths, settings, ("--a-format", "--b-format"), quiet=output.quiet)
@@ -74,9 +75,10 @@ def associate_files(
     found, distance, texts = _run(work, options.jobs, quiet=output.quiet)
     for option, path in files.items():
         write_file(path, texts[option], option)
+    used = settings_field(output.config)
     shown = {
         "table": lambda: association_text(found),
-        "json": lambda: json_text(_association(found, distance, settings)),
+        "json": lambda: json_text(_association(found, distance, settings) | used),
         "csv": lambda: csv_text(found.associations_table()),
     }
     emit(shown[output.format_](), output.format_)
@@ -124,7 +126,7 @@ def reduce_file(
         raise ConfigError(f"OUT {target}: must end in {', '.join(TABLES)}")
     how = reduction(options, output.size) or Reduction(size=output.size)
     clouds = replace(options, distance="cloud-wasserstein", reduce=output.size)
-    settings = make_settings(replace(clouds, cutoff=1.0, switch_penalty=0.0), output)
+    settings = make_settings(replace(clouds, cutoff=1.0, switch_penalty=0.0))
 
     def work(effort: Effort) -> tuple[Reading, bytes, Columns]:
         (side,) = _read((source,), settings, ("--in-format",), quiet=output.quiet)
@@ -154,6 +156,7 @@ def reduce_file(
         "counts": counts,
         "change": change,
         "clouds": records(table),
+        **settings_field(output.config),
     }
     texts = {
         "table": lambda: reduction_text(counts, change),

@@ -7,6 +7,7 @@ from typing import Any
 
 from tgospa_eval.cli.shared.particles import cloud_distance, given_particles
 from tgospa_eval.cli.shared.values import EvaluationOptions
+from tgospa_eval.common.figures import parsed
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.distances import DISTANCES, Distance
 from tgospa_eval.distances.base import Fault, Floats
@@ -151,11 +152,8 @@ def _numbers(option: str, items: Sequence[str], default: float | None = None) ->
     found: dict[str, float] = {}
     for item in (part.strip() for text in items for part in str(text).split(",")):
         name, equals, text = (part.strip() for part in item.partition("="))
-        try:
-            number = default if default is not None and not equals else float(text)
-        except ValueError:
-            number = math.nan
-        if not name or not 0 < number < math.inf:
+        number = default if default is not None and not equals else parsed(text)
+        if not name or number is None or number <= 0:
             form = "name=number" if default is None else "name or name=number"
             raise ConfigError(f"--{option} {quoted(item)}: must be {form}, with a number > 0")
         if name in found:

@@ -3,9 +3,11 @@
 import os
 import re
 from collections.abc import Iterable
+from typing import Any
 
 import click
 
+from tgospa_eval.cli.shared.option import tell_settings
 from tgospa_eval.cli.verbs import VERBS, load
 from tgospa_eval.text import clipped, listed, visible
 
@@ -113,6 +115,11 @@ class Verb(click.Command):
         if rest and not ctx.resilient_parsing:
             raise click.UsageError(self._too_many(ctx, rest), ctx)
         return rest
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the verb; first of all it says where its settings come from."""
+        tell_settings(ctx)
+        return super().invoke(ctx)
 
     def _check_dashes(self, ctx: click.Context, args: list[str]) -> None:
         """Whether a long option has one dash: of -output click makes -o with the value utput."""

@@ -4,9 +4,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import click
+from click.core import ParameterSource
 
+from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.verbs import CONFIG
 from tgospa_eval.common import config
+from tgospa_eval.common.figures import parsed, parsed_whole
 from tgospa_eval.common.files import STDIN
 
 if TYPE_CHECKING:
@@ -32,6 +35,31 @@ class Source(click.Path):
 SOURCE = Source(readable=False)
 KEYS: dict[str, bool] = {}
 """Keys of a configuration file, and whether each is a flag."""
+
+TRUSTED_KEYS = frozenset(
+    (
+        *("cutoff", "order", "switch-penalty", "rho", "step-weights", "existence"),
+        *("distance", "covariance", "periodic", "scale", "unit"),
+        *("columns", "truth-columns", "estimate-columns", "a-columns", "b-columns"),
+        *("truth-format", "estimate-format", "a-format", "b-format", "in-format"),
+        *("time-tolerance", "grid", "on-duplicate", "decimal", "interpolate", "max-gap"),
+        *("time-offset", "time-scale", "unit-scale"),
+        *("time", "class", "truth-class", "estimate-class", "region", "by", "preprocess"),
+        *("fix-cov", "missing-cov", "mixed", "cloud-order", "inner", "inner-cov", "reduce"),
+        *("reduce-method", "directions", "iterations", "restarts", "polish", "seed"),
+    )
+)
+"""Those that a configuration file may set which was only found: what is evaluated.
+
+Somebody else may have written it. Nothing is here that writes, connects, takes resources, judges,
+says how exact is exact, or keeps quiet.
+"""
+
+
+PLAIN_NUMBERS: tuple[tuple[type, Callable[[str], float | None], str], ...] = (
+    (click.types.FloatParamType, parsed, "plain, finite number; write it as 2.5 or 1e-3"),
+    (click.types.IntParamType, parsed_whole, "whole number; write it as 10"),
+)
 
 
 class OptionSettings(TypedDict, total=False):
@@ -83,6 +111,13 @@ class Option(click.Option):
         """Its name in a configuration file: the first long one."""
         return next(name for name in self.opts if name.startswith("--")).lstrip("-")
 
+    def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
+        """The value; a number is a plain one, where click takes any that Python has."""
+        for kind, parse, right in PLAIN_NUMBERS if isinstance(value, str) else ():
+            if isinstance(self.type, kind) and parse(value) is None:
+                raise click.BadParameter(f"{value!r} is no {right}", ctx, self)
+        return super().type_cast_value(ctx, value)
+
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """Names and text; a default in words needs no parentheses of its own."""
         record = super().get_help_record(ctx)
@@ -109,7 +144,9 @@ def option(
     return made
 
 
-def load_config(ctx: click.Context, parameter: click.Parameter, path: str | None) -> str | None:
+def load_config(
+    ctx: click.Context, parameter: click.Parameter, path: str | None
+) -> config.SettingsFile | None:
     """Callback of --config: settings of the options that the verb has.
 
     A file may hold those of other verbs as well.
@@ -119,12 +156,31 @@ def load_config(ctx: click.Context, parameter: click.Parameter, path: str | None
         for item in ctx.command.params
         if isinstance(item, Option) and item is not parameter and item.envvar
     }
-    used, settings = config.load(path, KEYS)
+    used = config.load(path, KEYS, TRUSTED_KEYS)
     ctx.meta[CONFIG] = used
+    if used is None:
+        return None
     named = {
         str(taken[key].name): (value,) if taken[key].multiple else value
-        for key, value in settings.items()
+        for key, value in used.options.items()
         if key in taken
     }
     ctx.default_map = {**(ctx.default_map or {}), **named}
     return used
+
+
+def tell_settings(ctx: click.Context) -> None:
+    """Say which options a configuration file sets, now that flags and environment are known."""
+    used = ctx.params.get("config")
+    if used is None:
+        return
+    kept = [
+        item.key
+        for item in ctx.command.params
+        if isinstance(item, Option) and not item.hidden
+        if ctx.get_parameter_source(str(item.name)) is ParameterSource.DEFAULT_MAP
+    ]
+    ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
+    if not ctx.params["quiet"]:
+        print_notice(str(used))
+        ctx.meta[CONFIG] = None  # an error of an option says it no second time

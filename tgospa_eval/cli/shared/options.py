@@ -274,7 +274,8 @@ SLICE = Option(
 
 CONFIG_FILE = Option(
     "--config FILE",
-    "Read settings from a TOML file; the keys are the names of these options.",
+    "Read settings from a TOML file, by the names of these options. One that is only found sets "
+    "what is evaluated, and nothing else.",
     section="General",
     is_eager=True,
     callback=load_config,
@@ -366,7 +367,6 @@ GATE = (
         "Write annotations to stderr, and a summary to the file that GITHUB_STEP_SUMMARY names.",
     ),
 )
-
 
 SOLVING_KEYS = (
     *("switch-penalty", "rho", "step-weights", "existence"),

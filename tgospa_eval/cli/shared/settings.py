@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
-from tgospa_eval.cli.shared.streams import print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
@@ -248,7 +247,7 @@ def infos(sides: tuple[Reading, ...]) -> tuple[FileInfo, FileInfo]:
     return truth, estimate
 
 
-def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings:
+def make_settings(options: EvaluationOptions) -> Settings:
     """The records that the options ask for.
 
     Raises
@@ -258,8 +257,6 @@ def make_settings(options: EvaluationOptions, output: OutputOptions) -> Settings
     InputError
         The file of a covariance is missing or wrong.
     """
-    if output.config and not output.quiet:
-        print_notice(f"settings from {output.config}")
     # A file may change from one job of a batch to the next; options do not.
     named = options.covariance, options.inner_cov, options.step_weights
     return _settings(options) if any(named) else _kept(options)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Self
 
+from tgospa_eval.common.config import SettingsFile
 from tgospa_eval.common.frozen import dataclass
 
 NOT_OF_THE_NUMBER = (
@@ -121,6 +122,6 @@ class OutputOptions(Values):
     style: str = "screen"
     components: str | None = None
     plane: str | None = None
-    config: str | None = None
+    config: SettingsFile | None = None
     quiet: bool = False
     verbose: bool = False

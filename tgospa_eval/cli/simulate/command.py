@@ -8,6 +8,7 @@ from click.core import ParameterSource
 from tgospa_eval.cli.shared.help import Verb
 from tgospa_eval.cli.shared.option import PATH, Option
 from tgospa_eval.cli.simulate.values import SceneOptions
+from tgospa_eval.common.figures import parsed_whole
 
 # Spelled out here, because importing the members costs numpy; a test holds them together.
 SCENARIOS = ("crossing", "parallel", "convoy", "dense", "births", "manoeuvring")
@@ -24,10 +25,10 @@ LARGEST_RECORDING = 10**12
 
 def _lengths(ctx: click.Context, parameter: click.Parameter, text: str) -> tuple[int, int]:  # noqa: ARG001
     """A:B, or one number for both."""
-    try:
-        least, most = map(int, text.split(":") if ":" in text else (text, text))
-    except ValueError:
-        raise click.BadParameter(f"{text!r}: must be A:B or A, in steps") from None
+    first, colon, last = text.partition(":")
+    least, most = parsed_whole(first), parsed_whole(last if colon else first)
+    if least is None or most is None:
+        raise click.BadParameter(f"{text!r}: must be A:B or A, in steps")
     return least, most
 
 

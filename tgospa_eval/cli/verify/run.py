@@ -10,7 +10,7 @@ from typing import Any
 from tgospa_eval.cli.shared.progress import run
 from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
-from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
+from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
@@ -121,7 +121,7 @@ def _prepared(files: Files, proof: Mapping[str, Any], stopwatch: Stopwatch) -> P
         chosen = EvaluationOptions(**options)
     except TypeError as error:
         raise InputError(f"proof.json: options of another version: {error}") from None
-    settings = make_settings(chosen, OutputOptions())
+    settings = make_settings(chosen)
     sides = settings.read(*files)
     fitted, request = settings.fit(sides, files)
     if "class" in proof:
