@@ -169,6 +169,29 @@ def test_stamps_are_cut_where_all_of_the_recording_begin_alike(
     assert all(f"\n  {stamp}\n" in shown for stamp in stamps)  # of the curve, a line of their own
 
 
+@pytest.mark.parametrize("stamp", ["{}", "2014-06-{:02}T19:03:00.163556123Z"])
+@pytest.mark.parametrize("size", [12, 36, 60])
+def test_switches_of_long_ids_are_on_several_lines(
+    stamp: str, size: int, invoke: Callable, write: Callable[[str, str], str]
+) -> None:
+    """No line is cut; ids as long as a UUID are whole, of longer ones the ends are there."""
+    stamps = [stamp.format(t) for t in (1, 12, 13, 24)]
+    truth, *estimates = (f"{name}-{'0' * (size - 6)}-{name}" for name in ("tr", "aa", "zz"))
+    rows = "".join(f"{truth},{t},0\n" for t in stamps)
+    found = "".join(f"{estimates[k // 2]},{t},0\n" for k, t in enumerate(stamps))
+    given = write("t.csv", "id,t,x\n" + rows), write("e.csv", "id,t,x\n" + found)
+    shown = invoke(*given, "-q", "-c", "10", "-g", "1").out
+    block = shown[shown.index("  switches") : shown.index("  solver")].splitlines()
+    assert max(map(len, block)) <= 80
+    words = " ".join(block).split()
+    names = [truth, *estimates] if size < 40 else ["00-tr", "00-aa", "00-zz"]
+    arrow = words.index("->", words.index("->") + 1)  # the first is that of the head
+    ends = words[arrow - 2].removesuffix(":"), words[arrow - 1], words[arrow + 1]
+    assert all(end.endswith(name) for end, name in zip(ends, names, strict=True))
+    assert all(len(end) == size or end.startswith("...") for end in ends)
+    assert stamps[2] in words
+
+
 def test_notices_are_wrapped_on_a_terminal_alone(
     quickstart: tuple[str, str], run: Callable, tmp_path: Path, environment: dict[str, str]
 ) -> None:
