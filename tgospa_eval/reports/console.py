@@ -325,10 +325,10 @@ def _switches(result: Summary) -> Iterator[str]:
     moves = []
     for k in range(len(switches["t"])):
         ends = (switches[key][k] for key in ("from", "to"))
-        ids = (switches["truth"][k], *("none" if end is None else end for end in ends))
+        names = [switches["truth"][k], *("none" if end is None else end for end in ends)]
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        moves.append(([visible(str(name)) for name in ids], half))
+        moves.append(([visible(str(name)) for name in names], half))
     longest = max(len("".join(ids) + half) for ids, half in moves) + len(":  -> ")
     times = fitting(switches["t"], max(22, WIDTH - 21 - longest), lambda: result.labels.times)
     wide = max(10, *map(len, times))
