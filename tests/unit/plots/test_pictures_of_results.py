@@ -638,7 +638,7 @@ def test_without_matplotlib_one_notice(
     monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
     answer = draw("-o", "a")
     assert answer.status == 0
-    notice = f"the pictures are not written: they need {install('plot')}"
+    notice = f"no pictures: they need the extra plot: {install('plot')}"
     assert answer.err.count("tgospa-eval[") == answer.err.count(notice) == 1
     assert (tmp_path / "a" / "result.json").exists()
     assert "tgospa-eval[" not in draw("-o", "b", "--pictures", "none").err
