@@ -5,7 +5,9 @@ BIN := .venv/bin
 .PHONY: demo test test-fallback test-oldest test-newest coverage fuzz bench lint docs man lock clean
 
 demo: .venv/installed
-	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m
+	$(BIN)/tgospa-eval sample_data/quickstart/truth.csv sample_data/quickstart/estimate.csv --cutoff 10 --switch-penalty 5 --unit m \
+		--pictures none --output demo
+	@$(BIN)/python -c 'from pathlib import Path; print("\nTo see this result step by step, open in a browser:", Path("demo/report.html").absolute().as_uri(), sep="\n  ")'
 
 test: .venv/installed-test
 	$(BIN)/python -m pytest -n auto --dist worksteal
@@ -69,21 +71,25 @@ lock: .venv/bin/python
 		--no-emit-package setuptools --output-file requirements-dev.txt pyproject.toml
 
 clean:
-	rm -rf .venv .venv-oldest .venv-newest build dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/problem/*.so \
+	rm -rf .venv .venv-oldest .venv-newest build demo dist docs/_build *.egg-info .coverage* tgospa_eval/problem/_kernels.c tgospa_eval/formats/text/_scan.c tgospa_eval/problem/*.so \
 		tgospa_eval/formats/text/*.so
 
 .venv/bin/python:
+	@echo 'Making an environment for Python in .venv ...'
 	$(PYTHON) -m venv .venv
 
 # The one step that builds the package and its extension; the others only add to it.
 .venv/installed: .venv/bin/python pyproject.toml tgospa_eval/problem/_kernels.pyx tgospa_eval/formats/text/_scan.pyx
+	@echo 'Installing tgospa-eval and its libraries into .venv, and compiling its inner loops, a few minutes ...'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
 .venv/installed-test: .venv/installed requirements-dev.txt
+	@echo 'Adding what the tests need, a few minutes ...'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.txt 'tgospa-eval[test]'
 	touch $@
 
 .venv/installed-dev: .venv/installed-test
+	@echo 'Adding what checks and documentation need, a few minutes ...'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint requirements-dev.txt 'tgospa-eval[dev]'
 	touch $@

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from checkout import SAMPLES
-from pages import NASTY, address, detail, ink, labels
+from pages import NASTY, address, detail, ink, labels, texts
 
 from tgospa_eval import Sinkhorn, evaluate
 from tgospa_eval.common import palette
@@ -262,8 +262,33 @@ def test_colours_are_those_of_all_pictures(shown: Callable, sample: Result) -> N
 
 
 def test_charts_name_their_axes(shown: Callable, sample: Result) -> None:
-    names = {name.strip("\u2068\u2069") for name in labels(shown(sample))}
+    names = labels(shown(sample))
     assert {"time", "cost (m²)", "per step, so far (m)"} <= names
+
+
+@pytest.mark.parametrize("size", [5, 16, 90])
+def test_names_of_lanes_have_the_room_that_they_need(shown: Callable, size: int) -> None:
+    """Up to a quarter of the width; clicks know where the lanes begin."""
+    pandas = pytest.importorskip("pandas")
+    rows = pandas.DataFrame({"id": "t" * size, "t": range(20), "x": 0.0, "y": 0.0})
+    tab = shown(evaluate(rows, rows.assign(id="e"), cutoff=1.0))
+    names = {text for text in labels(tab) if set(text) <= {"t", "…"} and "t" in text}
+    assert (names == {"t" * size}) == (size < 90)
+    assert all(len(name) > 20 for name in names if "…" in name)
+    box = tab.box("#lanes-canvas")
+    first = max(x for text, x, _ in texts(tab) if text == "0")  # of the axis of time
+    tab.click(box["x"] + first - 30, box["y"] + 30)
+    assert address(tab) == f"#truth={'t' * size}"
+    tab.click(box["x"] + first, box["y"] + 30)
+    assert address(tab) == f"#step=0&truth={'t' * size}"
+
+
+def test_large_costs_leave_room_for_the_name_of_their_axis(shown: Callable) -> None:
+    truth = np.zeros((5, 1, 2))
+    tab = shown(evaluate(truth, truth[:, :0], cutoff=8e3, unit="m"))
+    assert "30,000,000" in labels(tab)
+    at = {text: x for text, x, _ in texts(tab)}
+    assert at["30,000,000"] > 24 + 10 * 6  # numbers end there; the name is around 0 + 9
 
 
 def test_steps_are_to_scale(shown: Callable) -> None:

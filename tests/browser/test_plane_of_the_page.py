@@ -1,11 +1,13 @@
 """What is around states in the report: boxes and ellipses, and moving about in the plane."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pages import embedded, note, pick, picture
+from browser import Browser
+from pages import embedded, note, pick, picture, texts
 
 from tgospa_eval import Trajectories, evaluate
 from tgospa_eval.distances import CloudWasserstein
@@ -66,6 +68,33 @@ def test_covariances_are_told_to_a_few_percent(size: int) -> None:
     assert np.abs((found - exact) / scale).max() < 0.05
     assert len(levels["row"]) == 150
     assert told(result, "truth")[1] == {}
+
+
+@pytest.mark.parametrize(("latitude", "factor"), [(0.0, 1.0), (60.0, 2.0)])
+def test_a_map_has_equal_scales(shown: Callable, latitude: float, factor: float) -> None:
+    """At 60 degrees a degree of longitude is half as long as one of latitude."""
+    pandas = pytest.importorskip("pandas")
+    rows = pandas.DataFrame({"id": "a", "t": range(5), "lat": 0.0, "lon": np.linspace(10, 12, 5)})
+    rows["lat"] = latitude + np.linspace(-1, 1, 5)
+    tab = shown(evaluate(rows, rows, cutoff=1.0, distance="haversine"))
+    assert tab.run("document.getElementById('equal').checked")
+    assert degrees(tab) == pytest.approx(factor, rel=0.02)
+    pick(tab, "#axis-x", "lat")
+    pick(tab, "#axis-y", "lon")
+    assert degrees(tab) == pytest.approx(1 / factor, rel=0.02)
+    pick(tab, "#axis-y", "t")
+    assert not tab.run("document.getElementById('equal').checked")
+
+
+def degrees(tab: Browser) -> float:
+    """Pixels of a degree upwards by those of one across, by the labels of the ticks."""
+    found = texts(tab, "[data-plane=in]")
+    ticks = [(float(text), x, y) for text, x, y in found if re.fullmatch(r"-?[\d.]+", text)]
+    across = sorted((value, x) for value, x, y in ticks if y == 460 - 16)
+    up = sorted((value, -y) for value, x, y in ticks if x == 52)
+    (a, left), (b, right) = across[0], across[-1]
+    (c, low), (d, high) = up[0], up[-1]
+    return (high - low) / (d - c) / ((right - left) / (b - a))
 
 
 def test_points_and_what_is_nearly_singular() -> None:

@@ -172,6 +172,15 @@ def test_lines_break_where_a_track_has_a_hole() -> None:
     assert [label.get_text() for label in presence.get_yticklabels()] == ["0", "1"]
 
 
+def test_a_map_has_equal_scales() -> None:
+    """At 60 degrees a degree of longitude is half as long as one of latitude."""
+    pytest.importorskip("matplotlib")
+    states = np.array([[[59.0, 10.0]], [[61.0, 12.0]]])
+    side = Trajectories.from_array(states, ("lat", "lon"))
+    plane = plot_inspection([("t.csv", side)]).axes[0]
+    assert plane.get_aspect() == pytest.approx(2)
+
+
 def test_settings_of_other_verbs_do_not_disturb(invoke: Run, write: Write) -> None:
     files = write("t.csv", TRUTH), write("e.csv", ESTIMATE)
     ours = write("ours.toml", 'cutoff = 2\nsolver = "exact"\nformat = "markdown"\n')

@@ -380,7 +380,6 @@ def test_interrupt_at_once(interrupted: Run, crowd: Pair, lines: str) -> None:
 
 @POSIX
 def test_interrupt_of_the_pictures(interrupted: Run, quickstart: Pair) -> None:
-    pytest.importorskip("jinja2")
     status, out, err = interrupted(DRAWING, *quickstart, "-c", "5", "-g", "2", "-o", "out")
     assert status == 130
     assert out.startswith("TGOSPA = ")

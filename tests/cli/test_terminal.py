@@ -63,6 +63,77 @@ def test_a_terminal_gets_graphs_of_80_columns(
     assert any(line.startswith("TGOSPA of 9 windows of 12 steps") for line in lines)
 
 
+UNLIKE = ("  worst steps", "  seconds ")
+"""Lines that a terminal has otherwise, or that no two runs share."""
+
+
+def kept(text: str) -> list[str]:
+    """Lines of a table that a terminal and a pipe show alike."""
+    return [line for line in text.splitlines() if line.strip() and not line.startswith(UNLIKE)]
+
+
+def has_all(shown: str, plain: str) -> bool:
+    """Whether a terminal shows every line of the plain table, in the same order."""
+    lines = iter(COLOUR.sub("", shown).splitlines())
+    return all(line in lines for line in kept(plain))
+
+
+OPTIONS: dict[str, tuple[str, ...]] = {
+    "slice": ("--slice", "age=0:5:60"),
+    "curve": ("--curve",),
+    "window": ("--window", "12"),
+    "explain": ("--explain",),
+    "with": ("--with", "hota,gospa"),
+    "similarity": ("--similarity", "2"),
+    "step-weights": ("--step-weights", "{folder}/weights.csv"),
+    "existence": ("--existence", "use"),
+    "by": ("--by", "class"),
+}
+"""Each adds lines to the table."""
+
+
+def scene(folder: Path, quickstart: tuple[str, str]) -> list[str]:
+    """The files of the quickstart with classes, probabilities of existence and weights."""
+    pandas, paths = pytest.importorskip("pandas"), []
+    for path in map(Path, quickstart):
+        rows = pandas.read_csv(path)
+        rows["class"] = np.where(rows["id"] % 100 < 3, "car", "van")
+        rows["existence"] = 0.9
+        rows.to_csv(folder / path.name, index=False)
+        paths.append(path.name)
+    weights = pandas.DataFrame({"t": range(100)}).assign(weight=2.0)
+    weights.to_csv(folder / "weights.csv", index=False)
+    return [*paths, "-c", "10", "-g", "5"]
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_a_terminal_shows_every_block_of_the_table(
+    name: str,
+    invoke: Callable,
+    quickstart: tuple[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given = [*scene(tmp_path, quickstart), "-q"]
+    asked = (*given, *(text.format(folder=tmp_path) for text in OPTIONS[name]))
+    without, plain = invoke(*given).out, invoke(*asked).out
+    assert set(kept(plain)) - set(kept(without))
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert has_all(invoke(*asked).out, plain)
+
+
+def test_a_pseudo_terminal_shows_all_blocks_together(
+    invoke: Callable,
+    quickstart: tuple[str, str],
+    tmp_path: Path,
+    environment: dict[str, str],
+) -> None:
+    given = [*scene(tmp_path, quickstart), "-q"]
+    for name in ("slice", "curve", "window", "explain", "with", "similarity"):
+        given += OPTIONS[name]
+    assert has_all(on_terminal(given, tmp_path, environment), invoke(*given).out)
+
+
 def test_long_stamps_lose_no_digit_that_tells_them_apart(
     invoke: Callable, write: Callable[[str, str], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -96,6 +167,29 @@ def test_stamps_are_cut_where_all_of_the_recording_begin_alike(
     assert max(map(len, shown.splitlines())) <= 80
     assert "..." not in re.sub(r"b+\.\.\.", "", shown)  # of one switch the stamps begin alike
     assert all(f"\n  {stamp}\n" in shown for stamp in stamps)  # of the curve, a line of their own
+
+
+@pytest.mark.parametrize("stamp", ["{}", "2014-06-{:02}T19:03:00.163556123Z"])
+@pytest.mark.parametrize("size", [12, 36, 60])
+def test_switches_of_long_ids_are_on_several_lines(
+    stamp: str, size: int, invoke: Callable, write: Callable[[str, str], str]
+) -> None:
+    """No line is cut; ids as long as a UUID are whole, of longer ones the ends are there."""
+    stamps = [stamp.format(t) for t in (1, 12, 13, 24)]
+    truth, *estimates = (f"{name}-{'0' * (size - 6)}-{name}" for name in ("tr", "aa", "zz"))
+    rows = "".join(f"{truth},{t},0\n" for t in stamps)
+    found = "".join(f"{estimates[k // 2]},{t},0\n" for k, t in enumerate(stamps))
+    given = write("t.csv", "id,t,x\n" + rows), write("e.csv", "id,t,x\n" + found)
+    shown = invoke(*given, "-q", "-c", "10", "-g", "1").out
+    block = shown[shown.index("  switches") : shown.index("  solver")].splitlines()
+    assert max(map(len, block)) <= 80
+    words = " ".join(block).split()
+    names = [truth, *estimates] if size < 40 else ["00-tr", "00-aa", "00-zz"]
+    arrow = words.index("->", words.index("->") + 1)  # the first is that of the head
+    ends = words[arrow - 2].removesuffix(":"), words[arrow - 1], words[arrow + 1]
+    assert all(end.endswith(name) for end, name in zip(ends, names, strict=True))
+    assert all(len(end) == size or end.startswith("...") for end in ends)
+    assert stamps[2] in words
 
 
 def test_notices_are_wrapped_on_a_terminal_alone(

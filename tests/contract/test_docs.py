@@ -12,6 +12,8 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
 from checkout import ROOT
@@ -125,3 +127,32 @@ def test_readme_prints_what_the_start_page_does() -> None:
     printed = text.partition("```")[0]
     assert printed
     assert printed in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+
+
+def make(*arguments: str, folder: Path) -> list[str]:
+    """Lines that a target prints, where everything is installed."""
+    if not (shutil.which("make") and Path(sys.executable).with_name("tgospa-eval").exists()):
+        pytest.skip("needs make, and the command beside this Python")
+    given = ("-f", ROOT / "Makefile", "-C", folder, f"BIN={Path(sys.executable).parent}")
+    done = subprocess.run(["make", *given, *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.splitlines()
+
+
+@pytest.mark.process
+def test_the_demo_ends_with_its_page_also_the_second_time(tmp_path: Path) -> None:
+    (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
+    for _ in range(2):
+        lines = make("-o", ".venv/installed", "demo", folder=tmp_path)
+        address = next(line.strip() for line in lines[::-1] if "file:" in line)
+        page = Path(url2pathname(urlsplit(address).path))
+        assert "TGOSPA = 42.5352" in page.read_text(encoding="utf-8")
+    (made,) = {page.relative_to(tmp_path).parts[0]}
+    assert f"/{made}/" in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.process
+def test_nothing_is_installed_in_silence() -> None:
+    lines = make("--dry-run", "--always-make", "demo", "test", "lint", folder=ROOT)
+    slow = [k for k, line in enumerate(lines) if "-m pip install" in line or "-m venv" in line]
+    assert len(slow) > 2
+    assert [lines[k] for k in slow if not lines[k - 1].startswith("echo ")] == []

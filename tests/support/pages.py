@@ -81,13 +81,18 @@ def pick(tab: Browser, selector: str, value: str) -> None:
     )
 
 
-def labels(tab: Browser) -> set[str]:
-    """All texts of the pictures, drawn anew."""
+def texts(tab: Browser, button: str = "[data-do=all]") -> list[tuple[str, float, float]]:
+    """All texts of the pictures that a button draws anew, and where they are."""
     path = "CanvasRenderingContext2D.prototype"
     tab.run(
         f"window.said = []; (() => {{ const plain = {path}.fillText; {path}.fillText ="
-        " function (text, ...at) { said.push(text); plain.call(this, text, ...at); }; })();"
-        "document.querySelector('[data-do=all]').click()"
+        " function (...given) { said.push(given); plain.apply(this, given); }; })();"
+        f"document.querySelector('{button}').click()"
     )
     tab.wait("said.length > 0")
-    return set(tab.run("said"))
+    return [(text, x, y) for text, x, y in tab.run("said")]
+
+
+def labels(tab: Browser) -> set[str]:
+    """All texts of the pictures, drawn anew."""
+    return {text.strip("\u2068\u2069") for text, *_ in texts(tab)}

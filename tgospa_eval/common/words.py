@@ -36,14 +36,14 @@ def in_both(common: int, union: int) -> str:
     return f"{common:,} of {union:,} {'step is' if union == 1 else 'steps are'} in both files"
 
 
-def install(*extras: str) -> str:
-    """The command that adds extras to this very installation, wherever it came from.
+def install(extra: str) -> str:
+    """The command that adds an extra to this very installation, wherever it came from.
 
-    pip finds the package installed and fetches only what the extras name, so it need not be on an
+    pip finds the package installed and fetches only what the extra names, so it need not be on an
     index. Double quotes are such in all shells.
     """
     python = f'"{sys.executable}"' if " " in sys.executable else sys.executable
-    return f'{python} -m pip install "tgospa-eval[{",".join(extras)}]"'
+    return f'{python} -m pip install "tgospa-eval[{extra}]"'
 
 
 def natural(text: str) -> tuple[list[tuple[int, int, str]], str]:

@@ -88,7 +88,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
     from matplotlib import rcParams
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    from tgospa_eval.plots.shown import ShownFigure
+    from tgospa_eval.plots.shown import ApartLocator, ShownFigure
 
     grid = 0.75 * rcParams["grid.linewidth"]
     made = ShownFigure(figsize=(width, height), layout="constrained", facecolor="white")
@@ -102,6 +102,7 @@ def figure(width: float, height: float, rows: int = 1, columns: int = 1) -> "tup
             spine.set_in_layout(False)  # on the edge of the axes, and to find that out takes long
         counted(axis.xaxis)
         counted(axis.yaxis)
+        axis.xaxis.set_major_locator(ApartLocator())
     return made, axes
 
 

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tgospa_eval.plots import figure
+from tgospa_eval.plots.plane import unit_scale
 from tgospa_eval.plots.style import FALSE, INK, SOFT, legend, literal, styled
 from tgospa_eval.plots.views import TIME, is_box, plane_columns
 from tgospa_eval.problem.problem import Floats, Ints
+from tgospa_eval.reports.page_data import is_map, map_stretch
 from tgospa_eval.tracks.alignment import SECOND
 from tgospa_eval.tracks.trajectories import Trajectories
 
@@ -84,8 +86,9 @@ def plot_inspection(
         if below <= NAMED:
             ids = [str(name) for _, side in sides for name in side.ids.tolist()]
             presence.set_yticks(range(below), [literal(name) for name in ids], parse_math=False)
-        if TIME not in (across, up) and {across, up} != {"lat", "lon"}:
-            plane.set_aspect("equal", adjustable="datalim")
+        scale = unit_scale(across, up, _stretch(sides))
+        if scale is not None:
+            plane.set_aspect(scale, adjustable="datalim")
         if boxes:
             plane.invert_yaxis()
         legend(made, list(handles.values()), list(handles), 2)
@@ -115,6 +118,13 @@ def _places(side: Trajectories) -> dict[str, Floats]:
         found["centre x"] = found["left"] + found["width"] / 2
         found["centre y"] = found["top"] + found["height"] / 2
     return found
+
+
+def _stretch(sides: Sequence[tuple[str, Trajectories]]) -> float:
+    """Of a map, by the states of all sides; else 1."""
+    if not is_map(sides[0][1].columns):
+        return 1.0
+    return map_stretch(np.concatenate([_places(side)["lat"] for _, side in sides]))
 
 
 def _first(sides: Sequence[tuple[str, Trajectories]]) -> str:

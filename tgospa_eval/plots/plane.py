@@ -86,7 +86,9 @@ def draw_plane(seen: View, style: Style, columns: Sequence[str] | None = None) -
     sides = [side for side in (seen.truth, seen.estimate) if side.axes]
     places = {side.name: (side.axes[across], side.axes[up]) for side in sides}
     extent = [_extent([pair[k] for pair in places.values()]) for k in (0, 1)]
-    scale = _scale(extent, across, up)
+    scale = unit_scale(across, up, seen.data.get("stretch", 1.0))
+    if scale is not None and not 1 / STRETCH <= scale * extent[1] / extent[0] <= STRETCH:
+        scale = None
     ratio = 0.62 if scale is None else scale * extent[1] / extent[0]
     tall = min(max(ratio, 0.45), 1.0 if style.titles else 0.95) * (style.width - 1.0) + 0.9
     made, ((axis,),) = figure(style.width, tall)
@@ -119,11 +121,14 @@ def _extent(values: list[Floats]) -> float:
     return float(np.ptp(known)) if len(known) and np.ptp(known) > 0 else 1.0
 
 
-def _scale(extent: list[float], across: str, up: str) -> float | None:
-    """Length of a unit upwards by that of one across, where both are places in one unit."""
-    if TIME in (across, up) or {across, up} == {"lat", "lon"}:
+def unit_scale(across: str, up: str, stretch: float) -> float | None:
+    """Length of a unit upwards by that of one across, where both are places in one unit.
+
+    `stretch` is that of a degree of latitude by one of longitude.
+    """
+    if TIME in (across, up) or len({across, up} & {"lat", "lon"}) == 1:
         return None
-    return 1.0 if 1 / STRETCH <= extent[1] / extent[0] <= STRETCH else None
+    return {("lon", "lat"): stretch, ("lat", "lon"): 1 / stretch}.get((across, up), 1.0)
 
 
 def _named(column: str, unit: str) -> str:

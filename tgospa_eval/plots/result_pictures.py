@@ -123,7 +123,7 @@ def save(result: Summary, folder: "str | os.PathLike[str]", *, force: bool) -> N
     try:
         probe_folder(path, RESULT, force=force, option="folder")
         drawn = document(result)
-        files: dict[str, str | bytes | Path] = {**result_texts(result, drawn=drawn)[0]}
+        files: dict[str, str | bytes | Path] = {**result_texts(result, drawn=drawn)}
         if available():
             files |= result_pictures(result, Pictures(), drawn=drawn)
         write_texts(files, path, RESULT, force=force, option="folder")

@@ -17,7 +17,7 @@ from tgospa_eval.plots.clock import Clock, words
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.drawn import Drawn, PageData
 from tgospa_eval.reports.moments import edges, placed
-from tgospa_eval.reports.page_data import NONE, document
+from tgospa_eval.reports.page_data import NONE, document, is_map
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import Summary
 from tgospa_eval.text import quoted
@@ -165,7 +165,7 @@ def plane_columns(
         return asked[0], asked[1]
     if boxes:
         return "centre x", "centre y"
-    if "lat" in known and "lon" in known:
+    if is_map(known):
         return "lon", "lat"
     return (known[0], known[1]) if len(known) > 1 else (TIME, known[0] if known else TIME)
 

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.common.figures import number
@@ -13,6 +13,7 @@ from tgospa_eval.reports.batch_records import BatchTables, Comparison, Ranking, 
 from tgospa_eval.reports.batch_slices import about_slices_of, slice_tables
 from tgospa_eval.reports.order import (
     MOST_NAMED,
+    best_cells,
     best_of,
     first_names,
     order_in_words,
@@ -64,26 +65,41 @@ def _sums_table(tables: BatchTables) -> Table:
     values = {"combined": "combined", "per_step": "per step", "rms": "RMS"}
     if "mean_of_roots" in groups:
         values["mean_of_roots"] = "mean of roots"
-    shown = []
-    for row in groups.to_dict("records"):
-        cells = [_between(_ends(row, name)) for name in values]
+    shown, rows = [], groups.to_dict("records")
+    columns = [[_ends(row, name) for row in rows] for name in values]
+    for row, ends in zip(rows, zip(*columns, strict=True), strict=True):
+        cells = list(map(_between, ends))
         if with_intervals:
             interval = Interval(lower=row["confidence_lower"], upper=row["confidence_upper"])
             cells.insert(1, _interval(interval))
         jobs = of_expected(int(row["jobs"]), int(row["expected"]))
         shown.append((*(value_in_words(row[name]) for name in heads), jobs, *cells))
     titles = list(values.values())
+    places = dict(enumerate(columns, start=len(heads) + 1))
     if with_intervals:
         titles.insert(1, INTERVAL)
+        places = {k + (k > len(heads) + 1): column for k, column in places.items()}
     return Table(
         head=(*heads.values(), "jobs", *titles),
         rows=shown,
         align="l" * len(heads) + "r" * (1 + len(titles)),
+        bold=best_cells(places, _rivals(tables, rows)),
     )
 
 
+def _rivals(tables: BatchTables, rows: Sequence[Mapping[Hashable, Any]]) -> list[list[int]]:
+    """Rows that have the same jobs, and differ in nothing but in the label that is ranked."""
+    ranked = [item.parameters for item in tables.rankings if item.jobs == item.all_jobs]
+    found: dict[tuple[Any, ...], list[int]] = {}
+    for k, row in enumerate(rows):
+        if row["jobs"] and {name: row[name] for name in tables.parameters} in ranked:
+            found.setdefault(tuple(row[name] for name in [*tables.heads][1:]), []).append(k)
+    return [alike for alike in found.values() if len({rows[k]["jobs"] for k in alike}) == 1]
+
+
 def _parts_table(tables: BatchTables) -> Table:
-    heads = tables.heads
+    heads, rows = tables.heads, tables.groups.to_dict("records")
+    totals = [_ends(row, "combined") for row in rows]  # in the same order
     return Table(
         head=(*heads.values(), "total", "local.", "missed", "false", "switch"),
         rows=[
@@ -91,9 +107,10 @@ def _parts_table(tables: BatchTables) -> Table:
                 *(value_in_words(row[name]) for name in heads),
                 *(_value(row[name], 5) for name in ("total", *PARTS)),
             )
-            for row in tables.groups.to_dict("records")
+            for row in rows
         ],
         align="l" * len(heads) + "rrrrr",
+        bold=best_cells({len(heads): totals}, _rivals(tables, rows)),
     )
 
 
@@ -101,7 +118,8 @@ def other_tables(tables: BatchTables) -> Iterator[Table]:
     """Other metrics of the groups, where they were asked for."""
     heads, rows = tables.heads, _with_values(tables)
     names = [tables.named(row) for row in rows]
-    yield from grouped_table(tuple(heads.values()), names, list(other_records(rows)))
+    found = list(other_records(rows))
+    yield from grouped_table(tuple(heads.values()), names, found, _rivals(tables, rows))
 
 
 def _with_values(tables: BatchTables) -> list[dict[Hashable, Any]]:
@@ -166,6 +184,10 @@ def _ranking_tables(ranking: Ranking) -> Iterator[Table]:
             (row, k)
             for row in best_of([item.place for item in ranking.entries])
             for k in range(3 + len(of))
+        )
+        | best_cells(
+            {3 + len(of): [item.per_step for item in ranking.entries]},
+            [range(len(ranking.entries))],
         ),
     )
     places = {

@@ -15,7 +15,7 @@ from tgospa_eval.reports.slices import about_slices, slices_lines
 from tgospa_eval.reports.tables import WIDTH, Row, Table, clip, text_lines, wrap
 from tgospa_eval.results.records import PARTS, Time
 from tgospa_eval.results.summary import Summary
-from tgospa_eval.text import visible
+from tgospa_eval.text import ending, visible
 
 SHOWN = 5
 COUNTED = {
@@ -318,22 +318,32 @@ def worst(result: Summary, kinds: Iterable[str] = WORST) -> Iterator[str]:
 
 
 def _switches(result: Summary) -> Iterator[str]:
+    """The first switches; where one is too long for a line its ids stay whole, on several."""
     switches, count = result.first_switches(SHOWN)
     if not count:
         return
     moves = []
     for k in range(len(switches["t"])):
         ends = (switches[key][k] for key in ("from", "to"))
-        before, after = ("none" if end is None else str(end) for end in ends)
+        names = [switches["truth"][k], *("none" if end is None else end for end in ends)]
         mass = switches["mass"][k]
         half = "" if mass == 1 else f"  ({number(mass, 3)} of a switch)"
-        moves.append(f"  {switches['truth'][k]}: {before} -> {after}{half}")
-    room = max(22, WIDTH - 19 - max(map(len, moves)))
-    times = fitting(switches["t"], room, lambda: result.labels.times)
-    rows: list[Row] = [("", time, move) for time, move in zip(times, moves, strict=True)]
+        moves.append(([visible(str(name)) for name in names], half))
+    longest = max(len("".join(ids) + half) for ids, half in moves) + len(":  -> ")
+    times = fitting(switches["t"], max(22, WIDTH - 21 - longest), lambda: result.labels.times)
+    wide = max(10, *map(len, times))
+    if max(len(name) for ids, _ in moves for name in ids) > WIDTH - 25 - wide:
+        wide = 10  # such times have lines of their own
+    rows: list[Row] = []
+    for time, (ids, half) in zip(times, moves, strict=True):
+        truth, before, after = (ending(name, WIDTH - 25 - wide) for name in ids)
+        rows += [("", "", f"  {time}")] if len(time) > wide else []
+        words = wrap(f"{truth}: {before} -> {after}{half}", width=WIDTH - 21 - wide)
+        rows += [("", "" if k or len(time) > wide else time, f"  {x}") for k, x in enumerate(words)]
     if count > SHOWN:
-        rows.append(("", "", f"  and {count - SHOWN} more (--format json, or -o DIR)"))
-    head, widths = ("switches", "t", "  truth: from -> to"), (17, max(10, *map(len, times)), 0)
+        more = wrap(f"and {count - SHOWN} more (--format json, or -o DIR)", width=WIDTH - 21 - wide)
+        rows += [("", "", f"  {line}") for line in more]
+    head, widths = ("switches", "t", "  truth: from -> to"), (17, wide, 0)
     yield from map(clip, text_lines(Table(head=head, rows=rows, align="lrl", widths=widths)))
 
 

@@ -29,7 +29,7 @@ class PageData(TypedDict):
     """What the page and the pictures draw, but for the arrays.
 
     Where `together` is there, each of `times` begins a stretch of so many steps, of which `costs`
-    and `counts` are means, and `curve` is that of its last step.
+    and `counts` are means, and `curve` is that of its last step. `stretch` is that of a map.
     """
 
     times: list[Time]
@@ -44,6 +44,7 @@ class PageData(TypedDict):
     repairs: Columns
     columns: list[str]
     boxes: bool
+    stretch: NotRequired[float]
     low: list[float]
     quantum: list[float]
     spread: Encoding

@@ -1,7 +1,6 @@
 """The result as files: JSON, CSV tables, the report; whole or absent."""
 
 import csv
-import importlib.util
 import io
 import os
 from collections.abc import Sequence
@@ -65,8 +64,8 @@ class _Lines(list[str]):
 
 def result_texts(
     result: Summary, names: tuple[str, str] = ("truth", "estimate"), drawn: "Drawn | None" = None
-) -> tuple[dict[str, str | Path], tuple[str, ...]]:
-    """The files of a result folder.
+) -> dict[str, str | Path]:
+    """The files of a result folder: texts by name, and files that are taken as they are.
 
     Parameters
     ----------
@@ -76,14 +75,9 @@ def result_texts(
         What truth and estimate are called in the report.
     drawn : Drawn, optional
         What `page_data.document` makes of the result, where it is known.
-
-    Returns
-    -------
-    dict of str to str or Path
-        Texts by name, and files that are taken as they are.
-    tuple of str
-        Extras that are not installed, without which a part is not there.
     """
+    from tgospa_eval.reports.html import page  # here: for folders only
+
     texts: dict[str, str | Path] = {
         "result.json": result.to_json(),
         "timings.csv": csv_text(_timings(result)),
@@ -100,11 +94,7 @@ def result_texts(
     if isinstance(result.explained, Explanation):
         texts["explanation.json"] = result.explained.to_json()
         texts["explanation.csv"] = csv_text(result.explained.columns())
-    if importlib.util.find_spec("jinja2") is None:
-        return texts, ("report",)
-    from tgospa_eval.reports.html import page
-
-    return texts | {"report.html": page(result, names, drawn)}, ()
+    return texts | {"report.html": page(result, names, drawn)}
 
 
 def _tables(result: Summary) -> dict[str, str | Path]:

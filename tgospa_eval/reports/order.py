@@ -1,7 +1,10 @@
 """A proven order in words: places, who is best, what verdicts mean."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+
+from tgospa_eval.common.brackets import places
+from tgospa_eval.common.interval import Interval
 
 ORDERS = {"less": "proven", "equal": "equal", "not separated": "open"}
 """Verdicts as the tables have them."""
@@ -31,7 +34,7 @@ def first_names(groups: Sequence[Sequence[str]]) -> str:
 def order_in_words(
     value: str,
     names: Sequence[str],
-    places: Sequence[tuple[int, int]],
+    ranks: Sequence[tuple[int, int]],
     verdicts: Mapping[tuple[str, str], str],
 ) -> str:
     """A sentence.
@@ -42,7 +45,7 @@ def order_in_words(
         By which they are ordered.
     names : sequence of str
         In the order of the values.
-    places : sequence of (int, int)
+    ranks : sequence of (int, int)
         The best and the worst that each can have.
     verdicts : mapping
         What is proven of each pair, of which the first comes first in `names`.
@@ -61,20 +64,40 @@ def order_in_words(
         return f"Proven to be equal by {value}: {first_names(groups)}"
     if verdicts == proven:
         return f"Proven order by {value}, best first: {first_names(groups)}"
-    best = best_of(places)
+    best = best_of(ranks)
     if best:
         return (
             f"Proven best by {value}: {first_names([[names[k] for k in best]])}; the order of "
             "the others is not proven throughout"
         )
-    tied = [[name] for name, place in zip(names, places, strict=True) if place[0] == 1]
+    tied = [[name] for name, place in zip(names, ranks, strict=True) if place[0] == 1]
     return f"None is proven best by {value}: it may be any of {first_names(tied)}"
 
 
-def best_of(places: Sequence[Sequence[int]]) -> list[int]:
+def best_of(ranks: Sequence[Sequence[int]]) -> list[int]:
     """Which are proven to be better than all others, or equal to such."""
-    best = [k for k, place in enumerate(places) if tuple(place) == (1, 1)]
-    return best if len(best) < len(places) else []
+    best = [k for k, place in enumerate(ranks) if tuple(place) == (1, 1)]
+    return best if len(best) < len(ranks) else []
+
+
+def best_cells(
+    columns: Mapping[int, Sequence[Interval]], rivals: Iterable[Sequence[int]]
+) -> frozenset[tuple[int, int]]:
+    """Row and column of the values that are proven to be the least of those they compete with.
+
+    Parameters
+    ----------
+    columns : mapping of int to sequence of Interval
+        Of each column that is compared, the values of all rows.
+    rivals : iterable of sequences of int
+        Rows that compete with each other.
+    """
+    return frozenset(
+        (rows[k], column)
+        for rows in rivals
+        for column, values in columns.items()
+        for k in best_of(places([values[row] for row in rows]))
+    )
 
 
 def place_in_words(best: int, worst: int, *, shared: bool = False) -> str:

@@ -4,6 +4,8 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.interval import Interval
+from tgospa_eval.reports.order import best_cells
 from tgospa_eval.reports.tables import Row, Table
 from tgospa_eval.results.records import Columns, OtherMetrics
 
@@ -56,13 +58,19 @@ def similarity(found: OtherMetrics) -> Iterator[str]:
 
 def compared_table(names: Sequence[str], found: Sequence[OtherMetrics]) -> Iterator[Table]:
     """A row for each of several estimates, if they have other metrics."""
-    yield from grouped_table(("others",), [(name,) for name in names], found)
+    yield from grouped_table(("others",), [(name,) for name in names], found, [range(len(names))])
 
 
 def grouped_table(
-    head: tuple[str, ...], names: Sequence[tuple[str, ...]], found: Sequence[OtherMetrics]
+    head: tuple[str, ...],
+    names: Sequence[tuple[str, ...]],
+    found: Sequence[OtherMetrics],
+    rivals: Sequence[Sequence[int]],
 ) -> Iterator[Table]:
-    """A row for each of several records, with the names of each before it, if there are any."""
+    """A row for each of several records, with the names of each before it, if there are any.
+
+    Of rows that are `rivals` the best values stand out.
+    """
     first = found[0] if found else {}
     shown = [(key, part) for key, parts in COMPARED.items() if key in first for part in parts]
     if shown:
@@ -73,7 +81,20 @@ def grouped_table(
                 for name, record in zip(names, found, strict=True)
             ],
             align="l" * len(head) + "r" * len(shown),
+            bold=best_cells(
+                {
+                    len(head) + k: _falls_short(part, [record[key][part] for record in found])
+                    for k, (key, part) in enumerate(shown)
+                },
+                rivals,
+            ),
         )
+
+
+def _falls_short(part: str, values: Sequence[float]) -> list[Interval]:
+    """The least for the best: the values, or how far they are below the largest."""
+    worse = values if part in LOW else [max(values) - value for value in values]
+    return [Interval(lower=value, upper=value) for value in worse]
 
 
 def other_records(rows: Iterable[Mapping[Hashable, Any]]) -> Iterator[OtherMetrics]:

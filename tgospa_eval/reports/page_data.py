@@ -4,6 +4,8 @@ A lane is a trajectory; its runs are stretches of steps on which it exists and i
 other, or to none. Rows are its states, thinned where there are very many, but never an event.
 """
 
+import math
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +35,9 @@ LEVELS = 1 << 16
 
 ERRORS = 1000
 """Steps into which the cutoff is divided."""
+
+FARTHEST_NORTH = 88.0
+"""Degrees of latitude up to which maps have equal scales."""
 
 NONE = -1
 
@@ -133,9 +138,23 @@ def document(result: Summary) -> Drawn:
         "rows": {name: [len(kept[name]), len(side.track)] for name, side in sides.items()},
         "arrays": [(name, len(array)) for name, array in arrays.items()],
     }
+    if is_map(columns):
+        latitudes = [side.state[:, columns.index("lat")] for side in sides.values()]
+        data["stretch"] = map_stretch(np.concatenate(latitudes))
     if result.slid is not None:
         data["windows"] = _windows(result, result.slid)
     return data, arrays
+
+
+def is_map(names: Collection[str]) -> bool:
+    """Whether states have latitude and longitude, in degrees."""
+    return {"lat", "lon"} <= set(names)
+
+
+def map_stretch(latitudes: Floats) -> float:
+    """How many times longer a degree of latitude is than one of longitude, at the mean latitude."""
+    mean = float(np.mean(latitudes)) if len(latitudes) else 0.0
+    return 1 / math.cos(math.radians(mean)) if abs(mean) <= FARTHEST_NORTH else 1.0
 
 
 def _windows(result: Summary, slid: Windows) -> WindowsData:

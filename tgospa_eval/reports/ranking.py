@@ -4,9 +4,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from tgospa_eval.common.figures import number
+from tgospa_eval.common.interval import Interval
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
-from tgospa_eval.reports.order import ORDERS, PROOFS, best_of, order_in_words, place_in_words
+from tgospa_eval.reports.order import (
+    ORDERS,
+    PROOFS,
+    best_cells,
+    best_of,
+    order_in_words,
+    place_in_words,
+)
 from tgospa_eval.reports.other_metrics import compared_table, direction, other_columns
 from tgospa_eval.reports.phrases import (
     SPLIT_NOTE,
@@ -28,26 +36,14 @@ TIES = (
 
 def estimates_document(document: RankingRecord) -> Document:
     """Several estimates of one truth, or one with per-step GOSPA beside it."""
-    estimates, parameters = document["estimates"], document["parameters"]
     return Document(
         kind=_what(document),
         title=_order(document),
-        lines=[_runs(document), parameters_of(parameters)],
+        lines=[_runs(document), parameters_of(document["parameters"])],
         tables=[
             _normalised_table(document, places=True),
             *_pair_tables(document),
-            Table(
-                head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
-                rows=[
-                    (
-                        item["name"],
-                        _between(item["lower_bound"], item["tgospa"]),
-                        _between(item["total_lower"], item["total"]),
-                        *(number(item[name], 5) for name in PARTS),
-                    )
-                    for item in estimates
-                ],
-            ),
+            _costs_table(document["estimates"]),
             *_against_tables(document),
             *_other_tables(document),
         ],
@@ -158,6 +154,25 @@ def _normalised_table(document: RankingRecord, *, places: bool = False) -> Table
             for row in best_of([item["place"] for item in document["estimates"]])
             for k in range(2 + places)
         ),
+    )
+
+
+def _costs_table(estimates: list[EstimateRecord]) -> Table:
+    """Value, total and its parts, each in its own unit."""
+    roots = [Interval(lower=item["lower_bound"], upper=item["tgospa"]) for item in estimates]
+    totals = [Interval(lower=item["total_lower"], upper=item["total"]) for item in estimates]
+    return Table(
+        head=("costs", "TGOSPA", "total", "local.", "missed", "false", "switch"),
+        rows=[
+            (
+                item["name"],
+                _between(root.lower, root.upper),
+                _between(total.lower, total.upper),
+                *(number(item[name], 5) for name in PARTS),
+            )
+            for item, root, total in zip(estimates, roots, totals, strict=True)
+        ],
+        bold=best_cells({1: roots, 2: totals}, [range(len(estimates))]),
     )
 
 

@@ -165,9 +165,10 @@ def clip(line: str, width: int = WIDTH) -> str:
     return clipped(line, width)
 
 
-def wrap(text: str, indent: str = INDENT) -> list[str]:
-    """The text, visible, on lines; all but the first are indented."""
-    return textwrap.wrap(visible(text), WIDTH, subsequent_indent=indent) or [""]
+def wrap(text: str, indent: str = INDENT, width: int = WIDTH) -> list[str]:
+    """The text, visible, on lines; all but the first are indented. Ids are not cut at hyphens."""
+    shown = visible(text)
+    return textwrap.wrap(shown, width, subsequent_indent=indent, break_on_hyphens=False) or [""]
 
 
 def _widths(rows: Sequence[Sequence[str]]) -> list[int]:

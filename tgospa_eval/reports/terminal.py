@@ -5,7 +5,7 @@ ASCII signs stand in.
 """
 
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from rich.console import Console
 from rich.text import Text
@@ -20,6 +20,9 @@ from tgospa_eval.text import visible
 BLOCKS = " ▁▂▃▄▅▆▇█"
 SIGNS = " .:-=+*#@"
 GRAPH = 62
+GRAPH_BEFORE = "scale"
+"""The block above which the cost over time is drawn."""
+
 PART_STYLES = {"localisation": "blue", "missed": "red", "false": "magenta", "switch": "yellow"}
 
 
@@ -29,31 +32,17 @@ def report(result: Summary, encoding: str) -> str:
     `NO_COLOR` and `TERM` are respected.
     """
     console = Console(file=io.StringIO(), force_terminal=True, width=WIDTH, highlight=False)
-    named = blocks(result)
-    named["worst"] = [*_worst_steps(result), *map(visible, worst(result, ("truth", "estimates")))]
-    *claim, sizes = named["headline"]
-    style = "bold green" if result.certified else "bold yellow"
-    shown = {
-        "headline": [*(Text(line, style=style) for line in claim), Text(sizes)],
-        "meaning": _dim(named["meaning"]),
-        "parts": _parts(result, named["parts"]),
-        "classes": map(Text, named["classes"]),
-        "graph": _graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS),
-        "scale": map(Text, named["scale"]),
-        "worst": map(Text, named["worst"]),
-        "switches": map(Text, named["switches"]),
-        "curve": map(Text, named["curve"]),
-        "windows": map(Text, named["windows"]),
-        "others": map(Text, named["others"]),
-        "repairs": map(Text, named["repairs"]),
-        "footer": _dim(named["footer"]),
-    }
+    shown: list[list[Text]] = []
+    for name, lines in blocks(result).items():
+        if name == GRAPH_BEFORE:
+            shown.append(list(_graph(result, BLOCKS if _can(BLOCKS, encoding) else SIGNS)))
+        shown.append(list(STYLED.get(name, _plain)(result, lines)))
     with console.capture() as captured:
-        for k, lines in enumerate(filter(None, map(list, shown.values()))):
+        for k, texts in enumerate(filter(None, shown)):
             if k:
                 console.print()
-            for line in lines:
-                console.print(line, no_wrap=True, overflow="crop")
+            for text in texts:
+                console.print(text, no_wrap=True, overflow="crop")
     return captured.get()
 
 
@@ -90,6 +79,27 @@ def _graph(result: Summary, ramp: str) -> Iterator[Text]:
     yield Text(clip(f"  {'t':<14}  {first}{' ' * gap}{last if steps > 1 else ''}"), style="dim")
 
 
+def _plain(_: Summary, lines: Iterable[str]) -> Iterator[Text]:
+    return map(Text, lines)
+
+
+def _dim(_: Summary, lines: Iterable[str]) -> Iterator[Text]:
+    return (Text(line, style="dim") for line in lines)
+
+
+def _headline(result: Summary, lines: list[str]) -> Iterator[Text]:
+    *claim, sizes = lines
+    style = "bold green" if result.certified else "bold yellow"
+    yield from (Text(line, style=style) for line in claim)
+    yield Text(sizes)
+
+
+def _worst(result: Summary, _: list[str]) -> Iterator[Text]:
+    """With costs and counts of the steps, for which the plain table has no room."""
+    yield from map(Text, _worst_steps(result))
+    yield from map(Text, map(visible, worst(result, ("truth", "estimates"))))
+
+
 def _worst_steps(result: Summary) -> Iterator[str]:
     table, counts = result.per_step_table(), result.proof.breakdown
     costliest = sorted(range(len(table["t"])), key=lambda k: (-table["total"][k], k))[:SHOWN]
@@ -122,8 +132,14 @@ def _parts(result: Summary, lines: list[str]) -> Iterator[Text]:
         yield text
 
 
-def _dim(lines: Iterable[str]) -> Iterator[Text]:
-    return (Text(line, style="dim") for line in lines)
+STYLED: dict[str, Callable[[Summary, list[str]], Iterator[Text]]] = {
+    "headline": _headline,
+    "meaning": _dim,
+    "parts": _parts,
+    "worst": _worst,
+    "footer": _dim,
+}
+"""Blocks of the plain table that look otherwise here; all others are shown as they are."""
 
 
 def _can(text: str, encoding: str) -> bool:

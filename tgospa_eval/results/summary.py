@@ -15,7 +15,7 @@ import numpy as np
 from tgospa_eval.common.config import settings_field
 from tgospa_eval.common.figures import number
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.words import install, sizes_in_words
+from tgospa_eval.common.words import sizes_in_words
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.results.numbers import SPLIT_PARTS, Numbers
 from tgospa_eval.results.records import PARTS, Columns, Json, json_text, records
@@ -348,23 +348,13 @@ class Summary(Numbers, ABC):
         """Whether there is such a picture, as there is of most results; else ConfigError."""
 
     def to_html(self) -> str:
-        """The report as one page that loads nothing.
-
-        Raises
-        ------
-        ConfigError
-            The extra ``report`` is not installed.
-        """
-        from importlib.util import find_spec
-
-        if find_spec("jinja2") is None:
-            raise ConfigError(f"no page: it needs the extra report: {install('report')}")
+        """The report as one page that loads nothing."""
         return str(import_module("tgospa_eval.reports.html").page(self))
 
     def save(self, folder: "str | os.PathLike[str]", *, force: bool = False) -> None:
         """Write the result folder of ``-o``: JSON, tables, the page and the pictures.
 
-        The page is written with the extra ``report``, the pictures with ``plot``.
+        The pictures are written with the extra ``plot``.
 
         Parameters
         ----------

@@ -3,6 +3,7 @@
 import itertools
 import json
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -347,6 +348,54 @@ def test_mean_of_roots_is_taken_when_asked_for() -> None:
     assert asked.groups["mean_of_roots"].tolist() == [3.5]
     assert "no mean of roots is taken" in words(plain)
     assert "mean of roots: the plain mean of the values, which is none of these" in words(asked)
+
+
+def bold(tables: BatchTables) -> dict[str, list[tuple[str, list[str]]]]:
+    """Of each table, by the last of its head, rows with bold cells: name, heads of these."""
+    found: dict[str, list[tuple[str, list[str]]]] = {}
+    for text in BATCH_REPORTS["latex"](tables).split(r"\toprule")[1:]:
+        lines = [line.removesuffix(r"\\").split("&") for line in text.splitlines() if "&" in line]
+        head, *rows = [[cell.strip() for cell in line] for line in lines]
+        kept = found[head[-1]] = []
+        for row in rows:
+            marked = [name for name, cell in zip(head, row, strict=True) if "textbf" in cell]
+            kept += [(row[0].strip("}")[-1], marked)] if marked else []
+    return found
+
+
+def test_best_values_are_bold_in_all_tables_in_latex() -> None:
+    rows = table({"a": A, "b": A + 5})
+    tables = tabulated(rows, ["tracker"])
+    # Of MOTA and MOTP the highest, of all else the least.
+    others = {"MOTA": [0.5, 0.6], "MOTP": [0.7, 0.6], "IDSW": [3.0, 2.0]}
+    columns = {f"with.clear.{name}": values for name, values in others.items()}
+    columns |= {"with.similarity.zero": [1.0, 1.0], "with.similarity.threshold": [0.5, 0.5]}
+    groups = tables.groups.assign(**columns)
+    values = ["combined", "per step", "RMS"]
+    assert bold(replace(tables, groups=groups)) == {
+        "RMS": [("a", values)],
+        "switch": [("a", ["total"])],
+        "per step": [("a", ["tracker", "proven place", "combined", "per step"])],
+        "statistical place": [],
+        "IDSW": [("a", ["MOTP"]), ("b", ["MOTA", "IDSW"])],
+    }
+    each = tabulated(rows, ["tracker", "sequence"])
+    assert len(bold(each)["RMS"]) == 8  # the best of each sequence
+
+
+def test_nothing_is_bold_that_is_not_proven_to_be_best() -> None:
+    few = failed(table({"a": A, "b": A * 2}), [0])
+    assert bold(tabulated(few, ["tracker"]))["RMS"] == []  # sums of other jobs
+    assert bold(tabulated(few, ["tracker"]))["per step"] != []
+    for rows, by in (
+        (table({"a": A, "b": A + 5}, width=30.0), "tracker"),
+        (table({"a": A, "b": A}), "tracker"),
+        (table({"a": A, "b": A + 5}), "sequence"),
+    ):
+        assert not any(bold(tabulated(rows, [by])).values())
+    both = pd.concat([table({"a": A, "b": B}), table({"a": B, "b": A}, cutoff=9.0)])
+    tables = tabulated(both.reset_index(drop=True), ["tracker"])
+    assert [name for name, _ in bold(tables)["RMS"]] == ["a", "b"]  # one for each cutoff
 
 
 def test_hostile_labels() -> None:

@@ -218,6 +218,8 @@ def test_what_is_printed(write: Write, invoke: Invoke, form: str) -> None:
     assert "HOTA" not in answer.out
     ranked = invoke("compare", *paths, write("f.csv", TRUTH), *options, "--with", "clear,gospa")
     assert [text in ranked.out for text in ("MOTA", "GOSPA", "IDF1")] == [True, True, False]
+    best = {"markdown": "**100.00 %**", "latex": r"\textbf{100.00 \%}"}.get(form, "100.00 %")
+    assert ranked.out.count(best) == 2  # MOTA and MOTP of the second
 
 
 def test_the_page_has_them(write: Write) -> None:

@@ -4,6 +4,7 @@ import io
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -220,6 +221,48 @@ def test_plane() -> None:
     for wrong in (("x", "z"), ("x",), "xy"):
         with pytest.raises(ConfigError, match="must be two of x, y, t"):
             plot_plane(swap(), columns=wrong)
+
+
+@pytest.mark.parametrize("style", ["screen", "paper"])
+@pytest.mark.parametrize("draw", [plot_worst, plot_plane], ids=["worst", "plane"])
+@pytest.mark.parametrize("size", [1.0, 1e4, 123456.0])
+def test_labels_of_ticks_do_not_touch(draw: Callable[..., Figure], size: float, style: str) -> None:
+    rng = np.random.default_rng(1)
+    truth = size * (1e3 + rng.normal(size=(6, 4, 2)))
+    made = draw(evaluate(truth, truth[:, :3] + size, cutoff=30 * size), style=style)
+    made.canvas.draw()
+    for axis in made.axes:
+        low, high = sorted(axis.get_xlim())
+        ticks = zip(axis.get_xticks(), axis.get_xticklabels(), strict=True)
+        found = [text.get_window_extent() for at, text in ticks if low <= at <= high]
+        assert len(found) > 1
+        assert all(left.x1 < right.x0 for left, right in pairwise(found))
+
+
+def on_map(latitude: float) -> Result:
+    """A track that goes about a kilometre to the north, and one as far to the east."""
+    way = np.linspace(0, 1 / 111.0, 5)
+    rows = pd.DataFrame({"id": np.repeat(["n", "e"], 5), "t": [*range(5)] * 2})
+    rows["lat"] = latitude + np.concatenate([way, 0 * way]) - 0.5 / 111
+    rows["lon"] = 10 + np.concatenate([0 * way, way / np.cos(np.radians(latitude))])
+    return evaluate(rows, rows, cutoff=100.0, distance="haversine")
+
+
+@pytest.mark.parametrize("columns", [None, ("lat", "lon")])
+@pytest.mark.parametrize("latitude", [0.0, -33.0, 60.0])
+def test_maps_have_equal_scales(latitude: float, columns: tuple[str, str] | None) -> None:
+    made = plot_plane(on_map(latitude), columns=columns)
+    made.canvas.draw()
+    shown = made.axes[0].transData.transform(points(made, "truth/0"))
+    legs = [np.ptp(part, axis=0).max() for part in (shown[:5], shown[-5:])]
+    assert legs[0] == pytest.approx(legs[1], rel=5e-3)
+
+
+def test_no_map_is_stretched_beyond_measure() -> None:
+    for latitude in (89.9, 500.0):  # the second is no latitude, whatever the column is called
+        rows = pd.DataFrame({"id": "a", "t": [0, 1], "lat": latitude, "lon": [0.0, 1.0]})
+        made = plot_plane(evaluate(rows, rows, cutoff=1.0))
+        assert made.axes[0].get_aspect() in (1.0, "auto")
 
 
 def test_a_state_that_is_alone_is_seen() -> None:
@@ -595,7 +638,7 @@ def test_without_matplotlib_one_notice(
     monkeypatch.setattr("tgospa_eval.plots.available", lambda: False)
     answer = draw("-o", "a")
     assert answer.status == 0
-    notice = f"the pictures are not written: they need {install('plot')}"
+    notice = f"no pictures: they need the extra plot: {install('plot')}"
     assert answer.err.count("tgospa-eval[") == answer.err.count(notice) == 1
     assert (tmp_path / "a" / "result.json").exists()
     assert "tgospa-eval[" not in draw("-o", "b", "--pictures", "none").err

@@ -169,14 +169,3 @@ def test_classes_count_their_tracks_through(
     data = embedded((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
     assert data["tracks"]["truth"]["class"] == ["car", "car", "van", "van"]
     assert data["rows"]["truth"] == [12, 12]
-
-
-def test_without_the_extra_the_rest_is_written(
-    invoke: Callable, quickstart: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    status, _, err = invoke(*quickstart, "-o", "out")
-    assert status == 0
-    assert "tgospa-eval[report]" in err
-    assert (tmp_path / "out" / "result.json").exists()
-    assert not (tmp_path / "out" / "report.html").exists()

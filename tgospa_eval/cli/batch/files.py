@@ -1,6 +1,5 @@
 """What a batch writes beside its rows: the page, curves as a table, pictures."""
 
-import importlib.util
 import json
 import os
 from collections.abc import Callable, Mapping
@@ -14,7 +13,6 @@ from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
-from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.batch_slices import slices_of_groups
@@ -61,14 +59,10 @@ def write_batch(store: Store, tables: BatchTables, output: OutputOptions, *, len
     if output.output is None or not len(tables.rows):
         return
     wanted = wanted_pictures(output)
-    absent = [] if importlib.util.find_spec("jinja2") else ["report"]
     if wanted is not None and not plots.available():
         wanted = None
-        absent.append("plot")
-    if absent and not output.quiet:
-        what = {"report": "report.html", "plot": "the pictures"}
-        names = " and ".join(what[name] for name in absent)
-        print_notice(f"not written: {names}, for want of {install(*absent)}")
+        if not output.quiet:
+            print_notice(plots.MISSING)
     view = BatchView(
         tables=tables,
         settings=store.settings(),
@@ -76,16 +70,14 @@ def write_batch(store: Store, tables: BatchTables, output: OutputOptions, *, len
     )
 
     def make(notify: Callable[[str, float], None]) -> Files:
-        files: dict[str, str | bytes] = {}
+        from tgospa_eval.reports.batch_page import batch_page  # here: only where it is written
+
+        notify("report.html", 0.0)
+        files: dict[str, str | bytes] = {"report.html": batch_page(view)}
         if tables.curves:
             files["curve.csv"] = curves_csv(tables.curves)
         if tables.slices:
             files["slices.csv"] = csv_text(slices_of_groups(tables))
-        if "report" not in absent:
-            from tgospa_eval.reports.batch_page import batch_page  # here: the extra may be missing
-
-            notify("report.html", 0.0)
-            files["report.html"] = batch_page(view)
         if wanted is None:
             return files
         from tgospa_eval.plots.batch import batch_pictures  # here: it draws

@@ -310,7 +310,7 @@ def _write(result: Summary, task: Task, folder: str) -> None:
 
     Path(folder).parent.mkdir(parents=True, exist_ok=True)
     result = replace(result, files={"truth": task.job.truth, "estimate": task.job.estimate})
-    texts, _ = result_texts(result, (task.job.truth, task.job.estimate))
+    texts = result_texts(result, (task.job.truth, task.job.estimate))
     if task.proof:
         from tgospa_eval.reports.proofs import proof_files
 

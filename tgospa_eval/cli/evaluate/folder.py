@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
-from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.reports.files import result_texts
@@ -78,39 +77,30 @@ def named_options() -> Iterator[None]:
 def write_folder(
     result: Summary, options: EvaluationOptions, output: OutputOptions, names: tuple[str, str]
 ) -> None:
-    """Write it; prints what is not in it for want of an extra."""
+    """Write it; prints that pictures are not in it for want of the extra."""
     from tgospa_eval import plots
 
     wanted = wanted_pictures(output)
-    absent: list[tuple[str, str]] = []
+    lacking = wanted is not None and not plots.available()
 
     def make(notify: Callable[[str, float], None]) -> Files:
         from tgospa_eval.reports.page_data import document  # here: for folders only
 
         notify("report.html", 0.0)
         drawn = document(result)
-        texts, missing = result_texts(result, names, drawn)
+        texts = result_texts(result, names, drawn)
         if output.proof:
             from tgospa_eval.reports.proofs import proof_files  # here: only where asked for
 
             notify(PROOF_FOLDER, 0.0)
             proof = proof_files(result, options.given)
             texts |= {f"{PROOF_FOLDER}/{name}": text for name, text in proof.items()}
-        absent.extend(("report.html", extra) for extra in missing)
-        if wanted is None:
-            return texts
-        if not plots.available():
-            absent.append(("the pictures", "plot"))
+        if wanted is None or lacking:
             return texts
         from tgospa_eval.plots.result_pictures import result_pictures
 
         return {**texts, **result_pictures(result, wanted, notify, drawn)}
 
     write_output(output, RESULT, make)
-    if absent and not output.quiet:
-        what, extras = (list(column) for column in zip(*absent, strict=True))
-        single = absent == [("report.html", "report")]
-        print_notice(
-            f"{' and '.join(what)} {'is' if single else 'are'} not written: "
-            f"{'it needs' if single else 'they need'} {install(*extras)}"
-        )
+    if lacking and not output.quiet:
+        print_notice(plots.MISSING)

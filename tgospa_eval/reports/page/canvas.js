@@ -1,6 +1,7 @@
 // What the pictures share: the selection, the range of steps, colours, canvases.
 const state = { step: null, side: null, track: null, repair: null, from: 0, to: Math.max(steps - 1, 0) };
-const LEFT = 74, RIGHT = 10, FOOT = 40;
+const RIGHT = 10, FOOT = 40;
+let LEFT = 74, BESIDE = 65; // room for the names of lanes, and for the values of an axis and its name
 const PAPER = 690; // CSS pixels between the margins of a page
 let style = null;
 
@@ -67,6 +68,16 @@ function alignWithLanes(canvas) {
   canvas.style.width = printing ? "" : `${lanes.canvas.clientWidth}px`;
 }
 
+// As wide as the names of the lanes and the values of the axes need, but not more than a quarter for names.
+function fitMargin() {
+  const context = costs.canvas.getContext("2d"), width = printing ? PAPER : lanes.canvas.clientWidth;
+  const shown = [total, doc.curve.total, ...(doc.windows ? [doc.windows.lines.total] : [])];
+  const most = (values) => values.reduce((high, value) => Math.max(high, value), 0);
+  context.font = "12px system-ui, sans-serif";
+  BESIDE = Math.max(65, ...shown.map((values) => context.measureText(number(+most(values).toPrecision(2))).width + 18));
+  LEFT = Math.max(74, BESIDE + 9, Math.min(lanes.widest() + 16, width / 4));
+}
+
 let printing = false, pending = 0;
 const views = [];
 function redraw() {
@@ -75,6 +86,7 @@ function redraw() {
 function drawNow() {
   cancelAnimationFrame(pending);
   pending = 0;
+  fitMargin();
   for (const view of views) view.draw();
 }
 
@@ -186,7 +198,7 @@ function timeAxis(context, width, bottom) {
 // The name of the upright axis, beside it.
 function upright(context, text, top, bottom) {
   context.save();
-  context.translate(9, (top + bottom) / 2);
+  context.translate(LEFT - BESIDE, (top + bottom) / 2);
   context.rotate(-Math.PI / 2);
   context.textAlign = "center";
   context.fillStyle = colour("soft");

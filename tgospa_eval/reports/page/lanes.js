@@ -3,6 +3,7 @@ const lanes = {
   box: document.getElementById("lanes"),
   canvas: document.getElementById("lanes-canvas"),
   rows: [],
+  names: 0,
   tall: 18,
 
   arrange() {
@@ -19,6 +20,15 @@ const lanes = {
     }
     this.rows = rows;
     this.tall = rows.length > 80 ? 15 : 20;
+  },
+  // Pixels of the longest name, as it is where it is chosen.
+  widest() {
+    if (this.names) return this.names;
+    const labels = this.rows.filter((row) => !row.title).map(({ side, track }) => side.label[track]);
+    const context = this.canvas.getContext("2d");
+    context.font = "700 12px system-ui, sans-serif";
+    this.names = Math.max(0, ...labels.sort((a, b) => b.length - a.length).slice(0, 200).map((label) => context.measureText(label).width));
+    return this.names;
   },
   indexOf(name, track) {
     return this.rows.findIndex((row) => row.track === track && row.side?.name === name);
@@ -115,7 +125,7 @@ const lanes = {
     }
     for (const r of inside) {
       if (run.other[r] === NONE) continue;
-      const x = Math.max(left(run.begin[r], width), LEFT), room = right(run.end[r], width) - x - 8;
+      const x = Math.max(left(run.begin[r], width), LEFT), room = Math.min(right(run.end[r], width), width - RIGHT) - x - 8;
       let name = sides[side.other].label[run.other[r]];
       if (room < 14 || (room < 40 && context.measureText(name).width > room)) continue;
       name = clipped(context, name, room);

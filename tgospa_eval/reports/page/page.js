@@ -127,6 +127,7 @@ async function begin() {
   readAddress();
   worstTables();
   for (const name of ["truth", "estimate"]) trackTable(name);
+  fitMargin();
   lanes.draw(); // once before, for lanes are scrolled to when they have a height
   refresh();
   drawNow();

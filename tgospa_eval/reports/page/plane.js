@@ -28,10 +28,13 @@ const plane = {
     document.getElementById("plane-section").hidden = !doc.columns.length;
   },
 
-  // A metre is as long across as up, where both are lengths.
+  // A metre is as long across as up, where both are lengths, or both angles of a map.
   scales() {
-    const names = [this.axisX, this.axisY].map((select) => axisNames[select.value]);
-    this.equal.checked = !names.some((name) => name === axisNames[TIME] || name === "lat" || name === "lon");
+    const names = this.shownNames(), angles = names.filter((name) => name === "lat" || name === "lon");
+    this.equal.checked = !names.includes(axisNames[TIME]) && angles.length !== 1;
+  },
+  shownNames() {
+    return [this.axisX, this.axisY].map((select) => axisNames[select.value]);
   },
 
   // All tracks of a side, or those that the selection is about.
@@ -64,7 +67,12 @@ const plane = {
     if (low[0] > high[0]) return;
     const size = [this.canvas.clientWidth - 70, this.canvas.clientHeight - 50];
     const scale = [0, 1].map((axis) => Math.max(size[axis], 40) / (high[axis] - low[axis] || 1) * 0.94);
-    if (this.equal.checked) scale[0] = scale[1] = Math.min(...scale);
+    if (this.equal.checked) {
+      // A degree of longitude is shorter than one of latitude.
+      const long = this.shownNames().map((name) => (name === "lon" ? 1 / (doc.stretch ?? 1) : 1));
+      const least = Math.min(scale[0] / long[0], scale[1] / long[1]);
+      for (const axis of [0, 1]) scale[axis] = least * long[axis];
+    }
     this.view = { centre: [0, 1].map((axis) => (low[axis] + high[axis]) / 2), scale, chosen };
   },
   place(x, y, width, height) {
