@@ -87,7 +87,7 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ConfigError(f'{path}: "pair" must be a list of tables; write [[pair]]')
     common = _options(document, path, known, folder), _rules(document, path)
-    notices: dict[str, str] = {}
+    notices: list[str] = []
     pairs = [
         pair
         for number, table in enumerate(tables, start=1)
@@ -109,7 +109,7 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
     return Suite(
         pairs=tuple(pairs),
         baseline=None if baseline is None else os.path.join(folder, baseline),
-        notices=tuple(notices.values()),
+        notices=tuple(dict.fromkeys(notices)),
     )
 
 
@@ -119,7 +119,7 @@ def _pairs(
     known: Mapping[str, bool],
     folder: str,
     common: tuple[Table, dict[str, tuple[str, ...]]],
-    notices: dict[str, str],
+    notices: list[str],
 ) -> Iterator[Pair]:
     """The pairs of one table: one, or one for each file that its pattern finds; more notices."""
     _check(table, PAIR_KEYS, where)
@@ -140,7 +140,7 @@ def _pairs(
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
     truths = patterns.meant(truth, folder)
     estimates = patterns.meant(estimate, folder, truth=(truth, folder))
-    notices |= truths.notices | estimates.notices
+    notices += (truths.notices | estimates.notices).values()
     found = [values for _, values in truths.files] if words else [{}]
     groups = _groups([values for _, values in estimates.files], others) if others else [{}]
     if not found or not groups:

@@ -43,15 +43,17 @@ def each_estimate(
     """
     own = _fields(truth)
     found: list[str] = []
-    notices = _hidden(truth)
+    told = _hidden(truth)
     for path in estimates:
         others = [name for name in _fields(path) if name not in own]
         if not others:
             found.append(path)
-            notices |= _hidden(path)
+            told |= _hidden(path)
             continue
         meant = patterns.meant(path, output=output, truth=(truth, ""))
-        notices |= meant.notices
+        told |= {
+            why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
+        }
         groups = {tuple(values[name] for name in others) for values in _values(path, meant)}
         for text in itertools.chain(*groups):
             if own and patterns.fields(text):
@@ -61,7 +63,7 @@ def each_estimate(
             patterns.fill(path, kept | dict(zip(others, group, strict=True)))
             for group in sorted(groups, key=lambda group: tuple(map(natural, group)))
         ]
-    return tuple(found), tuple(notices.values())
+    return tuple(found), tuple(told.values())
 
 
 def expand(truth: str, estimates: tuple[str, ...]) -> Runs:
@@ -135,11 +137,13 @@ def _fields(path: str) -> list[str]:
 
 
 def _hidden(pattern: str) -> dict[str, str]:
-    """A notice of files that a pattern passes over because of their names."""
+    """A notice of the names behind a dot that a pattern passes over: runs are the same in all."""
     if not is_pattern(pattern):
         return {}
-    notices = patterns.meant(pattern if _fields(pattern) else pattern.replace("*", AS_FIELD)).notices
-    return {why: text.replace(AS_FIELD, "*") for why, text in notices.items() if why == patterns.DOTTED}
+    star = not _fields(pattern)
+    meant = patterns.meant(pattern.replace("*", AS_FIELD) if star else pattern)
+    found = {why: text for why, text in meant.notices.items() if why == patterns.DOTTED}
+    return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
 
 
 def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mapping[str, str]]:
