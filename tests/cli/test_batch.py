@@ -5,6 +5,7 @@ import json
 import math
 import os
 import re
+import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -376,3 +377,72 @@ def test_trackers_are_ranked_and_what_is_missing_is_told(invoke: Invoke, runs: P
                                 "json").out)  # fmt: skip
     assert (by_both["by"], len(by_both["groups"])) == (["tracker", "run"], 14)
     assert by_both["ranking"] == document["ranking"]
+
+
+@pytest.mark.parametrize("verb", ["batch", "compare", "gate"])
+def test_what_is_no_estimate_is_passed_over(invoke: Invoke, runs: Path, verb: str) -> None:
+    os.rename("out", "data")
+    os.rename("gt", "data/gt")
+    shutil.copytree("data/a", "data/.c")
+    truth, estimate = "data/gt/{run}.csv", "data/{tracker}/{run}.csv"
+    asked = ("--truth", truth, "--estimate", estimate, "-c", "10", "--workers", "1", "--per-step")
+    store = ("batch", *asked, "-o", "data/study", "--by", "tracker", "--format", "json")
+    assert invoke(*store).status == 0
+    assert Path("data/study/curve.csv").exists()
+    pair = ("data/gt/0.csv", "data/a/0.csv", "-c", "10")
+    assert invoke("evaluate", *pair, "-o", "data/old", "-q").status == 0
+    assert Path("data/old/per_step.csv").exists()
+    if verb == "batch":
+        answer = invoke(*store)
+        elsewhere = invoke("batch", *asked, "-o", "r", "--by", "tracker", "--format", "json")
+        names = [[g["tracker"] for g in json.loads(a.out)["groups"]] for a in (answer, elsewhere)]
+        assert names == [["a", "b"]] * 2
+        assert f"{2 * RUNS} jobs of {2 * RUNS} done before" in answer.err
+    elif verb == "compare":
+        arguments = ("compare", truth, estimate, "-c", "10", "--format", "json", "-o", "data/out")
+        assert invoke(*arguments).status == 0
+        answer = invoke(*arguments)
+        found = json.loads(answer.out)["estimates"]
+        assert sorted(item["name"] for item in found) == ["a", "b"]
+    else:
+        suite = f'max = "tgospa=99"\n[[pair]]\ntruth = "{truth}"\nestimate = "{estimate}"\n'
+        Path("suite.toml").write_text(suite, encoding="utf-8")
+        answer = invoke("gate", "--suite", "suite.toml", "-c", "10", "--format", "json")
+        names = [pair["name"] for pair in json.loads(answer.out)["pairs"]]
+        assert names == [f"{tracker}/{run}" for tracker in "ab" for run in range(RUNS)]
+    assert answer.status == 0
+    told = answer.err.replace("\\", "/").splitlines()
+    for text in (
+        f"data/.c/0.csv and {RUNS - 1} more files: passed over, being hidden by a dot; to evaluate "
+        "them, write data/.{tracker}/{run}.csv",
+        f"data/gt/0.csv and {RUNS - 1} more files: passed over, being the truth itself; to "
+        "evaluate them, write data/gt/{run}.csv",
+        ": passed over, being in a folder of results; to evaluate them, name their folder",
+    ):
+        assert sum(line.endswith(text) for line in told) == 1, told
+    assert sum("passed over" in line for line in told) == 3
+
+
+def test_what_is_named_is_evaluated(invoke: Invoke, runs: Path) -> None:
+    """Behind a dot, a truth, in a folder of results; a file of the user beside results is his."""
+    os.rename("out/b", "out/.b")
+    assert invoke("evaluate", "gt/0.csv", "gt/0.csv", "-o", "out/a", "--force", "-q").status == 0
+    Path("gt/batch.json").write_text('{"schema": "other"}', encoding="utf-8")
+    for truth, estimate, names in (
+        ("gt/{run}.csv", "out/.{tracker}/{run}.csv", ["b"]),
+        ("gt/{run}.csv", "out/{tracker}/{run}.csv", ["a"]),
+        ("gt/0.csv", "{tracker}/1.csv", ["gt"]),
+        ("gt/{tracker}.csv", "gt/{tracker}.csv", ["0", "1", "2", "3"]),
+    ):
+        shutil.rmtree("r", ignore_errors=True)
+        patterns = ("--truth", truth, "--estimate", estimate, "-c", "10", "--workers", "1")
+        answer = invoke("batch", *patterns, "-o", "r", "--by", "tracker", "--format", "json")
+        assert answer.status == 0, answer.err
+        assert [group["tracker"] for group in json.loads(answer.out)["groups"]] == names
+    hidden = ("--truth", "gt/{run}.csv", "--estimate", "{folder}/b/{run}.csv")
+    os.rename("out", ".out")
+    os.rename(".out/.b", ".out/b")
+    answer = invoke("batch", *hidden, "-c", "10", "-o", "s")
+    assert answer.status == 2
+    assert "no file is like this" in answer.err
+    assert "to evaluate them, write .{folder}/b/{run}.csv" in answer.err

@@ -12,17 +12,18 @@ from typing import Any
 import click
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
 from tgospa_eval.batches.lock import locked
-from tgospa_eval.cli.evaluate import partitioned
+from tgospa_eval.cli.evaluate import partitioned, work
 from tgospa_eval.cli.evaluate.work import work_folder
 from tgospa_eval.cli.shared import in_parts
 from tgospa_eval.cli.shared.large_data import Size
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
-from tgospa_eval.errors import ConfigError
-from tgospa_eval.partitioned import run
+from tgospa_eval.errors import ConfigError, SolverError
+from tgospa_eval.partitioned import run, sides
 from tgospa_eval.simulation import Scene, Tracker, simulate
 
 Invoke = Callable[..., Any]
@@ -271,6 +272,71 @@ def test_interrupted_work_is_kept_and_gone_on_with(
     said = capsys.readouterr()
     assert f"going on with {folder / 'work'}" in said.err
     assert json.loads(said.out)["certified"]
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("change", ["in place", "in place, unseen", "behind a link", "a copy"])
+def test_a_killed_run_is_begun_anew_where_a_file_was_replaced(
+    invoke: Invoke,
+    recording: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    ending: str,
+    change: str,
+) -> None:
+    """Of equal size and with equal time of modification, on systems that know more or not."""
+
+    def write(table: pa.Table, path: Path) -> None:
+        if ending == "csv":
+            table.to_pandas().to_csv(path, index=False, float_format="%012.3f")
+        else:
+            pq.write_table(
+                table, path, compression="none", use_dictionary=False, write_statistics=False
+            )
+
+    changed = tmp_path / "far" / f"1.{ending}"
+    for side in ("truth", "estimate"):
+        table = pq.read_table(recording / f"{side}.parquet")
+        (tmp_path / side).mkdir()
+        write(table.filter(pc.less(table["t"], 50)), tmp_path / side / f"0.{ending}")
+        later = table.filter(pc.greater_equal(table["t"], 50))
+        write(later, tmp_path / side / f"1.{ending}")
+    changed.parent.mkdir()
+    (tmp_path / "estimate" / changed.name).rename(changed)
+    if change == "behind a link":
+        (tmp_path / "estimate" / "link").symlink_to(changed.parent)
+    else:
+        changed = changed.rename(tmp_path / "estimate" / changed.name)
+    if change == "in place, unseen":
+        for user in (work, sides):
+            monkeypatch.setattr(user, "state_of", lambda s: (s.st_size, s.st_mtime_ns))
+    asked = ("truth", "estimate", *METRIC, "--memory", "200MB", "--format", "json")
+
+    def killed(task: object) -> None:
+        raise SolverError("a process died")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "solve_shard", killed)
+        assert invoke(*asked, "-o", "out").status == 4
+    before, found = changed.read_bytes(), changed.stat()
+    if change == "a copy":
+        shutil.copy2(changed, tmp_path / "copy")
+        os.replace(tmp_path / "copy", changed)
+    else:
+        x = later["x"].to_numpy().copy()
+        x[7] += 50.0
+        write(later.set_column(later.column_names.index("x"), "x", pa.array(x)), changed)
+    os.utime(changed, ns=(found.st_atime_ns, found.st_mtime_ns))
+    assert len(changed.read_bytes()) == len(before)
+    assert (changed.read_bytes() == before) == (change == "a copy")
+    answer = invoke(*asked, "-o", "out")
+    fresh = invoke(*asked, "-q")
+    assert numbers(json.loads(answer.out)) == numbers(json.loads(fresh.out))
+    assert ("going on with" in answer.err) == (change == "in place, unseen")
+    assert "begun anew" in answer.err
+    if change == "in place, unseen":
+        name = f"estimate/1.{ending}: has another content than before: all is begun anew"
+        assert name in answer.err.replace("\\", "/")
 
 
 @pytest.mark.parametrize("most", range(0, 12, 2))

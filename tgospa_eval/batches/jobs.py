@@ -6,8 +6,8 @@ Knows paths and labels; no file of a recording is read.
 import csv
 import itertools
 import os
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import field
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
 
 from tgospa_eval.common import patterns
 from tgospa_eval.common.files import named
@@ -63,10 +63,13 @@ class Plan:
         At least one truth and one estimate each that are there.
     faults : tuple of str
         Estimates without truth, truths without estimate, paths that can be understood in two ways.
+    notices : tuple of str
+        What was passed over.
     """
 
     jobs: tuple[Job, ...]
     faults: tuple[str, ...] = ()
+    notices: tuple[str, ...] = ()
 
 
 def of_patterns(
@@ -74,6 +77,7 @@ def of_patterns(
     estimate: str,
     folders: tuple[str, str] = ("", ""),
     sequences: Collection[str] = (),
+    output: str | None = None,
 ) -> Plan:
     """A job for each file that is like the pattern of the estimates, with the truth of its values.
 
@@ -85,6 +89,8 @@ def of_patterns(
         Below which the patterns hold; braces in these names are no fields.
     sequences : collection of str
         If there are any, only files with these values of the field ``sequence``.
+    output : str, optional
+        The folder of the store, in which there are none.
 
     Raises
     ------
@@ -98,7 +104,10 @@ def of_patterns(
             f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
         )
     jobs, faults = [], []
-    for path, values in patterns.found(estimate, folders[1]):
+    meant = patterns.meant(estimate, folders[1], output=output, truth=(truth, folders[0]))
+    truths = patterns.meant(truth, folders[0], output=output)
+    notices = tuple((truths.notices | meant.notices).values())
+    for path, values in meant.files:
         if sequences and values["sequence"] not in sequences:
             continue
         whole = os.path.join(folders[1], path)
@@ -111,22 +120,24 @@ def of_patterns(
             continue
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
-        raise ConfigError(f"--estimate {estimate}: no file is like this")
-    for values, other in _without_estimate(truth, estimate, folders[0], jobs):
+        raise ConfigError(f"--estimate {estimate}: no file is like this", *notices)
+    there = [values for _, values in truths.files] if own else [{}]
+    for values, other in _without_estimate(own, theirs, there, jobs):
         if not sequences or values["sequence"] in sequences:
             paths = patterns.fill(truth, values), patterns.fill(estimate, other)
             lone, lacking = map(os.path.join, folders, paths)
             faults.append(f"{lone}: there is no estimate {lacking}")
-    return Plan(jobs=tuple(jobs), faults=tuple(faults))
+    return Plan(jobs=tuple(jobs), faults=tuple(faults), notices=notices)
 
 
 def _without_estimate(
-    truth: str, estimate: str, folder: str, jobs: Collection[Job]
+    own: Sequence[str],
+    theirs: Sequence[str],
+    there: Sequence[dict[str, str]],
+    jobs: Collection[Job],
 ) -> Iterator[tuple[dict[str, str], dict[str, str]]]:
     """Values of truths for which a tracker, or what other fields name, has no estimate, and its."""
-    own = patterns.fields(truth)
-    others = [name for name in patterns.fields(estimate) if name not in own]
-    there = [dict(values) for values in patterns.matches(truth, folder)] if own else [{}]
+    others = [name for name in theirs if name not in own]
     known = {tuple(job.labels[name] for name in (*own, *others)) for job in jobs}
     groups = dict.fromkeys(tuple(job.labels[name] for name in others) for job in jobs)
     for values, group in itertools.product(there, groups):
@@ -134,7 +145,13 @@ def _without_estimate(
             yield values, values | dict(zip(others, group, strict=True))
 
 
-def of_layout(layout: str, truth: str, trackers: str, sequences: Collection[str] = ()) -> Plan:
+def of_layout(
+    layout: str,
+    truth: str,
+    trackers: str,
+    sequences: Collection[str] = (),
+    output: str | None = None,
+) -> Plan:
     """The jobs of the folders of a benchmark; of some sequences alone, if these are named.
 
     Raises
@@ -150,10 +167,10 @@ def of_layout(layout: str, truth: str, trackers: str, sequences: Collection[str]
     ]
     if wrong:
         raise ConfigError(*wrong)
-    plan = of_patterns(*shapes, folders, sequences)
+    plan = of_patterns(*shapes, folders, sequences, output)
     left = set(sequences) - {job.labels["sequence"] for job in plan.jobs}
     missing = [f"sequence {name}: no tracker has it, with a truth" for name in sorted(left)]
-    return Plan(jobs=plan.jobs, faults=(*plan.faults, *missing))
+    return replace(plan, faults=(*plan.faults, *missing))
 
 
 def layout_of(truth: str, trackers: str) -> str | None:

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.batches.per_step import STEP_FOLDER, STEPS, StoredSteps, read_steps, step_table
 from tgospa_eval.common.files import named, reason
+from tgospa_eval.common.manifest import STORE, STORE_SCHEMA
 from tgospa_eval.common.words import install
 from tgospa_eval.errors import ConfigError, InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SCHEMA = "tgospa-eval/batch/1"
-SETTINGS_FILE = "batch.json"
+SCHEMA, SETTINGS_FILE = STORE_SCHEMA, STORE
 PART_FOLDER = "jobs"
 
 MANY_PARTS = 64

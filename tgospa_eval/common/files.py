@@ -5,7 +5,7 @@ import stat
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import TextIO
 
@@ -122,17 +122,6 @@ def _pieces(path: str, source: str | int, most: int) -> Iterator[bytes]:
             yield piece
             most -= len(piece)
             piece = file.read(CHUNK)
-
-
-def stored(path: str) -> Iterator[tuple[str, os.stat_result]]:
-    """A file, or all files in a folder in a fixed order, and what the system says of each."""
-    names = [path] if os.path.isfile(path) else []
-    for place, folders, found in os.walk(path):
-        folders.sort()
-        names += [os.path.join(place, name) for name in sorted(found)]
-    for name in names:
-        with suppress(FileNotFoundError):  # a link to nowhere
-            yield name, os.stat(name)
 
 
 def is_regular(path: str) -> bool:

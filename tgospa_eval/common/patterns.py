@@ -1,11 +1,39 @@
-"""Patterns of paths with fields: ``runs/{tracker}/{sequence}.txt``. Knows no content of a file."""
+"""Patterns of paths with fields: ``runs/{tracker}/{sequence}.txt``, and which files are meant.
+
+Knows no content of a file but of those that say what this program wrote.
+"""
 
 import functools
 import glob
+import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+from tgospa_eval.common.frozen import dataclass
+from tgospa_eval.common.manifest import results_in
+from tgospa_eval.common.words import counted
 
 FIELD = r"\{([A-Za-z_]\w*)\}"
+
+DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
+"""Why a file is passed over."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meant:
+    """The files that are meant by a pattern.
+
+    Parameters
+    ----------
+    files : tuple of (str, dict)
+        Their paths, and what the fields stand for.
+    notices : dict of str to str
+        Of what was passed over a sentence, by the reason.
+    """
+
+    files: tuple[tuple[str, dict[str, str]], ...]
+    notices: dict[str, str]
 
 
 def fields(pattern: str) -> list[str]:
@@ -18,30 +46,117 @@ def fill(pattern: str, values: Mapping[str, str]) -> str:
     return re.sub(FIELD, lambda found: values[found[1]], pattern) if values else pattern
 
 
-def matches(pattern: str, folder: str = "") -> Iterator[dict[str, str]]:
-    """What the fields stand for in each file that is like the pattern, sorted by path.
-
-    A field is one part of a path, or a piece of one, and the same wherever it is named.
-    """
-    for path, values in found(pattern, folder):
-        del path
-        yield values
-
-
 def found(pattern: str, folder: str = "") -> Iterator[tuple[str, dict[str, str]]]:
-    """The paths that are like a pattern, below a folder, with what its fields stand for."""
+    """The paths that are like a pattern, below a folder, in order, with what its fields stand for.
+
+    A field is one part of a path, or a piece of one, and the same wherever it is named. Names that
+    begin with a dot have to be written with it.
+    """
+    for path, values in _all(pattern, folder):
+        if _dotted(pattern, path) is None:
+            yield path, values
+
+
+def meant(
+    pattern: str,
+    folder: str = "",
+    *,
+    output: str | None = None,
+    truth: tuple[str, str] | None = None,
+) -> Meant:
+    """The files that are meant by a pattern: not all that happen to be like it.
+
+    What is in the store of a batch, and what a run wrote into its folder, is meant if the pattern
+    names that folder without a field. A truth is no estimate, unless the estimates have no field of
+    their own.
+
+    Parameters
+    ----------
+    pattern : str
+        The pattern.
+    folder : str
+        Below which it holds.
+    output : str, optional
+        The folder that is written: it is a store.
+    truth : pair of str, optional
+        Of estimates: the pattern of the truths, and the folder below which that holds.
+    """
+    real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
+
+    def place(above: str, name: str) -> str:
+        return os.path.join(real(above), name)
+
+    found = list(_all(pattern, folder))
+    truths: set[str] = set()
+    if truth is not None and set(fields(truth[0])) < set(fields(pattern)):
+        named = {os.path.join(truth[1], fill(truth[0], values)) for _, values in found}
+        truths = {place(*os.path.split(path)) for path in named}
+    store = None if output is None else os.path.realpath(output)
+
+    @functools.cache
+    def results(above: str) -> Callable[[str], bool]:
+        whole = os.path.join(folder, above)
+        return (lambda _: True) if real(whole) == store else results_in(Path(whole))
+
+    files: list[tuple[str, dict[str, str]]] = []
+    left: dict[str, list[str]] = {}
+    for path, values in found:
+        if any(results(above)(below) for above, below in _cuts(pattern, path)):
+            left.setdefault(WRITTEN, []).append(path)
+        elif _dotted(pattern, path) is not None:
+            left.setdefault(DOTTED, []).append(path)
+        elif truths and place(*os.path.split(os.path.join(folder, path))) in truths:
+            left.setdefault(TRUTH, []).append(path)
+        else:
+            files.append((path, values))
+    notices = {}
+    for why, (first, *more) in left.items():
+        write = truth[0] if truth and why == TRUTH else _dotted(pattern, first)
+        remedy = f"name {'their' if more else 'its'} folder" if why == WRITTEN else f"write {write}"
+        which = os.path.join(folder, first)
+        which += f" and {counted(len(more), 'more file')}" if more else ""
+        it = "them" if more else "it"
+        notices[why] = f"{which}: passed over, being {why}; to evaluate {it}, {remedy}"
+    return Meant(files=tuple(files), notices=notices)
+
+
+def _dotted(pattern: str, path: str) -> str | None:
+    """The pattern with the dots before names that its fields do not stand for; None without any."""
+    if path[:1] != "." and "/." not in _slashed(path):  # as most are
+        return None
+    pairs = list(zip(_slashed(pattern).split("/"), _slashed(path).split("/"), strict=True))
+    hidden = [bool(re.match(FIELD, part)) and name.startswith(".") for part, name in pairs]
+    if not any(hidden):
+        return None
+    return "/".join("." * dot + part for dot, (part, _) in zip(hidden, pairs, strict=True))
+
+
+def _cuts(pattern: str, path: str) -> Iterator[tuple[str, str]]:
+    """The folders of a path that a field of the pattern stands for, each with what is below."""
+    parts = _slashed(path).split("/")
+    named = _slashed(re.split(FIELD, pattern)[0]).count("/")  # folders before the first field
+    for k in range(named + 1, len(parts)):
+        yield "/".join(parts[:k]), "/".join(parts[k:])
+
+
+def _slashed(path: str) -> str:
+    return path.replace("\\", "/")
+
+
+def _all(pattern: str, folder: str) -> Iterator[tuple[str, dict[str, str]]]:
+    """What `found` gives, also of names that begin with a dot where the pattern has a field."""
     parts = re.split(FIELD, pattern)  # text, name, text, name, ..., text
     wild = "*".join(glob.escape(text) for text in parts[::2])
     shape = _shape(pattern, "+")
-    for path in sorted(glob.glob(wild, root_dir=folder or None)):
-        match = shape.fullmatch(path.replace("\\", "/"))
+    for path in sorted(glob.glob(wild, root_dir=folder or None, include_hidden=True)):
+        match = shape.fullmatch(_slashed(path))
         if match is not None:
             yield path, match.groupdict()
 
 
 def is_ambiguous(pattern: str, path: str) -> bool:
     """Whether the fields could stand for other things in the same path."""
-    slashed = path.replace("\\", "/")
+    slashed = _slashed(path)
     greedy, lazy = (_shape(pattern, repeated).fullmatch(slashed) for repeated in ("+", "+?"))
     return bool(greedy and lazy and greedy.groupdict() != lazy.groupdict())
 
@@ -52,7 +167,7 @@ def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
     parts = re.split(FIELD, pattern)
     shape, seen = "", set()
     for text, name in zip(parts[::2], (*parts[1::2], None), strict=True):
-        shape += re.escape(text.replace("\\", "/"))
+        shape += re.escape(_slashed(text))
         if name is not None:
             shape += f"(?P={name})" if name in seen else f"(?P<{name}>[^/]{repeated})"
             seen.add(name)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from tgospa_eval._version import __version__
-from tgospa_eval.common.files import stored
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.solver_status import Status
@@ -26,7 +25,8 @@ from tgospa_eval.evaluation.request import EvaluationRequest
 from tgospa_eval.evaluation.rounding import within_rounding
 from tgospa_eval.formats import ROLES
 from tgospa_eval.formats.options import ReadOptions
-from tgospa_eval.partitioned.input.digests import combined_digest
+from tgospa_eval.partitioned.input.digests import changed_file, combined_digest
+from tgospa_eval.partitioned.input.listing import stored
 from tgospa_eval.partitioned.outcome import TrackSums, write_tables
 from tgospa_eval.partitioned.progress import Stages
 from tgospa_eval.partitioned.run import Evaluated, Plan, evaluate_parts, rows_together
@@ -67,6 +67,8 @@ class Means:
         Where they are; one job is done in this process.
     assignments : bool
         Whether the table of assigned pairs is wanted, which is as long as the data.
+    kept : bool
+        Whether what is known on the way outlives a run that is broken off.
     """
 
     work: Path
@@ -75,6 +77,7 @@ class Means:
     jobs: int = 1
     engine: Engine | None = None
     assignments: bool = True
+    kept: bool = True
 
     @property
     def share(self) -> int:
@@ -163,6 +166,11 @@ def _evaluate(
 ) -> PartitionedResult:
     run = partial(run_tasks, engine=means.engine)
     with stopwatch.span("read"):
+        if means.kept:
+            files = [found for path in paths for found in stored(path)]
+            changed = changed_file(files, means.work, run)
+            if changed is not None:
+                stopwatch.notify(f"{changed}: has another content than before: all is begun anew")
         truth, estimate = (
             open_side(
                 path,

@@ -32,7 +32,7 @@ from tgospa_eval.formats.repeats import only_detections
 from tgospa_eval.formats.rows import Rows
 from tgospa_eval.formats.times import Times
 from tgospa_eval.partitioned.input.index import Index, Source, index_tables, index_texts
-from tgospa_eval.partitioned.input.listing import File, check_options, files_of
+from tgospa_eval.partitioned.input.listing import File, check_options, files_of, state_of
 from tgospa_eval.partitioned.input.merging import merged_rows
 from tgospa_eval.partitioned.input.runs import run_rows
 from tgospa_eval.partitioned.input.steps import Texts, steps_of, store_steps
@@ -268,8 +268,7 @@ def _key(format: str, files: Sequence[File], options: ReadOptions, rows_together
     """What names the index of these files, read with these options."""
     sha = hashlib.sha256(f"{format} {rows_together} {len(files)}".encode())
     for file in files:
-        found = os.stat(file.place)
-        state = file.path, file.place, file.keys, found.st_size, found.st_mtime_ns
+        state = file.path, file.place, file.keys, *state_of(os.stat(file.place))
         sha.update(repr(state).encode("utf-8", "surrogateescape"))
     asked = {key: vars(options)[key] for key in vars(options) if key not in ("fault", "beside")}
     sha.update(repr(asked).encode("utf-8", "surrogateescape"))

@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +16,9 @@ from tgospa_eval.errors import ConfigError, SolverError
 
 UNFINISHED = ".unfinished"
 """Ends the names of outputs that are being written."""
+
+REMOVED = ".removed-"
+"""Begins the names of folders with what is being removed."""
 
 
 class Task(Protocol):
@@ -141,6 +145,27 @@ def writing(output: str) -> Iterator[Path]:
         raise
     finally:
         _remove(beside)
+
+
+@contextmanager
+def removing(work: Path, but: str = "") -> Iterator[None]:
+    """Remove the folders in a folder of work, but for one of this name.
+
+    All lose their names first, then comes what is to be done meanwhile: however this is broken
+    off, nothing that is half there passes for done.
+
+    Raises
+    ------
+    OSError
+        Something cannot be moved.
+    """
+    aside = Path(tempfile.mkdtemp(prefix=REMOVED, dir=work))
+    for path in work.iterdir():
+        if path.is_dir() and path.name != but and not path.name.startswith("."):
+            os.replace(path, aside / path.name)
+    yield
+    for path in work.glob(f"{REMOVED}*"):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _remove(path: Path) -> None:

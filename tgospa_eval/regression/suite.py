@@ -1,7 +1,7 @@
 """Suites: several pairs to judge, from a TOML file. Knows names of files, not their content."""
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import TypeAlias
 
@@ -56,10 +56,13 @@ class Suite:
         In the order of the file, those of one pattern by name; at least one.
     baseline : str or None
         Path.
+    notices : tuple of str
+        What patterns passed over.
     """
 
     pairs: tuple[Pair, ...]
     baseline: str | None
+    notices: tuple[str, ...] = ()
 
 
 def load(path: str, known: Mapping[str, bool]) -> Suite:
@@ -84,10 +87,11 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ConfigError(f'{path}: "pair" must be a list of tables; write [[pair]]')
     common = _options(document, path, known, folder), _rules(document, path)
+    notices: list[str] = []
     pairs = [
         pair
         for number, table in enumerate(tables, start=1)
-        for pair in _pairs(table, f"{path}, pair {number}", known, folder, common)
+        for pair in _pairs(table, f"{path}, pair {number}", known, folder, common, notices)
     ]
     if not pairs:
         raise ConfigError(f"{path}: no pair to judge; add [[pair]] with truth and estimate")
@@ -103,7 +107,9 @@ def load(path: str, known: Mapping[str, bool]) -> Suite:
         seen[pair.name] = pair
     baseline = _text(document, "baseline", path) if "baseline" in document else None
     return Suite(
-        pairs=tuple(pairs), baseline=None if baseline is None else os.path.join(folder, baseline)
+        pairs=tuple(pairs),
+        baseline=None if baseline is None else os.path.join(folder, baseline),
+        notices=tuple(dict.fromkeys(notices)),
     )
 
 
@@ -113,8 +119,9 @@ def _pairs(
     known: Mapping[str, bool],
     folder: str,
     common: tuple[Table, dict[str, tuple[str, ...]]],
+    notices: list[str],
 ) -> Iterator[Pair]:
-    """The pairs of one table: one, or one for each file that its pattern finds."""
+    """The pairs of one table: one, or one for each file that its pattern finds; more notices."""
     _check(table, PAIR_KEYS, where)
     truth, estimate = (_text(table, key, where) for key in ("truth", "estimate"))
     words = patterns.fields(truth)
@@ -131,13 +138,16 @@ def _pairs(
     rules = dict(common[1])
     for key, own in _rules(table, where).items():
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
-    found = [{}] if not words else list(patterns.matches(truth, folder))
-    groups = _groups(estimate, others, folder)
+    truths = patterns.meant(truth, folder)
+    estimates = patterns.meant(estimate, folder, truth=(truth, folder))
+    notices += (truths.notices | estimates.notices).values()
+    found = [values for _, values in truths.files] if words else [{}]
+    groups = _groups([values for _, values in estimates.files], others) if others else [{}]
     if not found or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
         yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
-    for file, _ in patterns.found(estimate, folder) if others else ():
+    for file, _ in estimates.files if others else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
             yield Pair(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
@@ -152,13 +162,9 @@ def _pairs(
         )
 
 
-def _groups(estimate: str, others: list[str], folder: str) -> list[dict[str, str]]:
+def _groups(files: Sequence[Mapping[str, str]], others: list[str]) -> list[dict[str, str]]:
     """What the fields stand for that the estimates have alone, such as the name of a tracker."""
-    if not others:
-        return [{}]
-    found = dict.fromkeys(
-        tuple(values[word] for word in others) for values in patterns.matches(estimate, folder)
-    )
+    found = dict.fromkeys(tuple(values[word] for word in others) for values in files)
     return [dict(zip(others, group, strict=True)) for group in found]
 
 

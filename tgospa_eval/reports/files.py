@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tgospa_eval.common.files import named, patience
+from tgospa_eval.common.manifest import unique
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.escape import csv_cell
-from tgospa_eval.reports.manifest import unique
 from tgospa_eval.results.explanation import Explanation
 from tgospa_eval.results.partitioned import PartitionedResult
 from tgospa_eval.results.records import Columns

@@ -7,11 +7,11 @@ from itertools import product
 from pathlib import Path
 from typing import TypeAlias
 
+from tgospa_eval.common import manifest
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.reports import manifest
 
 Files: TypeAlias = Mapping[str, str | bytes | Path]
 """Contents by name; a path is of a file that is taken as it is."""
@@ -112,7 +112,7 @@ BATCH = Kind(
     name="batch",
     document="report.html",
     names=("report.html", "curve.csv", "slices.csv", *_files("parts heat curve", "png")),
-    log="batch.json",
+    log=manifest.STORE,
     opens=("report.html",),
     options=" --pictures {0}",
 )

@@ -13,6 +13,7 @@ from tgospa_eval.cli.evaluate.folder import wanted_pictures
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import OutputOptions
 from tgospa_eval.cli.shared.writing import write_output
+from tgospa_eval.common.manifest import read_manifest, unchanged
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.reports.batch_records import BatchTables
 from tgospa_eval.reports.batch_slices import slices_of_groups
@@ -20,7 +21,6 @@ from tgospa_eval.reports.batch_view import BatchView
 from tgospa_eval.reports.curves import curves_csv
 from tgospa_eval.reports.files import csv_text
 from tgospa_eval.reports.folders import BATCH, Files
-from tgospa_eval.reports.manifest import read_manifest, unchanged
 from tgospa_eval.reports.proofs import folder_name
 from tgospa_eval.text import as_unicode
 

@@ -75,15 +75,15 @@ class BatchOptions(Values):
         return Cluster(self.scheduler) if self.scheduler else Processes(self.workers)
 
 
-def planned(paths: tuple[str, ...], batch: BatchOptions) -> Plan:
+def planned(paths: tuple[str, ...], batch: BatchOptions, output: str | None) -> Plan:
     """The jobs that the arguments name in one of three ways."""
     if batch.layout:
         if len(paths) != 2:
             raise ConfigError(f"--layout {batch.layout} takes two folders, GT TRACKERS")
         sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
-        return jobs.of_layout(batch.layout, *paths, sequences)
+        return jobs.of_layout(batch.layout, *paths, sequences, output)
     if batch.truth and batch.estimate and not paths:
-        return jobs.of_patterns(batch.truth, batch.estimate)
+        return jobs.of_patterns(batch.truth, batch.estimate, output=output)
     if len(paths) == 1 and not (batch.truth or batch.estimate):
         keys = [name.replace("-", "_") for name, flag in KNOWN.items() if not flag]
         return jobs.of_manifest(paths[0], {*keys, *(key.replace("_", "-") for key in keys)})

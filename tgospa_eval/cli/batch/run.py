@@ -124,7 +124,9 @@ def work_batch(
     parse_slices(options.slices)
     if batch.scheduler and batch.workers:
         raise ConfigError("--scheduler has the workers that it has: --workers is for processes")
-    plan = planned(paths, batch)
+    plan = planned(paths, batch, output.output)
+    for text in () if output.quiet else plan.notices:
+        print_notice(text)
     check_missing(plan, batch)
     labels = list(dict.fromkeys(name for job in plan.jobs for name in job.labels))
     check_labels(batch.groups(labels), labels)

@@ -44,7 +44,9 @@ def compare_estimates(truth: str, estimates: tuple[str, ...], options: CompareOp
             f"--grid {grid}: gives each estimate steps of its own, and one that stops "
             "early leaves out what it misses; to rank estimates choose --grid truth or union"
         )
-    estimates = each_estimate(truth, estimates)
+    estimates, notices = each_estimate(truth, estimates, options.output.output)
+    for text in () if options.output.quiet else notices:
+        print_notice(text)
     runs = expand(truth, estimates)
     check_files([path for of_truth, paths in runs for path in (of_truth, *paths)])
     names = short_names(estimates)

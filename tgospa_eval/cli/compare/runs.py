@@ -12,6 +12,9 @@ from tgospa_eval.errors import ConfigError, InputError
 Runs = list[tuple[str, list[str]]]
 """The truth of each run, and its estimates."""
 
+AS_FIELD = "{run}"
+"""What * is as a field."""
+
 
 def is_pattern(path: str) -> bool:
     """Whether it stands for several files; the name of a file that exists stands for itself."""
@@ -26,8 +29,12 @@ def first_file(pattern: str) -> str | None:
     return min(glob.glob(f"{glob.escape(before)}*{glob.escape(after)}"), default=None)
 
 
-def each_estimate(truth: str, estimates: tuple[str, ...]) -> tuple[str, ...]:
-    """The estimates, one for each value of the fields that the truth does not have.
+def each_estimate(
+    truth: str, estimates: tuple[str, ...], output: str | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The estimates, one for each value of the fields that the truth does not have, and notices.
+
+    Nothing in the folder of `output` is one.
 
     Raises
     ------
@@ -36,12 +43,18 @@ def each_estimate(truth: str, estimates: tuple[str, ...]) -> tuple[str, ...]:
     """
     own = _fields(truth)
     found: list[str] = []
+    told = _hidden(truth)
     for path in estimates:
         others = [name for name in _fields(path) if name not in own]
         if not others:
             found.append(path)
+            told |= _hidden(path)
             continue
-        groups = {tuple(values[name] for name in others) for values in _values(path)}
+        meant = patterns.meant(path, output=output, truth=(truth, ""))
+        told |= {
+            why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
+        }
+        groups = {tuple(values[name] for name in others) for values in _values(path, meant)}
         for text in itertools.chain(*groups):
             if own and patterns.fields(text):
                 raise InputError(f"{path}: fits {text}, which is like a field itself; rename that")
@@ -50,7 +63,7 @@ def each_estimate(truth: str, estimates: tuple[str, ...]) -> tuple[str, ...]:
             patterns.fill(path, kept | dict(zip(others, group, strict=True)))
             for group in sorted(groups, key=lambda group: tuple(map(natural, group)))
         ]
-    return tuple(found)
+    return tuple(found), tuple(told.values())
 
 
 def expand(truth: str, estimates: tuple[str, ...]) -> Runs:
@@ -123,17 +136,27 @@ def _fields(path: str) -> list[str]:
     return patterns.fields(path) if is_pattern(path) else []
 
 
-def _values(pattern: str) -> Iterator[Mapping[str, str]]:
-    """What the fields stand for in each file.
+def _hidden(pattern: str) -> dict[str, str]:
+    """A notice of the names behind a dot that a pattern passes over: runs are the same in all."""
+    if not is_pattern(pattern):
+        return {}
+    star = not _fields(pattern)
+    meant = patterns.meant(pattern.replace("*", AS_FIELD) if star else pattern)
+    found = {why: text for why, text in meant.notices.items() if why == patterns.DOTTED}
+    return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
+
+
+def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mapping[str, str]]:
+    """What the fields stand for in each file: in all that are like the pattern, or in these.
 
     Raises
     ------
     InputError
         No file is like the pattern, or one is in two ways.
     """
-    found = list(patterns.found(pattern))
+    found = list(patterns.found(pattern)) if meant is None else meant.files
     if not found:
-        raise InputError(f"{pattern}: no such files")
+        raise InputError(f"{pattern}: no such files", *(meant.notices.values() if meant else ()))
     for path, values in found:
         if patterns.is_ambiguous(pattern, path):
             raise InputError(f"{path}: the fields of {pattern} fit it in two ways")

@@ -157,6 +157,7 @@ def _means(work: Path, options: EvaluationOptions, output: OutputOptions) -> Mea
         jobs=jobs,
         engine=Cluster(options.scheduler) if options.scheduler else processes,
         assignments=output.output is not None,
+        kept=output.output is not None,
     )
 
 

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,9 +15,11 @@ from tgospa_eval.cli.shared.interrupts import heard
 from tgospa_eval.cli.shared.streams import print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions, OutputOptions
 from tgospa_eval.common.cores import cores
-from tgospa_eval.common.files import named, stored
+from tgospa_eval.common.files import named
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.partitioned.input.listing import state_of, stored
 from tgospa_eval.partitioned.run import SCANNED
+from tgospa_eval.partitioned.tasks import removing
 from tgospa_eval.reports.folders import WORK_FOLDER, WORK_LOG
 
 
@@ -82,8 +83,7 @@ def _begin(work: Path, identity: Mapping[str, object], output: OutputOptions) ->
 def _empty(work: Path) -> None:
     """Remove all but the lock; what is done loses its name first, and the log goes last.
 
-    However this is broken off, nothing that is half there passes for done, and nothing that is of
-    one evaluation for that of another.
+    However this is broken off, nothing that is of one evaluation passes for that of another.
 
     Raises
     ------
@@ -91,13 +91,8 @@ def _empty(work: Path) -> None:
         Something cannot be moved.
     """
     log = work.parent / WORK_LOG
-    aside = Path(tempfile.mkdtemp(prefix=".removed-", dir=work))
-    for path in work.iterdir():
-        if path != log and not path.name.startswith("."):
-            os.replace(path, aside / path.name)
-    log.unlink(missing_ok=True)
-    for path in work.glob(".removed-*"):
-        shutil.rmtree(path, ignore_errors=True)
+    with removing(work):
+        log.unlink(missing_ok=True)
 
 
 def _remove(work: Path) -> None:
@@ -129,7 +124,9 @@ def _goes_on(log: Path, identity: Mapping[str, object], output: OutputOptions, w
         return True
     if differing == ["data"] or output.force:
         if not output.quiet:
-            print_notice(f"{log.parent} is of other data or options: it is begun anew")
+            alone = differing == ["data"]
+            what = "files that were changed or replaced since" if alone else "other data or options"
+            print_notice(f"{log.parent} is of {what}: it is begun anew")
         return False
     texts = (
         f"{name.replace('_', '-')} was {json.dumps(old.get(name))}, is "
@@ -147,8 +144,8 @@ def identity_of(paths: tuple[str, str], options: EvaluationOptions) -> dict[str,
     """What must be the same for the same work; as JSON gives it back."""
     sha = hashlib.sha256()
     for path in paths:
-        for name, found in stored(path):
-            sha.update(repr((name, found.st_size, found.st_mtime_ns)).encode("utf-8", "replace"))
+        for file, found in stored(path):
+            sha.update(repr((file.path, *state_of(found))).encode("utf-8", "replace"))
     known: dict[str, object] = json.loads(json.dumps(options.given))
     return known | {
         "truth": paths[0],

@@ -149,7 +149,10 @@ def _suite(given: Given, truth: str | None, estimate: str | None) -> Suite:
             f"{name} is missing; type tgospa-eval gate {truth or 'TRUTH'} ESTIMATE "
             "--baseline FILE, or tgospa-eval gate --suite FILE"
         )
-    return load_suite(path, KNOWN)
+    suite = load_suite(path, KNOWN)
+    for text in () if given.output.quiet else suite.notices:
+        print_notice(text)
+    return suite
 
 
 def _evaluate(

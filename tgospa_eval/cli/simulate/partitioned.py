@@ -10,13 +10,13 @@ from tgospa_eval.cli.shared.progress import Display
 from tgospa_eval.cli.shared.streams import emit
 from tgospa_eval.cli.simulate.run import OPTION
 from tgospa_eval.cli.simulate.values import SceneOptions
+from tgospa_eval.common.manifest import Entry, entry, read_manifest, unchanged
 from tgospa_eval.common.progress import Progress
 from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.common.words import counted
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats.parts import PartWriter, check_parquet, part_name
 from tgospa_eval.reports.folders import Kind, probe_folder, write_files
-from tgospa_eval.reports.manifest import Entry, entry, read_manifest, unchanged
 from tgospa_eval.simulation.kinds import RECORDINGS
 from tgospa_eval.simulation.recordings import Layout, Rows
 from tgospa_eval.simulation.streamed import simulate_recording

@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from urllib.parse import unquote
 
 from tgospa_eval.common.files import STDIN, named
@@ -97,6 +98,23 @@ def files_of(path: str) -> tuple[str, tuple[File, ...]]:
         both = listed(sorted(os.path.relpath(each, path) for each in kinds.values()))
         raise InputError(f"{path}: files of two formats, {both}; write all as Parquet, or as CSV")
     return next(iter(kinds)), tuple(found)
+
+
+def stored(path: str) -> Iterator[tuple[File, os.stat_result]]:
+    """The files of a side in the order of their paths, and what the system says of each."""
+    found = _walk(path) if os.path.isdir(path) else [File(path, os.path.abspath(path))]
+    for file in sorted(found, key=lambda file: file.path):
+        with suppress(FileNotFoundError):  # a link to nowhere: whoever reads it says so
+            yield file, os.stat(file.place)
+
+
+def state_of(found: os.stat_result) -> tuple[int, ...]:
+    """What differs after a file was changed or replaced, where the system keeps account of it.
+
+    A time of modification can be set back, the time of a change of status cannot. The device is
+    left out: its number may be another one whenever it is mounted.
+    """
+    return found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino
 
 
 def _walk(folder: str) -> Iterator[File]:

@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 
@@ -15,6 +15,12 @@ from tgospa_eval.common.frozen import dataclass
 
 NAME = ".tgospa-eval.json"
 SCHEMA = "tgospa-eval/folder/1"
+
+STORE, STORE_SCHEMA = "batch.json", "tgospa-eval/batch/1"
+"""The file by which the store of a batch is known, and its schema."""
+
+OF_DATA = ("simulate", "proof")
+"""Kinds of folders whose files are truths and estimates."""
 
 FRESH = ".tgospa-eval-new-"
 """What names begin with that stand in a folder only while it is written; a process id follows."""
@@ -74,15 +80,32 @@ def text_of(kind: str, files: Iterable[Entry]) -> str:
 
 def read_manifest(folder: Path, kind: str) -> tuple[Entry, ...] | None:
     """The entries of a folder of this kind; None if it is none."""
+    own, found = _read(folder)
+    return found if own == kind else None
+
+
+def _read(folder: Path) -> tuple[str | None, tuple[Entry, ...]]:
+    """The kind of a folder, if it has a manifest, and its entries."""
     try:
         document = json.loads((folder / NAME).read_bytes())
-        if (document["schema"], document["kind"]) != (SCHEMA, kind):
-            return None
+        if document["schema"] != SCHEMA:
+            return None, ()
         found = tuple(Entry(**entry) for entry in document["files"])
         safe = all(_is_below(PurePosixPath(entry.name)) for entry in found)
+        return (document["kind"] if safe else None), found
     except (FileNotFoundError, IsADirectoryError, ValueError, TypeError, KeyError, RecursionError):
-        return None
-    return found if safe else None
+        return None, ()
+
+
+def results_in(folder: Path) -> Callable[[str], bool]:
+    """Which files of a folder, by their paths in it, are results: those of a store all are."""
+    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+        if json.loads((folder / STORE).read_bytes())["schema"] == STORE_SCHEMA:
+            return lambda _: True
+    with suppress(OSError):  # of a folder that is not to be looked into
+        kind, listed = _read(folder)
+        return {entry.name for entry in listed if kind not in OF_DATA}.__contains__
+    return lambda _: False
 
 
 def unchanged(folder: Path, listed: Iterable[Entry]) -> set[str]:
