@@ -1,6 +1,6 @@
 """What there is to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
 
-Knows paths and labels; no file of a recording is read.
+Knows paths and labels; of recordings at most the names of runs are read that one file has.
 """
 
 import csv
@@ -13,6 +13,8 @@ from tgospa_eval.common import patterns
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats.guess import file_of
 from tgospa_eval.text import listed, quoted
 
 LAYOUTS = {
@@ -74,6 +76,7 @@ def of_patterns(
     estimate: str,
     folders: tuple[str, str] = ("", ""),
     sequences: Collection[str] = (),
+    inside: patterns.Inside = runs_inside,
 ) -> Plan:
     """A job for each file that is like the pattern of the estimates, with the truth of its values.
 
@@ -85,6 +88,8 @@ def of_patterns(
         Below which the patterns hold; braces in these names are no fields.
     sequences : collection of str
         If there are any, only files with these values of the field ``sequence``.
+    inside : callable
+        Names of the runs in a file.
 
     Raises
     ------
@@ -98,7 +103,7 @@ def of_patterns(
             f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
         )
     jobs, faults = [], []
-    for path, values in patterns.found(estimate, folders[1]):
+    for path, values in patterns.found(estimate, folders[1], inside):
         if sequences and values["sequence"] not in sequences:
             continue
         whole = os.path.join(folders[1], path)
@@ -106,13 +111,14 @@ def of_patterns(
             faults.append(f"{whole}: the fields of {estimate} fit it in two ways")
             continue
         theirs_truth = os.path.join(folders[0], patterns.fill(truth, values))
-        if not os.path.isfile(theirs_truth):
+        if not _is_there(theirs_truth, inside):
             faults.append(f"{whole}: there is no truth {theirs_truth}")
             continue
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
-        raise ConfigError(f"--estimate {estimate}: no file is like this")
-    for values, other in _without_estimate(truth, estimate, folders[0], jobs):
+        what = "file" if file_of(estimate) == estimate else "variable of a file"
+        raise ConfigError(f"--estimate {estimate}: no {what} is like this")
+    for values, other in _without_estimate(truth, estimate, folders[0], jobs, inside):
         if not sequences or values["sequence"] in sequences:
             paths = patterns.fill(truth, values), patterns.fill(estimate, other)
             lone, lacking = map(os.path.join, folders, paths)
@@ -121,17 +127,24 @@ def of_patterns(
 
 
 def _without_estimate(
-    truth: str, estimate: str, folder: str, jobs: Collection[Job]
+    truth: str, estimate: str, folder: str, jobs: Collection[Job], inside: patterns.Inside
 ) -> Iterator[tuple[dict[str, str], dict[str, str]]]:
     """Values of truths for which a tracker, or what other fields name, has no estimate, and its."""
     own = patterns.fields(truth)
     others = [name for name in patterns.fields(estimate) if name not in own]
-    there = [dict(values) for values in patterns.matches(truth, folder)] if own else [{}]
+    there = [dict(values) for values in patterns.matches(truth, folder, inside)] if own else [{}]
     known = {tuple(job.labels[name] for name in (*own, *others)) for job in jobs}
     groups = dict.fromkeys(tuple(job.labels[name] for name in others) for job in jobs)
     for values, group in itertools.product(there, groups):
         if (*(values[name] for name in own), *group) not in known:
             yield values, values | dict(zip(others, group, strict=True))
+
+
+def _is_there(path: str, inside: patterns.Inside) -> bool:
+    """Whether there is a file, and the element of a cell in it that the path may name."""
+    file = file_of(path)
+    has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
+    return os.path.isfile(file) and has
 
 
 def of_layout(layout: str, truth: str, trackers: str, sequences: Collection[str] = ()) -> Plan:
@@ -232,7 +245,7 @@ def of_manifest(path: str, options: Collection[str]) -> Plan:
             estimate=os.path.join(folder, values["estimate"]),
             options={name: text for name, text in values.items() if name in options and text},
         )
-        absent = [name for name in (job.truth, job.estimate) if not os.path.isfile(name)]
+        absent = [name for name in (job.truth, job.estimate) if not os.path.isfile(file_of(name))]
         faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
         if not absent:
             jobs.append(job)

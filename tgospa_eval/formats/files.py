@@ -64,9 +64,7 @@ def read(
     """
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import file_of, guess, is_table_folder
-    from tgospa_eval.formats.room import TEXT, check_room, most_bytes, most_unpacked
-    from tgospa_eval.formats.text.convert import load
-    from tgospa_eval.formats.unpack import is_packed, unpack
+    from tgospa_eval.formats.room import TEXT, check_room
 
     one_of("role", role, ROLES)
     if format is not None:
@@ -80,9 +78,7 @@ def read(
     options = options or ReadOptions()
     file = file_of(name)
     of_tables = format in (None, "nuscenes") and is_table_folder(file)
-    data = b"" if of_tables else load(file, most_bytes(options.max_input, file))
-    if is_packed(data):
-        data = unpack(data, file, most_unpacked(options.max_input, len(data)))
+    data = b"" if of_tables else _loaded(file, options.max_input)
     chosen = format or ("nuscenes" if of_tables else guess(file, data))
     if chosen not in PACKED:
         size = len(data)
@@ -96,6 +92,38 @@ def read(
         notice = f"read as {chosen}, by its name and content; --{role}-format to say otherwise"
         reading = replace(reading, notices=(notice, *reading.notices))
     return reading
+
+
+def runs_inside(path: str, max_input: float | None = None) -> list[str]:
+    """Names of the sets of trajectories in a MAT file: ``X``, ``Y{1}``, ``Y{2}``, ...
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    max_input : float, optional
+        As in `formats.ReadOptions`.
+
+    Raises
+    ------
+    InputError
+        It is no such file.
+    ConfigError
+        The package that reads it is missing.
+    """
+    from tgospa_eval.formats.matlab import names_of_runs
+
+    return names_of_runs(path, _loaded(path, max_input), max_input)
+
+
+def _loaded(file: str, max_input: float | None) -> bytes:
+    """The bytes of a file, unpacked."""
+    from tgospa_eval.formats.room import most_bytes, most_unpacked
+    from tgospa_eval.formats.text.convert import load
+    from tgospa_eval.formats.unpack import is_packed, unpack
+
+    data = load(file, most_bytes(max_input, file))
+    return unpack(data, file, most_unpacked(max_input, len(data))) if is_packed(data) else data
 
 
 @spoken_in_python()

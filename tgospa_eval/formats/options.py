@@ -60,6 +60,8 @@ class ReadOptions:
         header, it is read by the usual names, and without a filter by class.
     beside : tuple of str
         Paths of the files of the same evaluation: one may have what another needs.
+    roles : tuple of str
+        What these files are.
     option : str
         What messages call `columns`, see `formats.columns.asked.ask`.
 
@@ -88,6 +90,7 @@ class ReadOptions:
     max_input: float | None = None
     shared: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
+    roles: tuple[str, ...] = ("truth", "estimate")
     option: str = "columns"
 
     def __post_init__(self) -> None:
@@ -105,10 +108,10 @@ class ReadOptions:
         parse_moments(self.time)
         parse_region(self.region)
 
-    def beside_others(self, paths: tuple[str, ...]) -> "ReadOptions":
+    def beside_others(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
         """The same for a file that is read with these; what was checked is not checked again."""
         same = object.__new__(ReadOptions)
-        vars(same).update(vars(self), beside=paths)
+        vars(same).update(vars(self), beside=paths, roles=roles)
         return same
 
     @property

@@ -8,6 +8,7 @@ from typing import TypeAlias
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats import runs_inside
 from tgospa_eval.text import quoted
 
 RULE_KEYS = ("fail-on", "warn-on", "max")
@@ -131,13 +132,13 @@ def _pairs(
     rules = dict(common[1])
     for key, own in _rules(table, where).items():
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
-    found = [{}] if not words else list(patterns.matches(truth, folder))
+    found = [{}] if not words else list(patterns.matches(truth, folder, runs_inside))
     groups = _groups(estimate, others, folder)
     if not found or not groups:
         pattern, theirs = os.path.join(folder, truth), os.path.join(folder, estimate)
         fault = f"{where}: no file is like {quoted(theirs if found else pattern)}"
         yield Pair(name=name, truth=pattern, estimate=theirs, fault=fault)
-    for file, _ in patterns.found(estimate, folder) if others else ():
+    for file, _ in patterns.found(estimate, folder, runs_inside) if others else ():
         if patterns.is_ambiguous(estimate, file):
             fault = f"{where}: the fields of {quoted(estimate)} fit {file} in two ways"
             yield Pair(name=file, truth=os.path.join(folder, truth), estimate=file, fault=fault)
@@ -157,7 +158,8 @@ def _groups(estimate: str, others: list[str], folder: str) -> list[dict[str, str
     if not others:
         return [{}]
     found = dict.fromkeys(
-        tuple(values[word] for word in others) for values in patterns.matches(estimate, folder)
+        tuple(values[word] for word in others)
+        for values in patterns.matches(estimate, folder, runs_inside)
     )
     return [dict(zip(others, group, strict=True)) for group in found]
 

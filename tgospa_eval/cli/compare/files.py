@@ -14,6 +14,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.formats import ROLES, Reading
+from tgospa_eval.formats.guess import file_of
 from tgospa_eval.text import quoted
 
 
@@ -29,7 +30,7 @@ def check_files(paths: Sequence[str]) -> None:
         place = find_place(path)
         if place is not None:
             raise InputError(place.message)
-        if path != STDIN and not os.path.lexists(path):
+        if path != STDIN and not os.path.lexists(file_of(path)):
             raise InputError(f"{path or quoted(path)}: no such file")
 
 

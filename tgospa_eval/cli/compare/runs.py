@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from tgospa_eval.common import patterns
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import runs_inside
 
 Runs = list[tuple[str, list[str]]]
 """The truth of each run, and its estimates."""
@@ -21,7 +22,7 @@ def is_pattern(path: str) -> bool:
 def first_file(pattern: str) -> str | None:
     """The first that a pattern stands for."""
     if _fields(pattern):
-        return next((name for name, _ in patterns.found(pattern)), None)
+        return next((name for name, _ in patterns.found(pattern, inside=runs_inside)), None)
     before, after = pattern.split("*", 1)
     return min(glob.glob(f"{glob.escape(before)}*{glob.escape(after)}"), default=None)
 
@@ -131,7 +132,7 @@ def _values(pattern: str) -> Iterator[Mapping[str, str]]:
     InputError
         No file is like the pattern, or one is in two ways.
     """
-    found = list(patterns.found(pattern))
+    found = list(patterns.found(pattern, inside=runs_inside))
     if not found:
         raise InputError(f"{pattern}: no such files")
     for path, values in found:

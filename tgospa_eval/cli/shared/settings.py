@@ -119,7 +119,7 @@ class Settings:
         sides, faults = [], []
         for side, (path, role) in enumerate(zip(paths, roles, strict=False)):
             try:
-                sides.append(self.read_side(path, side, role, paths))
+                sides.append(self.read_side(path, side, role, paths, roles))
             except (InputError, ConfigError) as error:
                 faults.append(error)
         if faults:
@@ -145,15 +145,22 @@ class Settings:
         everything = read(paths[0], self.each[0], "estimate", self.formats[0])
         return preprocessed(sides, everything, (paths[0], paths[1]))
 
-    def read_side(self, path: str, side: int, role: str, paths: tuple[str, ...] = ()) -> Reading:
-        """One file, the first or second; `paths` are all that are read together.
+    def read_side(
+        self,
+        path: str,
+        side: int,
+        role: str,
+        paths: tuple[str, ...] = (),
+        roles: tuple[str, ...] = ROLES,
+    ) -> Reading:
+        """One file, the first or second; `paths` are all that are read together, in their roles.
 
         Raises
         ------
         InputError
             The file cannot be read, or has a row that is wrong.
         """
-        options = self.each[side].beside_others(paths)
+        options = self.each[side].beside_others(paths, roles)
         if len(paths) == 1:
             options = replace(options, option="--columns")
         return read(path, options, role, self.formats[side])
