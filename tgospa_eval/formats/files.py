@@ -10,7 +10,7 @@ from importlib import import_module
 
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.options import ReadOptions, one_of
+from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -32,8 +32,6 @@ FORMATS = {
 
 PACKED = ("parquet", "feather", "npz", "npy", "mat", "nuscenes", "argoverse")
 """Formats whose readers know what a file unpacks to."""
-
-ROLES = ("truth", "estimate")
 
 
 def read(
@@ -135,6 +133,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     columns: tuple[str, ...] | None = None,
     decimal: str = ".",
     on_duplicate: str = "error",
+    on_invalid: str = "error",
     boxes: bool = False,
     time: str | None = None,
     classes: tuple[str, ...] | None = None,
@@ -174,7 +173,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         The stamps of the file are multiplied by `time_scale`, then `time_offset` is added, in
         seconds for ISO times, which have no scale; state columns, with covariances and particles,
         are multiplied by `unit_scale`. `time` and `region` are in the new units.
-    columns, decimal, on_duplicate, boxes, time, classes, region
+    columns, decimal, on_duplicate, on_invalid, boxes, time, classes, region
         As in `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input, beside
         Likewise.
@@ -190,6 +189,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         columns=columns,
         decimal=decimal,
         on_duplicate=on_duplicate,
+        on_invalid=on_invalid,
         boxes=boxes,
         time=time,
         classes=classes,

@@ -43,7 +43,7 @@ ELEMENT_TYPES = {
 }
 """Types of elements that hold numbers."""
 
-CELL, STRUCTURE = 1, 2
+CELL_ARRAY, STRUCTURE = 1, 2
 NUMERIC = range(6, 16)
 """Classes of arrays."""
 
@@ -239,7 +239,7 @@ def _array(data: bytes, begin: int, order: str) -> _Array:
 def _begin(data: bytes, order: str) -> tuple[str, int | None, frozenset[str]]:
     """Name of a variable, elements of a cell, names of fields, from the beginning of its bytes."""
     array = _array(data, _inside(_tag(data, 0, order)), order)
-    if array.kind != CELL:
+    if array.kind != CELL_ARRAY:
         return array.name, None, frozenset(_fields_of(data, array, order)[0])
     at, count = array.rest, max(math.prod(array.sizes), 0)
     for _ in range(count):
@@ -277,7 +277,7 @@ def _fields_of(data: bytes, array: _Array, order: str) -> tuple[list[str], int]:
 def _structure(data: bytes, order: str, place: int) -> Fields:
     """Fields of a structure, or of the one at a place in a cell."""
     array = _array(data, _inside(_element(data, 0, order)), order)
-    if array.kind == CELL:
+    if array.kind == CELL_ARRAY:
         at = array.rest
         for _ in range(place):
             at = _element(data, at, order).next
