@@ -73,7 +73,8 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
         particles = gather(rows, key, choice.mask, always=options.clouds and roles.spread is None)
     _keep_region(rows, options, particles, choice)
-    _check_states(rows, state, options, format, choice)
+    droppable = format != "frame" and particles is None  # the weights of a cloud belong together
+    _check_states(rows, state, options, choice, droppable=droppable)
     chosen = None if choice.all() else np.flatnonzero(choice.mask)
     taken, ordered = _by_key(key, chosen)
     clouds = None
@@ -239,7 +240,7 @@ def _keep_region(
 
 
 def _check_states(
-    rows: Rows, state: Floats, options: ReadOptions, format: str, choice: _Choice
+    rows: Rows, state: Floats, options: ReadOptions, choice: _Choice, *, droppable: bool
 ) -> None:
     """Refuse or leave out rows whose state is none, of those that take part.
 
@@ -252,10 +253,10 @@ def _check_states(
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
             continue
-        where = rows.where(int(at[0]))
-        text = f"{where}{say(int(at[0]), more(len(at)))}"
-        if options.on_invalid == "error":
-            remedy = "" if format == "frame" else "; --on-invalid drop leaves such rows out"
+        row = int(at[0])
+        text = rows.where(row) + say(row, more(len(at)))
+        if options.on_invalid == "error" or not droppable:
+            remedy = "; --on-invalid drop leaves such rows out" if droppable else ""
             raise InputError(f"{text}{remedy}")
         text = text.removeprefix(f"{rows.name}, ")  # which begins every notice
         choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {text}")
@@ -273,18 +274,18 @@ def _wrong_states(
             ~np.isfinite(state).all(axis=1),
             lambda _, others: f": a box too large for a number{others}; use another unit",
         )
+    least = "> 0 for --distance iou" if options.boxes else ">= 0"
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
-        rule = "it must be > 0 for --distance iou" if options.boxes else "it must be >= 0"
 
-        def say(
-            row: int, others: str, name: str = name, extent: Floats = extent, rule: str = rule
-        ) -> str:
-            return f", column {quoted(name)}: {extent[row]:g} is no {name} of a box{others}; {rule}"
+        def say(row: int, others: str, name: str = name, extent: Floats = extent) -> str:
+            what = f"{extent[row]:g} is no {name} of a box{others}"
+            return f", column {quoted(name)}: {what}; it must be {least}"
 
         yield ~(extent > 0 if options.boxes else extent >= 0), say
     while options.fault is not None:
-        fault = options.fault(rows.roles.names, state[choice.mask].T)
+        taking = state if choice.all() else state[choice.mask]
+        fault = options.fault(rows.roles.names, taking.T)
         if fault is None:
             return
         wrong = np.zeros(len(state), bool)

@@ -211,6 +211,10 @@ def test_kinds_of_invalid_rows(write: Write, invoke: Run) -> None:
     assert document["parameters"]["on_invalid"] == "drop"
     assert document["sizes"]["truth"] == 1
     assert "2 rows left out by --on-invalid drop: line 3" in answer.err
+    # Particles of a cloud belong together.
+    cloud = write("c.csv", "id,t,left,top,width,height,weight\na,1,1,1,4,6,.5\na,1,1,1,-4,6,.5\n")
+    with pytest.raises(InputError, match=r'line 3, column "width": -4 .*; it must be >= 0$'):
+        read(cloud, drop)
     # A file that is damaged stays an error, and so does a number that is infinite.
     for row, what in (("a,2,1,1,oops,6", "not a number"), ("a,2,1,1,inf,6", "infinite")):
         with pytest.raises(InputError, match=what):
