@@ -5,7 +5,6 @@ A file of MATLAB has variables, ``study.mat:X``, and cells: ``study.mat:Y{run}``
 """
 
 import functools
-import glob
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -43,6 +42,8 @@ def found(
     pattern: str, folder: str = "", inside: Inside = lambda _: ()
 ) -> Iterator[tuple[str, dict[str, str]]]:
     """The paths that are like a pattern, below a folder, with what its fields stand for."""
+    import glob  # here: the name of a file is no pattern
+
     file, variable = _split(pattern)
     parts = re.split(FIELD, file)  # text, name, text, name, ..., text
     wild = "*".join(glob.escape(text) for text in parts[::2])

@@ -253,8 +253,7 @@ def _check_states(
         at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
             continue
-        row = int(at[0])
-        text = rows.where(row) + say(row, more(len(at)))
+        text = rows.where(row := int(at[0])) + say(row, more(len(at)))
         if options.on_invalid == "error" or not droppable:
             remedy = "; --on-invalid drop leaves such rows out" if droppable else ""
             raise InputError(f"{text}{remedy}")
@@ -265,10 +264,7 @@ def _check_states(
 def _wrong_states(
     rows: Rows, state: Floats, options: ReadOptions, choice: _Choice
 ) -> Iterator[tuple[Flags, Callable[[int, str], str]]]:
-    """Sizes of boxes, sums that are no doubles, and what the distance cannot compare.
-
-    With words for the first of them, and how many more there are.
-    """
+    """Sizes of boxes, sums that are no doubles, what the distance cannot compare; and words."""
     if rows.roles.centres or options.boxes:
         yield (
             ~np.isfinite(state).all(axis=1),
@@ -282,7 +278,7 @@ def _wrong_states(
             what = f"{extent[row]:g} is no {name} of a box{others}"
             return f", column {quoted(name)}: {what}; it must be {least}"
 
-        yield ~(extent > 0 if options.boxes else extent >= 0), say
+        yield np.asarray(~(extent > 0 if options.boxes else extent >= 0)), say
     while options.fault is not None:
         taking = state if choice.all() else state[choice.mask]
         fault = options.fault(rows.roles.names, taking.T)
@@ -291,7 +287,11 @@ def _wrong_states(
         wrong = np.zeros(len(state), bool)
         wrong[choice.mask] = fault[0]
         what = f", column {quoted(fault[1])}: {fault[2]}"
-        yield wrong, lambda _, __, what=what: what
+
+        def told(_: int, __: str, what: str = what) -> str:
+            return what
+
+        yield wrong, told
 
 
 def _repeats(

@@ -116,7 +116,9 @@ class ReadOptions:
         parse_moments(self.time)
         parse_region(self.region)
 
-    def beside_others(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> "ReadOptions":
+    def beside_others(
+        self, paths: tuple[str, ...], roles: tuple[str, ...] = ROLES
+    ) -> "ReadOptions":
         """The same for a file that is read with these; what was checked is not checked again."""
         same = object.__new__(ReadOptions)
         vars(same).update(vars(self), beside=paths, roles=roles)

@@ -154,12 +154,7 @@ FILE_OPTIONS = (
     *(
         _files(f"--on-{fault} NAME", text, type=click.Choice(("error", *ways)), default="error")
         for fault, text, *ways in (
-            (
-                "duplicate",
-                "Two rows of one id at one time: error, or keep first or last.",
-                "first",
-                "last",
-            ),
+            ("duplicate", "Rows of one id and time: error, first or last.", "first", "last"),
             ("invalid", "Boxes of negative size, places out of range: error, or drop it.", "drop"),
         )
     ),
