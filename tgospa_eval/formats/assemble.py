@@ -267,7 +267,7 @@ def _wrong_states(
     """Sizes of boxes, sums that are no doubles, what the distance cannot compare; and words."""
     if rows.roles.centres or options.boxes:
         yield (
-            ~np.isfinite(state).all(axis=1),
+            np.asarray(~np.isfinite(state).all(axis=1)),
             lambda _, others: f": a box too large for a number{others}; use another unit",
         )
     least = "> 0 for --distance iou" if options.boxes else ">= 0"
