@@ -196,6 +196,7 @@ def test_what_is_wrong_is_said_before_any_work(invoke: Invoke, runs: Path) -> No
     for more, message in (
         (("--proof",), "--proof is for the folders of --reports"),
         (("--by", "colour"), "--by colour: no such label; there are tracker, run"),
+        (("--by", "class"), "there are tracker, run; --slice class splits costs by class"),
     ):
         answer = batch(invoke, *more)
         assert (answer.status, answer.out) == (2, "")

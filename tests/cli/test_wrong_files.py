@@ -18,7 +18,7 @@ KITTI = "0 1 Car 0 0 -1.8 100 50 140 80 2.0 1.8 4.4 {} {} {} -2.1\n"
 @pytest.mark.parametrize(
     ("options", "parts"),
     [
-        (["--class", "Car"], ["--class", '"Car"', 'there are "car"']),
+        (["--class", "van"], ["--class", '"van"', 'there are "car"']),
         (["--time", "5:9"], ["--time", "no row is left"]),
         (["--class", "car", "--region", "x=5:"], ["--class and --region", "no row is left"]),
     ],

@@ -1,6 +1,6 @@
 """What there is to evaluate: from patterns with fields, a manifest, or the layout of a benchmark.
 
-Knows paths and labels; no file of a recording is read.
+Knows paths and labels; of recordings at most the names of runs are read that one file has.
 """
 
 import csv
@@ -13,6 +13,8 @@ from tgospa_eval.common import patterns
 from tgospa_eval.common.files import named
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats.guess import file_of
 from tgospa_eval.text import listed, quoted
 
 LAYOUTS = {
@@ -78,6 +80,7 @@ def of_patterns(
     folders: tuple[str, str] = ("", ""),
     sequences: Collection[str] = (),
     output: str | None = None,
+    inside: patterns.Inside = runs_inside,
 ) -> Plan:
     """A job for each file that is like the pattern of the estimates, with the truth of its values.
 
@@ -91,6 +94,8 @@ def of_patterns(
         If there are any, only files with these values of the field ``sequence``.
     output : str, optional
         The folder of the store, in which there are none.
+    inside : callable
+        Names of the runs in a file.
 
     Raises
     ------
@@ -104,8 +109,10 @@ def of_patterns(
             f"--truth {truth}: the field {{{unknown[0]}}} is not in --estimate {estimate}"
         )
     jobs, faults = [], []
-    meant = patterns.meant(estimate, folders[1], output=output, truth=(truth, folders[0]))
-    truths = patterns.meant(truth, folders[0], output=output)
+    meant = patterns.meant(
+        estimate, folders[1], output=output, truth=(truth, folders[0]), inside=inside
+    )
+    truths = patterns.meant(truth, folders[0], output=output, inside=inside)
     notices = tuple((truths.notices | meant.notices).values())
     for path, values in meant.files:
         if sequences and values["sequence"] not in sequences:
@@ -115,12 +122,13 @@ def of_patterns(
             faults.append(f"{whole}: the fields of {estimate} fit it in two ways")
             continue
         theirs_truth = os.path.join(folders[0], patterns.fill(truth, values))
-        if not os.path.isfile(theirs_truth):
+        if not _is_there(theirs_truth, inside):
             faults.append(f"{whole}: there is no truth {theirs_truth}")
             continue
         jobs.append(Job(labels=values, truth=theirs_truth, estimate=whole))
     if not jobs and not faults and not sequences:
-        raise ConfigError(f"--estimate {estimate}: no file is like this", *notices)
+        what = "file" if file_of(estimate) == estimate else "variable of a file"
+        raise ConfigError(f"--estimate {estimate}: no {what} is like this", *notices)
     there = [values for _, values in truths.files] if own else [{}]
     for values, other in _without_estimate(own, theirs, there, jobs):
         if not sequences or values["sequence"] in sequences:
@@ -143,6 +151,13 @@ def _without_estimate(
     for values, group in itertools.product(there, groups):
         if (*(values[name] for name in own), *group) not in known:
             yield values, values | dict(zip(others, group, strict=True))
+
+
+def _is_there(path: str, inside: patterns.Inside) -> bool:
+    """Whether there is a file, and the element of a cell in it that the path may name."""
+    file = file_of(path)
+    has = file == path or not path.endswith("}") or path[len(file) + 1 :] in inside(file)
+    return os.path.isfile(file) and has
 
 
 def of_layout(
@@ -249,7 +264,7 @@ def of_manifest(path: str, options: Collection[str]) -> Plan:
             estimate=os.path.join(folder, values["estimate"]),
             options={name: text for name, text in values.items() if name in options and text},
         )
-        absent = [name for name in (job.truth, job.estimate) if not os.path.isfile(name)]
+        absent = [name for name in (job.truth, job.estimate) if not os.path.isfile(file_of(name))]
         faults += [f"{path}, line {line}: there is no file {name}" for name in absent]
         if not absent:
             jobs.append(job)

@@ -54,6 +54,7 @@ def check_labels(by: Sequence[str], known: Collection[str]) -> None:
     if unknown:
         raise ConfigError(
             f"--by {unknown[0]}: no such label; there are {', '.join(known) or 'none'}"
+            f"{'; --slice class splits costs by class' if unknown[0] == 'class' else ''}"
         )
 
 

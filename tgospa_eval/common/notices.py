@@ -104,7 +104,7 @@ RENAMED = {
 }
 """Arguments that are not called as their options."""
 
-WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate")
+WORD_OPTIONS = ("distance", "grid", "missing-cov", "on-duplicate", "on-invalid")
 """Options whose value in messages is a word."""
 
 _OPTION = (
@@ -115,7 +115,7 @@ _OPTION = (
 )
 
 
-_READING = r"\b(columns=\(|on_duplicate=|decimal=|boxes=|(fix|missing)_covariance)"
+_READING = r"\b(columns=\(|on_duplicate=|on_invalid=|decimal=|boxes=|(fix|missing)_covariance)"
 """Arguments of `read_trajectories` in messages."""
 
 

@@ -1,13 +1,14 @@
 """Patterns of paths with fields: ``runs/{tracker}/{sequence}.txt``, and which files are meant.
 
-Knows no content of a file but of those that say what this program wrote.
+Knows no content of a file but of those that say what this program wrote. A file of MATLAB has
+variables, ``study.mat:X``, and cells: ``study.mat:Y{run}`` is like ``Y{1}``, ``Y{2}`` and so on, as
+in MATLAB itself. Which there are is told by `Inside`.
 """
 
 import functools
-import glob
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from tgospa_eval.common.frozen import dataclass
@@ -15,6 +16,12 @@ from tgospa_eval.common.manifest import results_in
 from tgospa_eval.common.words import counted
 
 FIELD = r"\{([A-Za-z_]\w*)\}"
+
+WITH_VARIABLES = r"(?s:(.+\.(?i:mat(?:\.gz|\.gzip|\.zst|\.zstd)?))):"
+"""What names a file that has variables, before the name of one."""
+
+Inside = Callable[[str], Iterable[str]]
+"""Names of what can be read of such a file."""
 
 DOTTED, WRITTEN, TRUTH = "hidden by a dot", "in a folder of results", "the truth itself"
 """Why a file is passed over."""
@@ -43,16 +50,18 @@ def fields(pattern: str) -> list[str]:
 
 def fill(pattern: str, values: Mapping[str, str]) -> str:
     """The pattern with values in place of its fields."""
-    return re.sub(FIELD, lambda found: values[found[1]], pattern) if values else pattern
+    return re.sub(FIELD, lambda found: values[found[1]], _of_cell(pattern)) if values else pattern
 
 
-def found(pattern: str, folder: str = "") -> Iterator[tuple[str, dict[str, str]]]:
+def found(
+    pattern: str, folder: str = "", inside: Inside = lambda _: ()
+) -> Iterator[tuple[str, dict[str, str]]]:
     """The paths that are like a pattern, below a folder, in order, with what its fields stand for.
 
     A field is one part of a path, or a piece of one, and the same wherever it is named. Names that
     begin with a dot have to be written with it.
     """
-    for path, values in _all(pattern, folder):
+    for path, values in _all(pattern, folder, inside):
         if _dotted(pattern, path) is None:
             yield path, values
 
@@ -63,6 +72,7 @@ def meant(
     *,
     output: str | None = None,
     truth: tuple[str, str] | None = None,
+    inside: Inside = lambda _: (),
 ) -> Meant:
     """The files that are meant by a pattern: not all that happen to be like it.
 
@@ -80,13 +90,15 @@ def meant(
         The folder that is written: it is a store.
     truth : pair of str, optional
         Of estimates: the pattern of the truths, and the folder below which that holds.
+    inside : callable
+        Names of the runs in a file.
     """
     real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
 
     def place(above: str, name: str) -> str:
         return os.path.join(real(above), name)
 
-    found = list(_all(pattern, folder))
+    found = list(_all(pattern, folder, inside))
     truths: set[str] = set()
     if truth is not None and set(fields(truth[0])) < set(fields(pattern)):
         named = {os.path.join(truth[1], fill(truth[0], values)) for _, values in found}
@@ -143,12 +155,20 @@ def _slashed(path: str) -> str:
     return path.replace("\\", "/")
 
 
-def _all(pattern: str, folder: str) -> Iterator[tuple[str, dict[str, str]]]:
+def _all(pattern: str, folder: str, inside: Inside) -> Iterator[tuple[str, dict[str, str]]]:
     """What `found` gives, also of names that begin with a dot where the pattern has a field."""
-    parts = re.split(FIELD, pattern)  # text, name, text, name, ..., text
+    import glob  # here: the name of a file is no pattern
+
+    file, variable = _split(pattern)
+    parts = re.split(FIELD, file)  # text, name, text, name, ..., text
     wild = "*".join(glob.escape(text) for text in parts[::2])
     shape = _shape(pattern, "+")
-    for path in sorted(glob.glob(wild, root_dir=folder or None, include_hidden=True)):
+    paths: Iterable[str] = sorted(glob.glob(wild, root_dir=folder or None, include_hidden=True))
+    if fields(variable):
+        paths = (f"{path}:{name}" for path in paths for name in inside(os.path.join(folder, path)))
+    elif variable:
+        paths = (f"{path}:{variable}" for path in paths)
+    for path in paths:
         match = shape.fullmatch(_slashed(path))
         if match is not None:
             yield path, match.groupdict()
@@ -164,11 +184,28 @@ def is_ambiguous(pattern: str, path: str) -> bool:
 @functools.lru_cache
 def _shape(pattern: str, repeated: str) -> re.Pattern[str]:
     """The regular expression of a pattern, for thousands of paths."""
-    parts = re.split(FIELD, pattern)
-    shape, seen = "", set()
+    file = _split(pattern)[0]
+    parts = re.split(FIELD, _of_cell(pattern))
+    shape, seen, size = "", set(), 0
     for text, name in zip(parts[::2], (*parts[1::2], None), strict=True):
         shape += re.escape(_slashed(text))
+        size += len(text)
         if name is not None:
-            shape += f"(?P={name})" if name in seen else f"(?P<{name}>[^/]{repeated})"
+            piece = "[^/]" if size < len(file) else "[^{}]"
+            shape += f"(?P={name})" if name in seen else f"(?P<{name}>{piece}{repeated})"
             seen.add(name)
+            size += len(name) + 2
     return re.compile(shape)
+
+
+def _split(pattern: str) -> tuple[str, str]:
+    """A file, and its variable; blank if none is named."""
+    named = re.match(WITH_VARIABLES, pattern)
+    return (named[1], pattern[named.end() :]) if named else (pattern, "")
+
+
+def _of_cell(pattern: str) -> str:
+    """The pattern with the braces of a cell around its field."""
+    variable = _split(pattern)[1]
+    cell = re.fullmatch(rf"\w+{FIELD}", variable)
+    return f"{pattern[: -len(cell[1]) - 2]}{{{{{cell[1]}}}}}" if cell else pattern

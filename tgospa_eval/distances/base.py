@@ -16,8 +16,8 @@ from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 Floats = NDArray[np.float64]
 
-Fault = tuple[int, str, str]
-"""Row of a state, its column, and what is wrong with its value."""
+Fault = tuple[NDArray[np.bool_], str, str]
+"""Which states are wrong in a column, the column, and what is wrong with the first of them."""
 
 REACH_ROUNDING = 2.0**-40
 """What reaches are widened by: far above the rounding of a distance, and it loses no candidate."""
@@ -249,7 +249,7 @@ class Distance(ABC):
             )
 
     def fault(self, axes: Floats) -> Fault | None:
-        """First of the states (d, R) that is out of range, its column, and what is wrong."""
+        """Which states (d, R) are out of range in a column, the column, and what the first is."""
         del axes
         return None
 
@@ -260,6 +260,6 @@ class Distance(ABC):
 
 
 def first_fault(wrong: NDArray[np.bool_], values: Floats, name: str, rule: str) -> Fault:
-    """The first wrong value of a column in words."""
-    row = int(np.flatnonzero(wrong)[0])
-    return row, name, f"{values[row]:g}{more(int(np.count_nonzero(wrong)))} {rule}"
+    """The wrong values of a column, the first in words."""
+    first = values[int(np.argmax(wrong))]
+    return wrong, name, f"{first:g}{more(int(np.count_nonzero(wrong)))} {rule}"

@@ -1,5 +1,7 @@
 """Whether two sides can be compared at all, and by a distance: columns, kinds of states, ranges."""
 
+import numpy as np
+
 from tgospa_eval.distances.base import Distance
 from tgospa_eval.errors import InputError
 from tgospa_eval.text import quoted
@@ -49,7 +51,8 @@ def check_states(
         distance.check_columns(side.columns, name)
         fault = distance.fault(side.state.T)
         if fault is not None:
-            row, column, message = fault
+            wrong, column, message = fault
+            row = int(np.argmax(wrong))
             time = side.shown[side.step[row]]
             identity = side.ids[side.track[row]]
             raise InputError(f"{name}: at t = {time}, id {quoted(identity)}: {column} is {message}")

@@ -6,15 +6,18 @@ A box that is matched with a distractor is left out. Of the truth the pedestrian
 is not 0. The rules, and the order of its steps, are those of TrackEval.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
 from tgospa_eval.distances import DISTANCES, near_pairs
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.text.kitti import IGNORED
 from tgospa_eval.tracks.alignment import TimeMatching, align
 
 PEDESTRIAN = "1"
@@ -58,6 +61,39 @@ def preprocessed(
         _left(truth, _of_classes(truth, (PEDESTRIAN,))),
         _left(estimate, ~_on_distractors(everything, estimate, names)),
     )
+
+
+def benchmark_warnings(truth: Reading, everything: Callable[[], Reading]) -> Iterator[Notice]:
+    """That numbers which tables of a benchmark have are made of more here than there.
+
+    Parameters
+    ----------
+    truth : Reading
+        As it is compared.
+    everything : callable
+        Reads all boxes of the truth, with the attribute ``class`` if there is one.
+    """
+    if truth.format == "motchallenge":
+        classes = everything().trajectories.attributes.get("class", np.zeros(0))
+        count = int(
+            np.isin(classes.astype(str), [*DISTRACTORS, *map("{}.0".format, DISTRACTORS)]).sum()
+        )
+        if count:
+            yield Notice(
+                code="benchmark-rules",
+                text=f"{counted(count, 'box is a distractor', 'boxes are distractors')} "
+                f"(classes {', '.join(DISTRACTORS)}), and a tracker that has them is charged for "
+                "them: HOTA, MOTA and IDF1 are not those of the tables",
+                remedy=f"{PREPROCESS} leaves out what they leave out",
+            )
+    elif truth.format == "kitti" and IGNORED in truth.left_out:
+        yield Notice(
+            code="benchmark-rules",
+            text="tables of KITTI are of one class, without what a tracker has in regions "
+            f"{IGNORED}, on neighbours of the class (Van, Person_sitting), or too small: here it "
+            "is charged for all, and HOTA, MOTA and IDF1 are not those of the tables",
+            remedy="compare these numbers with one another; TrackEval makes those of the tables",
+        )
 
 
 def _of_classes(reading: Reading, names: tuple[str, ...]) -> Flags:

@@ -1,7 +1,15 @@
 """FILES -> Trajectories: readers by name, how to read, and what was read."""
 
-from tgospa_eval.formats.files import FORMATS, ROLES, read, read_trajectories
-from tgospa_eval.formats.options import ReadOptions
+from tgospa_eval.formats.files import FORMATS, read, read_trajectories, runs_inside
+from tgospa_eval.formats.options import ROLES, ReadOptions
 from tgospa_eval.formats.reading import Reading
 
-__all__ = ["FORMATS", "ROLES", "ReadOptions", "Reading", "read", "read_trajectories"]
+__all__ = [
+    "FORMATS",
+    "ROLES",
+    "ReadOptions",
+    "Reading",
+    "read",
+    "read_trajectories",
+    "runs_inside",
+]

@@ -1,6 +1,6 @@
 """Rows of a file to Trajectories: what is left out, duplicates, order."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -11,7 +11,7 @@ from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.attributes import attributes_of
-from tgospa_eval.formats.filters import Flags
+from tgospa_eval.formats.filters import Flags, class_named, is_alike
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.formats.rows import Rows
@@ -32,6 +32,7 @@ RULES_SAID = {
     "time": "left out by --time",
     "class": "left out by --class",
     "region": "left out by --region",
+    "invalid": "left out by --on-invalid drop",
 }
 """What is said of rows that do not take part, by the rule that leaves them out."""
 
@@ -48,7 +49,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
     Raises
     ------
     InputError
-        An (id, t) is repeated and `which` is ``"error"``, or a box has no size.
+        An (id, t) is repeated, or a state is none, and the options do not say what to do.
     """
     roles = rows.roles
     state = roles.mixed(rows.numbers, roles.state)
@@ -72,9 +73,9 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
 
         particles = gather(rows, key, choice.mask, always=options.clouds and roles.spread is None)
     _keep_region(rows, options, particles, choice)
+    droppable = format != "frame" and particles is None  # the weights of a cloud belong together
+    _check_states(rows, state, options, choice, droppable=droppable)
     chosen = None if choice.all() else np.flatnonzero(choice.mask)
-    _check_states(rows, state, chosen, options)
-
     taken, ordered = _by_key(key, chosen)
     clouds = None
     if particles is not None:
@@ -123,6 +124,7 @@ def assemble(rows: Rows, options: ReadOptions, format: str) -> Reading:
         named=() if rows.classes is None else tuple(rows.classes[0]),
         lacking=roles.lacking,
         headers=roles.called,
+        centres=roles.centres,
         pixels=roles.centres and roles.fixed,
     )
 
@@ -135,13 +137,22 @@ def said_of(rule: str, count: int, which: str) -> str:
     return f"{counted(count, 'row')} {RULES_SAID[rule]}"
 
 
-def classes_lacking(options: ReadOptions, there: Sequence[str]) -> list[str]:
-    """What is said of classes that are asked for and not among those that are there."""
+def class_notices(options: ReadOptions, there: Sequence[str], *, whole: bool) -> Iterator[str]:
+    """What is said of classes that are asked for, by those that are there.
+
+    `whole`: names that differ in upper and lower case alone may be taken for one another.
+    """
     asked = {name.strip() for name in options.classes or ()}
-    shown = ", ".join(map(quoted, there[:10])) or "none"
-    return [
-        f"no row of class {quoted(name)}; there are {shown}" for name in sorted(asked - {*there})
-    ]
+    for name in sorted(asked):
+        found = class_named(name, there) if whole else name
+        others = [other for other in there if is_alike(name, other) and other not in asked]
+        if found not in there:
+            shown = ", ".join(map(quoted, there[:10])) or "none"
+            yield f"no row of class {quoted(name)}; there are {shown}"
+        elif found != name:
+            yield f"class {quoted(found)} is taken for {quoted(name)}"
+        elif others:
+            yield f"class {quoted(name)} as it is written; {quoted(others[0])} is another"
 
 
 class _Choice:
@@ -161,7 +172,7 @@ class _Choice:
         self.mask &= inside
         count = before - int(np.count_nonzero(self.mask))
         if count:
-            self.left_out[rule] = count
+            self.left_out[rule] = self.left_out.get(rule, 0) + count
             said = f"{counted(count, 'row')} {sentence}" if sentence else said_of(rule, count, "")
             self.notices.append(said)
 
@@ -202,10 +213,12 @@ def _keep_classes(rows: Rows, options: ReadOptions, choice: _Choice) -> None:
     if rows.classes is None:
         choice.notices.append(NO_CLASSES)
         return
-    names = {name.strip() for name in options.classes}
-    known = np.array([name in names for name in rows.classes[0]], bool)
+    there = rows.classes[0].tolist()
+    asked = [name.strip() for name in options.classes]
+    taken = {class_named(name, there) for name in asked} if rows.whole else {*asked}
+    known = np.array([name in taken for name in there], bool)
     choice.keep(known[rows.classes[1]], "class")
-    choice.notices += classes_lacking(options, rows.classes[0].tolist())
+    choice.notices += class_notices(options, there, whole=rows.whole)
 
 
 def _keep_region(
@@ -226,41 +239,59 @@ def _keep_region(
     choice.keep(inside, "region")
 
 
-def _check_states(rows: Rows, state: Floats, chosen: Ints | None, options: ReadOptions) -> None:
-    """Sizes of boxes, sums that are no doubles, and what the distance cannot compare.
+def _check_states(
+    rows: Rows, state: Floats, options: ReadOptions, choice: _Choice, *, droppable: bool
+) -> None:
+    """Refuse or leave out rows whose state is none, of those that take part.
 
-    `chosen` are the rows that take part; None are all.
+    Raises
+    ------
+    InputError
+        There is one, and it is not to be left out.
     """
-
-    def first(wrong: Flags) -> tuple[int, str]:
-        """The first of those that are wrong among the chosen, and how many more; -1 if none."""
-        at = np.flatnonzero(wrong if chosen is None else wrong[chosen])
+    for wrong, say in _wrong_states(rows, state, options, choice):
+        at = np.flatnonzero(wrong & choice.mask)
         if not len(at):
-            return -1, ""
-        return int(at[0] if chosen is None else chosen[at[0]]), more(len(at))
+            continue
+        text = rows.where(row := int(at[0])) + say(row, more(len(at)))
+        if options.on_invalid == "error" or not droppable:
+            remedy = "; --on-invalid drop leaves such rows out" if droppable else ""
+            raise InputError(f"{text}{remedy}")
+        text = text.removeprefix(f"{rows.name}, ")  # which begins every notice
+        choice.keep(~wrong, "invalid", f"{RULES_SAID['invalid']}: {text}")
 
+
+def _wrong_states(
+    rows: Rows, state: Floats, options: ReadOptions, choice: _Choice
+) -> Iterator[tuple[Flags, Callable[[int, str], str]]]:
+    """Sizes of boxes, sums that are no doubles, what the distance cannot compare; and words."""
     if rows.roles.centres or options.boxes:
-        row, others = first(np.asarray(~np.isfinite(state).all(axis=1)))
-        if row >= 0:
-            raise InputError(
-                f"{rows.where(row)}: a box too large for a number{others}; use another unit"
-            )
+        yield (
+            np.asarray(~np.isfinite(state).all(axis=1)),
+            lambda _, others: f": a box too large for a number{others}; use another unit",
+        )
+    least = "> 0 for --distance iou" if options.boxes else ">= 0"
     for name, size in zip(("width", "height"), rows.roles.sizes, strict=False):
         extent = rows.roles.mixed(rows.numbers, (size,))[:, 0]
-        row, others = first(np.asarray(~(extent > 0 if options.boxes else extent >= 0)))
-        if row >= 0:
-            rule = "it must be > 0 for --distance iou" if options.boxes else "it must be >= 0"
-            raise InputError(
-                f"{rows.where(row)}, column {quoted(name)}: {extent[row]:g} is no {name} of a "
-                f"box{others}; {rule}"
-            )
-    if options.fault is None:
-        return
-    fault = options.fault(rows.roles.names, (state if chosen is None else state[chosen]).T)
-    if fault is not None:
-        row, name, what = fault
-        row = row if chosen is None else int(chosen[row])
-        raise InputError(f"{rows.where(row)}, column {quoted(name)}: {what}")
+
+        def say(row: int, others: str, name: str = name, extent: Floats = extent) -> str:
+            what = f"{extent[row]:g} is no {name} of a box{others}"
+            return f", column {quoted(name)}: {what}; it must be {least}"
+
+        yield np.asarray(~(extent > 0 if options.boxes else extent >= 0)), say
+    while options.fault is not None:
+        taking = state if choice.all() else state[choice.mask]
+        fault = options.fault(rows.roles.names, taking.T)
+        if fault is None:
+            return
+        wrong = np.zeros(len(state), bool)
+        wrong[choice.mask] = fault[0]
+        what = f", column {quoted(fault[1])}: {fault[2]}"
+
+        def told(_: int, __: str, what: str = what) -> str:
+            return what
+
+        yield wrong, told
 
 
 def _repeats(

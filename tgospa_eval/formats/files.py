@@ -10,7 +10,7 @@ from importlib import import_module
 
 from tgospa_eval.common.notices import spoken_in_python
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.options import ReadOptions, one_of
+from tgospa_eval.formats.options import ROLES, ReadOptions, one_of
 from tgospa_eval.formats.reading import Reading
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Trajectories
@@ -32,8 +32,6 @@ FORMATS = {
 
 PACKED = ("parquet", "feather", "npz", "npy", "mat", "nuscenes", "argoverse")
 """Formats whose readers know what a file unpacks to."""
-
-ROLES = ("truth", "estimate")
 
 
 def read(
@@ -64,9 +62,7 @@ def read(
     """
     from tgospa_eval.formats.assemble import assemble
     from tgospa_eval.formats.guess import file_of, guess, is_table_folder
-    from tgospa_eval.formats.room import TEXT, check_room, most_bytes, most_unpacked
-    from tgospa_eval.formats.text.convert import load
-    from tgospa_eval.formats.unpack import is_packed, unpack
+    from tgospa_eval.formats.room import TEXT, check_room
 
     one_of("role", role, ROLES)
     if format is not None:
@@ -80,9 +76,7 @@ def read(
     options = options or ReadOptions()
     file = file_of(name)
     of_tables = format in (None, "nuscenes") and is_table_folder(file)
-    data = b"" if of_tables else load(file, most_bytes(options.max_input, file))
-    if is_packed(data):
-        data = unpack(data, file, most_unpacked(options.max_input, len(data)))
+    data = b"" if of_tables else _loaded(file, options.max_input)
     chosen = format or ("nuscenes" if of_tables else guess(file, data))
     if chosen not in PACKED:
         size = len(data)
@@ -98,6 +92,38 @@ def read(
     return reading
 
 
+def runs_inside(path: str, max_input: float | None = None) -> list[str]:
+    """Names of the sets of trajectories in a MAT file: ``X``, ``Y{1}``, ``Y{2}``, ...
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    max_input : float, optional
+        As in `formats.ReadOptions`.
+
+    Raises
+    ------
+    InputError
+        It is no such file.
+    ConfigError
+        The package that reads it is missing.
+    """
+    from tgospa_eval.formats.matlab import names_of_runs
+
+    return names_of_runs(path, _loaded(path, max_input), max_input)
+
+
+def _loaded(file: str, max_input: float | None) -> bytes:
+    """The bytes of a file, unpacked."""
+    from tgospa_eval.formats.room import most_bytes, most_unpacked
+    from tgospa_eval.formats.text.convert import load
+    from tgospa_eval.formats.unpack import is_packed, unpack
+
+    data = load(file, most_bytes(max_input, file))
+    return unpack(data, file, most_unpacked(max_input, len(data))) if is_packed(data) else data
+
+
 @spoken_in_python()
 def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     path: str | os.PathLike[str],
@@ -107,6 +133,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
     columns: tuple[str, ...] | None = None,
     decimal: str = ".",
     on_duplicate: str = "error",
+    on_invalid: str = "error",
     boxes: bool = False,
     time: str | None = None,
     classes: tuple[str, ...] | None = None,
@@ -146,7 +173,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         The stamps of the file are multiplied by `time_scale`, then `time_offset` is added, in
         seconds for ISO times, which have no scale; state columns, with covariances and particles,
         are multiplied by `unit_scale`. `time` and `region` are in the new units.
-    columns, decimal, on_duplicate, boxes, time, classes, region
+    columns, decimal, on_duplicate, on_invalid, boxes, time, classes, region
         As in `formats.ReadOptions`.
     fix_covariance, missing_covariance, clouds, max_input, beside
         Likewise.
@@ -162,6 +189,7 @@ def read_trajectories(  # noqa: PLR0913  (public: settings are keywords)
         columns=columns,
         decimal=decimal,
         on_duplicate=on_duplicate,
+        on_invalid=on_invalid,
         boxes=boxes,
         time=time,
         classes=classes,

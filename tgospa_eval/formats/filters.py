@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,17 @@ def parse_moments(text: str | None) -> Moments | None:
     if low is not None and high is not None and low > high:
         raise ConfigError(f"--time {quoted(text)}: ends before it begins")
     return Moments(low=low, high=high, clock=str(clock), text=text)
+
+
+def class_named(name: str, there: Collection[str]) -> str | None:
+    """The class of this name; if there is none, the only one that differs in case alone."""
+    found = [other for other in there if is_alike(name, other)]
+    return name if name in found else found[0] if len(found) == 1 else None
+
+
+def is_alike(name: str, other: str) -> bool:
+    """Whether two names differ in upper and lower case at most."""
+    return name.casefold() == other.casefold()
 
 
 def parse_region(text: str | None) -> dict[str, tuple[float, float]]:

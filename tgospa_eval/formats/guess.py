@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable
 from itertools import takewhile
 
+from tgospa_eval.common.patterns import WITH_VARIABLES
 from tgospa_eval.formats.fields import is_number
 from tgospa_eval.formats.unpack import plain_name
 
@@ -47,14 +48,12 @@ ARGOVERSE = (b"timestamp_ns", b"track_uuid", b"tx_m")
 SCHEMA_BYTES = 1 << 14
 """Bytes of a Feather file in which the names of its columns are."""
 
-VARIABLE = re.compile(
-    r"(.+\.mat(?:\.gz|\.gzip|\.zst|\.zstd)?):([A-Za-z]\w*)", re.IGNORECASE | re.DOTALL
-)
-"""A file of MATLAB and one of its variables."""
+VARIABLE = re.compile(WITH_VARIABLES + r"(?s:([A-Za-z]\w*(?:[{(].*)?))")
+"""A file of MATLAB and one of its variables, or an element of a cell."""
 
 
 def file_of(path: str) -> str:
-    """The file itself of ``FILE.mat:VARIABLE``; any other path is one."""
+    """The file itself of ``FILE.mat:X`` and ``FILE.mat:Y{3}``; any other path is one."""
     named = VARIABLE.fullmatch(path) if ":" in path else None
     return named[1] if named and not os.path.lexists(path) else path
 

@@ -2,20 +2,24 @@
 
 A structure with ``tVec`` (n,), the first step of each trajectory, from 1 on; ``iVec`` (n,), their
 lengths; ``xState`` (d, T, n), the states by step, of which those within a trajectory count. NaN
-among these is a hole, in which the target is absent.
+among these is a hole, in which the target is absent. A cell may have one in each element: the runs
+of a Monte Carlo study.
 """
 
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tgospa_eval.common.words import more
+from tgospa_eval.common.words import counted, more
 from tgospa_eval.errors import InputError
 from tgospa_eval.formats.columns.roles import Roles, find_roles
 from tgospa_eval.formats.guess import file_of
-from tgospa_eval.formats.mat_files import structures
+from tgospa_eval.formats.mat_files import Fields, Variable, variables
 from tgospa_eval.formats.options import ReadOptions
 from tgospa_eval.formats.rows import Rows, number_ids
 from tgospa_eval.formats.times import Times
@@ -23,6 +27,7 @@ from tgospa_eval.text import listed, quoted
 from tgospa_eval.tracks.trajectories import Floats, Ints
 
 TRAJECTORY_FIELDS = ("tVec", "iVec", "xState")
+NO_SET = "no structure with the fields tVec, iVec, xState"
 
 VARIABLES = {"truth": "X", "estimate": "Y"}
 """What the published code calls its arguments: the one to take where a file has several."""
@@ -34,18 +39,16 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
     Raises
     ------
     InputError
-        The file is no MAT file, or has no set of trajectories, or several.
+        The file is no MAT file, or has no set of trajectories, or several; or both sides would be
+        the same one, and nobody asked for that.
     ConfigError
         h5py is not installed, and the file needs it.
     """
-    if not data:
-        raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
-    found = structures(path, data, options.max_input)
-    sets = {
-        name: fields for name, fields in found.items() if fields.keys() >= set(TRAJECTORY_FIELDS)
-    }
-    name = _chosen(path, role, sets, found)
-    tracks = _Tracks(f"{path}, {name}", sets[name])
+    with _sets(path, data, options.max_input) as sets:
+        name = sets.chosen(path, role)
+        sets.check_sides(options.beside, options.roles)
+        fields, about = sets.fields(name), list(sets.notices(path, name, role))
+    tracks = _Tracks(f"{path}, {name}", fields)
     names = _names(len(tracks.state))
     asked, notices = options, []
     if options.columns is None and not options.boxes and len(names) > 3:
@@ -54,13 +57,34 @@ def read_mat(path: str, data: bytes, options: ReadOptions, role: str, *, given: 
             f"states have {len(names)} components, {names[0]} to {names[-1]}, and all are "
             f"compared; of positions and velocities name the positions: --columns x=x0,y=x2"
         )
-    if len(sets) > 1 and file_of(path) == path:
-        other = next(other for other in sets if other != name)
-        is_named = file_of(f"{path}:{other}") == path  # not where it comes by a pipe
-        way = f"; {path}:{other} reads another" if is_named else ""
-        notices.append(f"variable {name} of {listed(list(sets))}{way}")
     roles = find_roles(["id", "t", *names], asked, path, fixed=True)
-    return tracks.rows(path, replace(roles, passed=(*roles.passed, *notices)))
+    return tracks.rows(path, replace(roles, passed=(*roles.passed, *notices, *about)))
+
+
+def names_of_runs(path: str, data: bytes, limit: float | None) -> list[str]:
+    """Names of all sets of trajectories of a file: ``X``, and of a cell ``Y{1}``, ``Y{2}``, ...
+
+    Raises
+    ------
+    InputError, ConfigError
+        As of `read_mat`.
+    """
+    with _sets(path, data, limit) as sets:
+        found = []
+        for name, count in sets.there.items():
+            if count:
+                sets.fields(_element(name, count))  # a damaged file may claim any count
+            found += [name] if count is None else [_element(name, k + 1) for k in range(count)]
+        return found
+
+
+@contextmanager
+def _sets(path: str, data: bytes, limit: float | None) -> "Iterator[_Sets]":
+    """The sets of trajectories of a file, to be read while the context lasts."""
+    if not data:
+        raise InputError(f"{path}: the file is empty; a set without objects has empty arrays")
+    with variables(path, data, limit) as found:
+        yield _Sets(file_of(path), found)
 
 
 def _names(size: int) -> tuple[str, ...]:
@@ -68,29 +92,148 @@ def _names(size: int) -> tuple[str, ...]:
     return tuple("xyz"[:size]) if size <= 3 else tuple(f"x{k}" for k in range(size))
 
 
-def _chosen(path: str, role: str, sets: Mapping[str, object], found: Mapping[str, object]) -> str:
-    """Name of the variable to read."""
-    file = file_of(path)
-    asked = path[len(file) + 1 :]
-    if asked:
-        if asked not in sets:
-            there = listed(list(sets)) or "none"
-            raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
-        return asked
-    if len(sets) == 1:
-        return next(iter(sets))
-    if not sets:
-        there = f"in it: {listed(list(found))}" if found else "nothing else is in it"
+def _element(name: str, place: int) -> str:
+    """An element of a cell, as MATLAB writes it."""
+    return f"{name}{{{place}}}"
+
+
+class _Sets:
+    """The sets of trajectories of a file: structures, and elements of cells.
+
+    Parameters
+    ----------
+    file : str
+        Path of the file itself.
+    found : mapping of str to Variable
+        What is in it.
+    """
+
+    def __init__(self, file: str, found: Mapping[str, Variable]) -> None:
+        self.file, self.found = file, found
+        self.there = {
+            name: variable.cells
+            for name, variable in found.items()
+            if variable.fields >= set(TRAJECTORY_FIELDS)
+        }
+
+    def fields(self, name: str) -> Fields:
+        """Fields of ``X``, or of ``Y{3}``.
+
+        Raises
+        ------
+        InputError
+            An element of a cell is something else.
+        """
+        variable, _, place = name.partition("{")
+        fields = self.found[variable].read(int(place[:-1]) - 1 if place else 0)
+        if not fields.keys() >= set(TRAJECTORY_FIELDS):
+            raise InputError(f"{self.file}: {name} is {NO_SET}")
+        return fields
+
+    def chosen(self, path: str, role: str) -> str:
+        """What to read, ``X`` or ``Y{3}``: what the path names, else what is usual for the role.
+
+        Raises
+        ------
+        InputError
+            There is none of this name, or there are several and none is usual.
+        """
+        asked = path[len(self.file) + 1 :]
+        if asked:
+            return self._named(path, asked)
+        if not self.there:
+            inside = f"in it: {listed(self.found)}" if self.found else "nothing else is in it"
+            raise InputError(
+                f"{path}: {NO_SET} ({inside}); save one: tVec are the first steps, iVec the "
+                "lengths, xState the states (d, T, n)"
+            )
+        name = next(iter(self.there)) if len(self.there) == 1 else VARIABLES[role]
+        if name in self.there:
+            return self._one_of(path, name)
         raise InputError(
-            f"{path}: no structure with the fields tVec, iVec, xState ({there}); save one: "
-            "tVec are the first steps, iVec the lengths, xState the states (d, T, n)"
+            f"{path}: {len(self.there)} sets of trajectories ({self._listed()}); say which, "
+            f"{path}:{self._runs()[0]}"
         )
-    if VARIABLES[role] in sets:
-        return VARIABLES[role]
-    raise InputError(
-        f"{path}: {len(sets)} sets of trajectories ({listed(list(sets))}); say which, "
-        f"{path}:{next(iter(sets))}"
-    )
+
+    def check_sides(self, paths: tuple[str, ...], roles: tuple[str, ...]) -> None:
+        """Whether both sides are one set of this file, though not both are named.
+
+        Raises
+        ------
+        InputError
+            They are.
+        """
+        files = [file_of(path) for path in paths]
+        if len(files) != 2 or len({*map(os.path.realpath, files)}) > 1 or not {*paths} & {*files}:
+            return
+        try:
+            name, other = map(self.chosen, paths, roles)
+        except InputError:
+            return  # which is said when that side is read
+        if name == other:
+            others = [run for run in self._runs() if run != name] or [name]
+            raise InputError(
+                f"{self.file}: both sides are its variable {name}, compared with itself; in it: "
+                f"{self._listed(everything=True)}; name both, {self.file}:{name} "
+                f"{self.file}:{others[0]}"
+            )
+
+    def notices(self, path: str, name: str, role: str) -> Iterator[str]:
+        """What is not read, where nobody said what to read."""
+        usual = VARIABLES[role]
+        if path != self.file:
+            return
+        if len(self.there) > 1:
+            other = next(run for run in self._runs() if run != name)
+            is_named = file_of(f"{path}:{other}") == path  # not where it comes by a pipe
+            way = f"; {path}:{other} reads another" if is_named else ""
+            yield f"variable {name} of {self._listed()}{way}"
+        elif usual in self.found and usual not in self.there:
+            yield f"variable {name}; {usual} is {NO_SET}"
+
+    def _named(self, path: str, asked: str) -> str:
+        """What the path names."""
+        found = re.fullmatch(r"(\w+)(?:\{([0-9]+)\})?", asked)
+        name, place = found.groups() if found else (asked, None)
+        if name not in self.there:
+            there = self._listed() or "none"
+            raise InputError(f"{path}: no set of trajectories {quoted(asked)} (there are: {there})")
+        count = self.there[name]
+        if place is None:
+            return self._one_of(path, name)
+        if count is None:
+            raise InputError(f"{path}: {name} is no cell; {self.file}:{name} reads it")
+        if not 1 <= int(place) <= count:
+            raise InputError(f"{path}: {name} has {counted(count, 'run')}, {self._span(name)}")
+        return _element(name, int(place))
+
+    def _one_of(self, path: str, name: str) -> str:
+        """A variable, or the only run of a cell."""
+        count = self.there[name]
+        if count is None:
+            return name
+        if count == 1:
+            return _element(name, 1)
+        raise InputError(
+            f"{path}: {name} is a cell of {counted(count, 'run')}; choose one, "
+            f"{self.file}:{_element(name, 1)}, or all in a batch, {self.file}:{name}{{run}}"
+        )
+
+    def _runs(self) -> list[str]:
+        """The variables, cells by their first elements."""
+        return [name if count is None else _element(name, 1) for name, count in self.there.items()]
+
+    def _span(self, name: str) -> str:
+        """A variable, a cell from its first element to its last."""
+        count = self.there[name]
+        ends = [name] if count is None else [_element(name, k) for k in sorted({1, count})]
+        return " to ".join(ends)
+
+    def _listed(self, *, everything: bool = False) -> str:
+        """The sets; on request with what is none."""
+        rest = [name for name in self.found if name not in self.there] if everything else []
+        others = (f"{name} (no trajectories)" for name in rest)
+        return listed([*map(self._span, self.there), *others])
 
 
 class _Tracks:

@@ -5,10 +5,13 @@ from dataclasses import field
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.filters import Moments, parse_moments, parse_region
+from tgospa_eval.formats.filters import Flags, Moments, parse_moments, parse_region
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.trajectories import Floats
+
+ROLES = ("truth", "estimate")
+"""What a file may be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +28,9 @@ class ReadOptions:
         Decimal mark.
     on_duplicate : {"error", "first", "last"}
         What to do with a repeated (id, t).
+    on_invalid : {"error", "drop"}
+        What to do with a row whose state is none: a box without a size, a place that the distance
+        does not know.
     boxes : bool
         The states are the boxes themselves, left, top, width, height.
     time : str, optional
@@ -46,8 +52,8 @@ class ReadOptions:
     clouds : bool
         A column of weights makes rows particles, also where no (id, t) is repeated.
     fault : callable, optional
-        Of names of state columns and states (d, R): the first that is out of range, its column, and
-        what is wrong with it.
+        Of names of state columns and states (d, R): which are out of range in a column, the column,
+        and what is wrong with the first.
     attributes : tuple of str
         Further columns to read, as far as the file has them: see `Trajectories.attributes`.
     conversion : Conversion
@@ -60,6 +66,8 @@ class ReadOptions:
         header, it is read by the usual names, and without a filter by class.
     beside : tuple of str
         Paths of the files of the same evaluation: one may have what another needs.
+    roles : tuple of str
+        What these files are.
     option : str
         What messages call `columns`, see `formats.columns.asked.ask`.
 
@@ -72,6 +80,7 @@ class ReadOptions:
     columns: tuple[str, ...] | None = None
     decimal: str = "."
     on_duplicate: str = "error"
+    on_invalid: str = "error"
     boxes: bool = False
     time: str | None = None
     classes: tuple[str, ...] | None = None
@@ -82,12 +91,13 @@ class ReadOptions:
     fix_covariance: bool = False
     missing_covariance: str = "error"
     clouds: bool = False
-    fault: Callable[[tuple[str, ...], Floats], tuple[int, str, str] | None] | None = None
+    fault: Callable[[tuple[str, ...], Floats], tuple[Flags, str, str] | None] | None = None
     attributes: tuple[str, ...] = ()
     conversion: Conversion = field(default_factory=Conversion)
     max_input: float | None = None
     shared: tuple[str, ...] = ()
     beside: tuple[str, ...] = ()
+    roles: tuple[str, ...] = ROLES
     option: str = "columns"
 
     def __post_init__(self) -> None:
@@ -97,6 +107,7 @@ class ReadOptions:
         for name, allowed in (
             ("decimal", (".", ",")),
             ("on_duplicate", ("error", "first", "last")),
+            ("on_invalid", ("error", "drop")),
             ("missing_covariance", ("error", "zero")),
         ):
             one_of(name.replace("_", "-"), getattr(self, name), allowed)
@@ -105,10 +116,12 @@ class ReadOptions:
         parse_moments(self.time)
         parse_region(self.region)
 
-    def beside_others(self, paths: tuple[str, ...]) -> "ReadOptions":
+    def beside_others(
+        self, paths: tuple[str, ...], roles: tuple[str, ...] = ROLES
+    ) -> "ReadOptions":
         """The same for a file that is read with these; what was checked is not checked again."""
         same = object.__new__(ReadOptions)
-        vars(same).update(vars(self), beside=paths)
+        vars(same).update(vars(self), beside=paths, roles=roles)
         return same
 
     @property

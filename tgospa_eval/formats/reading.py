@@ -1,6 +1,6 @@
 """What a file gave: its trajectories, and what the user should know about how they were read."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Protocol
 
@@ -8,6 +8,10 @@ import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
+from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats.filters import class_named
+from tgospa_eval.formats.options import ROLES, ReadOptions
+from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
 
 
@@ -22,6 +26,9 @@ class Known(Protocol):
     def left_out(self) -> Mapping[str, int]:
         """How many rows take no part, by rule."""
 
+    def has_class(self, name: str) -> bool:
+        """Whether there are rows of a class that is asked for."""
+
     @property
     def named(self) -> Collection[str]:
         """Classes of all rows, if they were asked for."""
@@ -29,6 +36,44 @@ class Known(Protocol):
     @property
     def taken(self) -> int:
         """Rows that take part."""
+
+
+def check_classes(
+    sides: Sequence[Known],
+    paths: Sequence[str],
+    classes: Sequence[str] | None,
+    each: Sequence[ReadOptions],
+) -> None:
+    """Whether there are rows of every class that was asked for.
+
+    Parameters
+    ----------
+    sides : sequence of Known
+        Truth and estimate.
+    paths : sequence of str
+        Where they are.
+    classes : sequence of str, optional
+        Those asked of both.
+    each : sequence of ReadOptions
+        With those of each.
+
+    Raises
+    ------
+    ConfigError
+        There is none of one.
+    """
+    asked = [("--class", name, tuple(sides), "") for name in classes or ()]
+    for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
+        if options.classes != classes:
+            own = options.classes or ()
+            asked += [(f"--{role}-class", name, (side,), f" of {path}") for name in own]
+    for option, name, those, of in asked:
+        if not any(side.has_class(name) for side in those):
+            there = sorted({known for side in those for known in side.named})
+            shown = ", ".join(map(quoted, there[:10])) or "none"
+            raise ConfigError(
+                f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +104,10 @@ class Reading:
         Of `ReadOptions.shared` what the file lacks, and the message if every file does.
     headers : dict of str to str
         Headers of the columns whose names are others.
+    centres : bool
+        The states are centres of boxes.
     pixels : bool
-        The states are centres of boxes in an image, by the rules of the format.
+        They are in an image, by the rules of the format.
     """
 
     trajectories: Trajectories
@@ -74,12 +121,17 @@ class Reading:
     named: tuple[str, ...] = ()
     lacking: dict[str, str] = field(default_factory=dict)
     headers: dict[str, str] = field(default_factory=dict)
+    centres: bool = False
     pixels: bool = False
 
     @property
     def taken(self) -> int:
         """Rows that take part."""
         return len(self.trajectories.step)
+
+    def has_class(self, name: str) -> bool:
+        """Whether there are rows of a class that is asked for."""
+        return class_named(name, self.named) is not None
 
     def warn(self) -> Trajectories:
         """The trajectories, with a Python warning for each of its own."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,9 @@ class Rows:
     apart : dict of str to (R,) bool array and str
         Rows that the format itself leaves out, by its rule, and the message about them.
     """
+
+    whole: ClassVar[bool] = True
+    """These are all rows of a side."""
 
     name: str
     roles: Roles

@@ -117,6 +117,10 @@ class Known:
     named: frozenset[str]
     taken: int
 
+    def has_class(self, name: str) -> bool:
+        """Whether there are rows of a class that is asked for; blocks do not know of all names."""
+        return name in self.named
+
 
 def evaluate_partitioned(
     paths: tuple[str, str],

@@ -10,7 +10,7 @@ import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from tgospa_eval.formats.assemble import (
     NO_CLASSES,
     RULES_SAID,
     assemble,
-    classes_lacking,
+    class_notices,
     said_of,
 )
 from tgospa_eval.formats.options import ReadOptions
@@ -173,7 +173,7 @@ class Side:
             if rule in left_out:
                 notices.append(said_of(rule, left_out[rule], which))
             if rule == "class" and "class" not in self.lacking:
-                notices += classes_lacking(self.options, classes)
+                notices += class_notices(self.options, classes, whole=False)
         return (*self.notices, *notices)
 
     def check_ids(self, ids: NDArray[np.str_]) -> None:
@@ -316,6 +316,7 @@ class _BlockRows(Rows):
         Of a time.
     """
 
+    whole: ClassVar[bool] = False
     text: Callable[[float], str | float]
 
     def moment(self, row: int) -> str | float:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 from tgospa_eval.common import config, patterns
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats import runs_inside
 from tgospa_eval.text import quoted
 
 RULE_KEYS = ("fail-on", "warn-on", "max")
@@ -138,8 +139,8 @@ def _pairs(
     rules = dict(common[1])
     for key, own in _rules(table, where).items():
         rules[key] = own if key == "fail-on" else (*rules.get(key, ()), *own)
-    truths = patterns.meant(truth, folder)
-    estimates = patterns.meant(estimate, folder, truth=(truth, folder))
+    truths = patterns.meant(truth, folder, inside=runs_inside)
+    estimates = patterns.meant(estimate, folder, truth=(truth, folder), inside=runs_inside)
     notices += (truths.notices | estimates.notices).values()
     found = [values for _, values in truths.files] if words else [{}]
     groups = _groups([values for _, values in estimates.files], others) if others else [{}]

@@ -306,6 +306,44 @@ def test_preprocessing_by_hand(write: Write, invoke: Invoke, tmp_path: Path) -> 
     assert plain["counts"] == {"missed": 1, "false": 3, "switch": 0}
 
 
+@pytest.mark.parametrize("filters", [(), ("--class", "1")])
+def test_numbers_of_tables_without_their_rules_get_a_warning(
+    write: Write, invoke: Invoke, filters: tuple[str, ...]
+) -> None:
+    paths = write("gt.txt", MOT_TRUTH), write("results.txt", MOT_RESULTS)
+    asked = (*paths, "--distance", "iou", "--format", "json", *filters)
+    answer = invoke(*asked, "--with", "hota", "-q")
+    (warning,) = json.loads(answer.out)["warnings"]
+    assert warning["code"] == "benchmark-rules"
+    assert "gt.txt: 3 boxes are distractors (classes 2, 7, 8, 12)" in warning["text"]
+    assert warning["remedy"].startswith("--preprocess motchallenge ")
+    assert f"warning: {warning['text']}; {warning['remedy']}" in answer.err
+    ranked = invoke("compare", *asked, write("other.txt", MOT_RESULTS), "--with", "clear")
+    assert [found["code"] for found in json.loads(ranked.out)["warnings"]] == ["benchmark-rules"]
+    for others in (
+        ("--with", "hota", "--preprocess", "motchallenge"),
+        ("--with", "gospa"),
+        (),
+    ):
+        assert json.loads(invoke(*asked, *others).out)["warnings"] == []
+    # Where nothing is a distractor, or no class is known, there is nothing to say.
+    for truth in (MOT_RESULTS, "1,1,0,0,10,10,1,1,1\n1,2,100,0,10,10,0,3,1\n", "1,1,0,0,9,9\n"):
+        clean = invoke(write("clean.txt", truth), *asked[1:6], "--with", "hota")
+        codes = [found["code"] for found in json.loads(clean.out)["warnings"]]
+        assert "benchmark-rules" not in codes
+
+
+def test_tables_of_kitti_leave_out_more_than_is_done_here(write: Write, invoke: Invoke) -> None:
+    car = "0 1 Car 0 0 -1.8 100 50 140 80 2.0 1.8 4.4 -4.5 1.5 13.5 -2.1\n"
+    region = "0 -1 DontCare -1 -1 -10 219 188 245 218 -1000 -1000 -1000 -10 -1 -1 -1\n"
+    paths = write("gt.txt", car + region), write("results.txt", car)
+    asked = ("--distance", "iou", "--with", "hota", "--format", "json")
+    (warning,) = json.loads(invoke(*paths, *asked).out)["warnings"]
+    assert warning["code"] == "benchmark-rules"
+    assert "in regions DontCare" in warning["text"]
+    assert json.loads(invoke(paths[1], paths[1], *asked).out)["warnings"] == []
+
+
 def test_wrong_uses_of_preprocessing(write: Write, invoke: Invoke) -> None:
     mot = write("gt.txt", MOT_TRUTH)
     table = write("t.csv", "id,t,left,top,width,height\n1,1,0,0,10,10\n")

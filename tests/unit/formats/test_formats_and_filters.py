@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tgospa_eval import read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.formats import Reading, ReadOptions, read
 from tgospa_eval.formats.columns.roles import find_roles
@@ -135,11 +137,121 @@ def test_boxes_in_csv(write: Write) -> None:
     assert states(read(path, raw)) == {("a", 1): (10, 4)}
 
 
+def test_of_boxes_the_overlap_is_proposed_before_a_cutoff(invoke: Run, write: Write) -> None:
+    first = "--distance iou compares the boxes themselves; or choose with -c"
+    box = "id,t,left,top,width,height\na,1,1,1,4,6\n"
+    for path in (write("a.txt", MOT), write("b.csv", box)):
+        assert first in invoke(path, path).err
+        for chosen in (("-c", "20"), ("--distance", "iou"), ("--columns", "left,top")):
+            assert first not in invoke(path, path, *chosen).err
+    points = write("c.csv", "id,t,x,y\na,1,1,1\n")
+    assert "overlap" not in invoke(points, points).err
+    assert first not in invoke(points, points).err
+
+
 def test_boxes_without_size(write: Write) -> None:
     path = write("a.csv", "id,t,left,top,width,height\na,1,1,1,4,6\na,2,1,1,0,6\n")
     with pytest.raises(InputError, match=r'a.csv, line 3, column "width": 0 .*> 0'):
         read(path, ReadOptions(boxes=True))
     assert len(states(read(path))) == 2
+
+
+def test_invalid_rows_are_left_out_if_that_is_asked(write: Write, tmp_path: Path) -> None:
+    pd = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    table = "id,t,left,top,width,height\na,1,1,1,4,6\nb,1,1,1,-3,6\na,2,1,1,4,6\nb,2,1,1,-4,6\n"
+    csv = write("a.csv", table)
+    pd.read_csv(csv).to_parquet(tmp_path / "a.parquet")
+    mot = "1,1,1,1,4,6\n1,2,1,1,-3,6\n2,1,1,1,4,6\n2,2,1,1,-4,6\n"
+    kitti = "".join(
+        f"{t} {k} Car 0 0 -1.8 9 5 {right} 11 2.0 1.8 4.4 -4.5 1.5 13.5 -2.1\n"
+        for t, k, right in ((1, 1, 13), (1, 2, 6), (2, 1, 13), (2, 2, 5))
+    )
+    for path, where in (
+        (csv, "line 3"),
+        (str(tmp_path / "a.parquet"), "row 1"),
+        (write("mot.txt", mot), "line 2"),
+        (write("kitti.txt", kitti), "line 2"),
+    ):
+        what = f'{where}, column "width": -3 is no width of a box (and 1 more); it must be >= 0'
+        with pytest.raises(InputError) as caught:
+            read(path)
+        assert str(caught.value) == f"{path}, {what}; --on-invalid drop leaves such rows out"
+        reading = read(path, ReadOptions(on_invalid="drop"))
+        assert (reading.rows, reading.taken, reading.left_out) == (4, 2, {"invalid": 2})
+        assert f"2 rows left out by --on-invalid drop: {what}" in reading.notices
+        with pytest.raises(InputError, match=r'on_invalid="drop" leaves such rows out$'):
+            read_trajectories(path)
+        side = read_trajectories(path, on_invalid="drop")
+        assert len(side.ids) == 1
+        assert side.times.tolist() == [1, 2]  # steps of the file stay steps
+
+
+def test_kinds_of_invalid_rows(write: Write, invoke: Run) -> None:
+    rows = (
+        "a,1,1,1,4,6\nb,1,1,1,0,6\nc,1,1,1,4,-6\nd,1,1e308,1,1.7e308,6\ne,1,,1,-4,6\nf,9,1,1,-4,6\n"
+    )
+    path = write("a.csv", "id,t,left,top,width,height\n" + rows)
+    drop = ReadOptions(on_invalid="drop", time=":5")
+    # What takes no part anyway is counted there.
+    assert read(path, drop).left_out == {"blank": 1, "time": 1, "invalid": 2}
+    assert read(path, replace(drop, boxes=True)).left_out == {"blank": 1, "time": 1, "invalid": 2}
+    assert list(read(path, drop).trajectories.ids) == ["a", "b"]
+    assert list(read(path, replace(drop, boxes=True)).trajectories.ids) == ["a", "d"]
+    # Out of the range of a distance, in two columns.
+    places = write("p.csv", "id,t,lat,lon\na,1,50,8\nb,1,95,8\nc,1,50,400\nd,1,-91,8\ne,1,,8\n")
+    answer = invoke(places, places, "--distance", "haversine")
+    assert answer.status == 3
+    message = 'p.csv, line 3, column "lat": 95 (and 1 more) must be from -90 to 90 degrees'
+    assert f"{message}; --on-invalid drop leaves such rows out" in answer.err
+    options = ("--distance", "haversine", "--on-invalid", "drop", "--format", "json")
+    answer = invoke(places, places, *options)
+    document = json.loads(answer.out)
+    assert document["input"]["truth"]["left_out"] == {"blank": 1, "invalid": 3}
+    assert document["parameters"]["on_invalid"] == "drop"
+    assert document["sizes"]["truth"] == 1
+    assert "2 rows left out by --on-invalid drop: line 3" in answer.err
+    # Particles of a cloud belong together.
+    cloud = write("c.csv", "id,t,left,top,width,height,weight\na,1,1,1,4,6,.5\na,1,1,1,-4,6,.5\n")
+    with pytest.raises(InputError, match=r'line 3, column "width": -4 .*; it must be >= 0$'):
+        read(cloud, drop)
+    # A file that is damaged stays an error, and so does a number that is infinite.
+    for row, what in (("a,2,1,1,oops,6", "not a number"), ("a,2,1,1,inf,6", "infinite")):
+        with pytest.raises(InputError, match=what):
+            read(write("b.csv", f"id,t,left,top,width,height\n{row}\n"), drop)
+    with pytest.raises(ConfigError, match="on-invalid"):
+        ReadOptions(on_invalid="keep")
+
+
+def test_invalid_rows_in_every_verb(write: Write, invoke: Run, tmp_path: Path) -> None:
+    head = "id,t,left,top,width,height\n"
+    for run in "12":
+        write(f"t{run}.csv", f"{head}a,1,1,1,4,6\na,2,1,1,4,6\n")
+        write(f"e{run}.csv", f"{head}a,1,1,1,4,6\na,2,1,1,4,6\nb,1,9,9,-4,6\n")
+    asked = ("-c", "10", "-g", "5", "--on-invalid", "drop", "--format", "json", "-q")
+    patterns = ("--truth", "t{run}.csv", "--estimate", "e{run}.csv", "-o", "r", "--workers", "1")
+    groups = json.loads(invoke("batch", *patterns, *asked).out)["groups"]
+    assert [(group["jobs"], group["total"]) for group in groups] == [(1, 0), (1, 0)]
+    pair = ("t1.csv", "e1.csv")
+    found = json.loads(invoke("compare", *pair, "e2.csv", *asked).out)["estimates"]
+    assert [entry["total"] for entry in found] == [0, 0]
+    assert invoke("gate", *pair, "--max", "total=0", *asked).status == 0
+    assert invoke("gate", *pair, "--max", "total=0", "-c", "10", "-g", "5").status == 3
+    assert invoke("explain", *pair, *asked).status == 0
+    seen = json.loads(invoke("inspect", *pair, *asked[4:-1]).out)
+    assert seen["estimate"]["left_out"] == {"invalid": 1}
+    # In parts, and with a proof.
+    assert invoke(*pair, *asked, "-o", "whole", "--proof", "--pictures", "none").status == 0
+    proof = json.loads((tmp_path / "whole/proof/proof.json").read_text())
+    assert proof["options"]["on_invalid"] == "drop"
+    assert invoke("verify", "whole", *pair).status == 0
+    for side, name in (("gt", "t1.csv"), ("out", "e1.csv")):
+        (tmp_path / side).mkdir()
+        (tmp_path / name).rename(tmp_path / side / "part.csv")
+    answer = invoke("gt", "out", *asked[:-1], "-o", "parts", "--memory", "1GB")
+    document = json.loads(answer.out)
+    assert (document["total"], document["input"]["estimate"]["left_out"]) == (0, {"invalid": 1})
+    assert "1 row left out by --on-invalid drop" in answer.err
 
 
 # --- refused --------------------------------------------------------------------------------------
@@ -559,6 +671,38 @@ def test_a_filter_by_class_holds_where_there_are_classes(invoke: Run, write: Wri
     assert (done.status, "no column class" in done.err) == (3, True)
     done = invoke(truth, truth, "--truth-class", "van")
     assert (done.status, f'--truth-class "van": no row of {truth}' in done.err) == (2, True)
+
+
+def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Path) -> None:
+    truth = write("t.csv", "id,t,x,class\na,1,0,Car\nb,1,50,Van\n")
+    estimate = write("e.csv", "id,t,x,class\na,1,0,CAR\nb,1,50,bus\n")
+    for asked in ("car", "Car", "cAR"):
+        answer = invoke(truth, estimate, "--class", asked, "--format", "json")
+        document = json.loads(answer.out)
+        assert (document["sizes"]["truth"], document["sizes"]["estimates"]) == (1, 1)
+        assert document["total"] == 0
+        assert f'{estimate}: class "CAR" is taken for "{asked}"' in answer.err
+        assert (f'{truth}: class "Car" is taken for' in answer.err) == (asked != "Car")
+    # Two classes that differ in this alone are two.
+    both = write("b.csv", "id,t,x,class\na,1,0,Car\nb,1,50,car\nc,1,99,bus\n")
+    reading = read(both, ReadOptions(classes=("car",)))
+    assert list(reading.trajectories.ids) == ["b"]
+    assert 'class "car" as it is written; "Car" is another' in reading.notices
+    reading = read(both, ReadOptions(classes=("car", "Car", "BUS")))
+    assert list(reading.trajectories.ids) == ["a", "b", "c"]
+    assert 'class "bus" is taken for "BUS"' in reading.notices
+    assert not any("another" in notice for notice in reading.notices)
+    answer = invoke(both, both, "--class", "CAR")
+    assert answer.status == 2
+    assert '--class "CAR": no row is of that class; there are "Car", "bus", "car"' in answer.err
+    # Blocks of data in parts do not know all classes: there a name is as it is written.
+    pytest.importorskip("pyarrow")
+    for side, path in (("gt", truth), ("out", estimate)):
+        (tmp_path / side).mkdir()
+        Path(path).rename(tmp_path / side / "part.csv")
+    answer = invoke("gt", "out", "--class", "car", "-o", "parts", "--memory", "1GB")
+    assert answer.status == 2
+    assert '--class "car": no row is of that class; there are "CAR", "Car"' in answer.err
 
 
 def test_results_whose_classes_are_not_known(write: Write) -> None:

@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import json
 import shutil
 import struct
 import sys
@@ -15,9 +16,9 @@ import pytest
 from checkout import SAMPLES
 from scipy.io import savemat
 
-from tgospa_eval import evaluate
+from tgospa_eval import evaluate, read_trajectories
 from tgospa_eval.errors import ConfigError, InputError
-from tgospa_eval.formats import ReadOptions, read
+from tgospa_eval.formats import ReadOptions, read, runs_inside
 
 Run = Callable[..., Any]
 FOLDER = SAMPLES / "formats"
@@ -185,6 +186,161 @@ def test_hdf5_follows_no_links_out_of_the_file(tmp_path: Path) -> None:
         path.write_bytes(head + path.read_bytes()[512:])
         with pytest.raises(InputError, match="no structure with the fields"):
             read(path)
+
+
+def study(path: Path, version: str, runs: int = 3, **more: Any) -> Path:
+    """The truth X of a study and a cell Y of its runs, whose errors in x are 1, 2, ..."""
+    moved = [BOTH | {"xState": BOTH["xState"] + [[[k + 1.0]], [[0.0]]]} for k in range(runs)]
+    if version != "7.3":
+        cell = np.empty((1, runs), object)
+        cell[0, :] = moved
+        savemat(path, {"X": BOTH, "Y": cell, **more}, do_compression=version == "7")
+        return path
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        cell = file.create_dataset("Y", (runs, 1), h5py.ref_dtype)
+        for name, fields in [("X", BOTH), *((f"#refs#/{k}", run) for k, run in enumerate(moved))]:
+            for field, values in fields.items():
+                file[f"{name}/{field}"] = np.asarray(values).T
+        for k in range(runs):
+            cell[k, 0] = file[f"#refs#/{k}"].ref
+    path.write_bytes(TRUTH_73.read_bytes()[:512] + path.read_bytes()[512:])
+    return path
+
+
+@pytest.mark.parametrize("version", ["6", "7", "7.3"])
+def test_cells_of_runs(invoke: Run, tmp_path: Path, version: str) -> None:
+    study(tmp_path / "s.mat", version)
+    for number in (1, 2, 3):
+        answer = invoke("s.mat:X", f"s.mat:Y{{{number}}}", "-c", "10", "--format", "json")
+        assert json.loads(answer.out)["total"] == pytest.approx(4 * number**2)
+        side = read_trajectories(f"s.mat:Y{{{number}}}")
+        assert side.state[0].tolist() == [number, 6]
+    for pair, message in (
+        (
+            "s.mat s.mat",
+            "s.mat: Y is a cell of 3 runs; choose one, s.mat:Y{1}, or all in a batch, s.mat:Y{run}",
+        ),
+        ("s.mat s.mat:Y", "s.mat:Y: Y is a cell of 3 runs; choose one, s.mat:Y{1}"),
+        ("s.mat s.mat:Y{4}", "s.mat:Y{4}: Y has 3 runs, Y{1} to Y{3}"),
+        ("s.mat s.mat:Y{0}", "s.mat:Y{0}: Y has 3 runs, Y{1} to Y{3}"),
+        (
+            "s.mat s.mat:Y(1)",
+            's.mat:Y(1): no set of trajectories "Y(1)" (there are: X, Y{1} to Y{3})',
+        ),
+        ("s.mat:X{1} s.mat:Y{1}", "s.mat:X{1}: X is no cell; s.mat:X reads it"),
+    ):
+        answer = invoke(*pair.split(), "-c", "10")
+        assert (answer.status, answer.out) == (3, "")
+        assert message in answer.err
+    study(tmp_path / "one.mat", version, runs=1)
+    assert read("one.mat", role="estimate").trajectories.state[0, 0] == 1.0
+    assert (
+        "variable Y{1} of X, Y{1}; one.mat:X reads another"
+        in read("one.mat", role="estimate").notices
+    )
+
+
+@pytest.mark.parametrize("version", ["7", "7.3"])
+def test_all_runs_of_a_cell_in_a_batch(invoke: Run, tmp_path: Path, version: str) -> None:
+    study(tmp_path / "s.mat", version, runs=11)
+    asked = ("batch", "-c", "20", "-o", "r", "--workers", "1", "--format", "json", "-q")
+    answer = invoke(*asked, "--truth", "s.mat:X", "--estimate", "s.mat:Y{run}")
+    groups = json.loads(answer.out)["groups"]
+    assert [(group["run"], group["total"]) for group in groups] == [
+        (str(k), pytest.approx(4 * k**2)) for k in range(1, 12)
+    ]
+    # A job is known by the file and its variable: a new file is evaluated again.
+    study(tmp_path / "s.mat", version, runs=12)
+    again = invoke(*asked[:-1], "--truth", "s.mat:X", "--estimate", "s.mat:Y{run}")
+    assert len(json.loads(again.out)["groups"]) == 12
+    assert "done before" not in again.err
+
+
+def test_patterns_and_manifests_with_variables(invoke: Run, tmp_path: Path) -> None:
+    for name in "ab":
+        study(tmp_path / f"{name}.mat", "7", runs=2)
+    asked = ("batch", "-c", "20", "--workers", "1", "--format", "json", "-q")
+    pattern = ("--truth", "{study}.mat:Y{run}", "--estimate", "{study}.mat:Y{{run}}")
+    groups = json.loads(invoke(*asked, *pattern, "-o", "r", "--by", "study,run").out)["groups"]
+    labels = [(group["study"], group["run"], group["total"]) for group in groups]
+    assert labels == [("a", "1", 0), ("a", "2", 0), ("b", "1", 0), ("b", "2", 0)]
+    (tmp_path / "m.csv").write_text(
+        "truth,estimate,run\na.mat,a.mat:Y{2},1\na.mat:X,b.mat:Y{1},2\nc.mat,a.mat:Y{1},3\n"
+    )
+    answer = invoke(*asked, "m.csv", "-o", "m")
+    assert (answer.status, "line 4: there is no file c.mat" in answer.err) == (2, True)
+    answer = invoke(*asked, "m.csv", "-o", "m", "--allow-missing", "--by", "run")
+    totals = [group["total"] for group in json.loads(answer.out)["groups"]]
+    assert totals == pytest.approx([16, 4])
+    for truth, estimate, message in (
+        ("a.mat:X{run}", "a.mat:Y{run}", "a.mat:Y{1}: there is no truth a.mat:X{1}"),
+        ("a.mat:X", "a.mat:Z{run}", "a.mat:Z{run}: no variable of a file is like this"),
+        ("a.mat:X", "d.mat:Y{run}", "d.mat:Y{run}: no variable of a file is like this"),
+    ):
+        answer = invoke(*asked, "--truth", truth, "--estimate", estimate, "-o", "n")
+        assert (answer.status, message in answer.err) == (2, True)
+    answer = invoke(
+        "compare", "a.mat:X", "a.mat:Y{2}", "b.mat:Y{1}", "-c", "20", "--format", "json"
+    )
+    found = json.loads(answer.out)["estimates"]
+    assert sorted(entry["total"] for entry in found) == pytest.approx([4, 16])
+    (tmp_path / "suite.toml").write_text(
+        'max = ["total=10"]\n[[pair]]\ntruth = "a.mat:X"\nestimate = "a.mat:Y{run}"\n'
+    )
+    answer = invoke("gate", "--suite", "suite.toml", "-c", "20", "--format", "json")
+    pairs = json.loads(answer.out)["pairs"]
+    assert [(pair["name"], pair["verdict"]) for pair in pairs] == [("1", "pass"), ("2", "fail")]
+
+
+def test_no_variable_is_both_sides_unless_both_name_it(invoke: Run, tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"X": BOTH, "Y": np.ones((2, 3)), "k": "text"})
+    both = (
+        "a.mat: both sides are its variable X, compared with itself; in it: X, "
+        "Y (no trajectories), k (no trajectories); name both, a.mat:X a.mat:X"
+    )
+    for pair in (("a.mat", "a.mat"), ("a.mat:X", "a.mat"), ("./a.mat", "a.mat:X")):
+        for verb in ("evaluate", "explain", "inspect", "gate", "compare", "associate"):
+            answer = invoke(verb, *pair, "-c", "10", *(["--max", "total=1"] * (verb == "gate")))
+            assert (verb, answer.status, "both sides are its variable X" in answer.err) == (
+                verb,
+                3,
+                True,
+            )
+        with pytest.raises(InputError, match="both sides are its variable X"):
+            evaluate(*pair, 10)
+    assert both in invoke("a.mat", "a.mat").err
+    assert invoke("a.mat:X", "a.mat:X", "-c", "10").status == 0
+    shutil.copy(RUN, "run.mat")
+    with pytest.raises(InputError, match=r"name both, run.mat:Y run.mat:X$"):
+        evaluate("run.mat:Y", "run.mat", 10)
+    # Of another file it is read, and what is passed over is said.
+    reading = read("a.mat", role="estimate")
+    assert "variable X; Y is no structure with the fields tVec, iVec, xState" in reading.notices
+
+
+def test_odd_cells(tmp_path: Path) -> None:
+    empty, odd = np.zeros((0, 0)), {"a": 1}
+    cell = np.empty((2, 2), object)
+    cell[:] = [[empty, BOTH], [BOTH, odd]]  # by columns: empty, a run, a run, another structure
+    more = {"texts": np.array(["a", "b"], object), "none": np.empty((0, 0), object)}
+    savemat(tmp_path / "a.mat", {"Y": cell, **more})
+    path = str(tmp_path / "a.mat")
+    assert read(f"{path}:Y{{2}}").rows == read(f"{path}:Y{{3}}").rows == 4
+    for number in (1, 4):
+        with pytest.raises(InputError, match=rf"Y\{{{number}\}} is no structure with the fields"):
+            read(f"{path}:Y{{{number}}}")
+    for name in ("texts", "none{1}"):
+        with pytest.raises(InputError, match=r"there are: Y\{1\} to Y\{4\}"):
+            read(f"{path}:{name}")
+    # A count that the file does not have.
+    data = (tmp_path / "a.mat").read_bytes()
+    at = data.index(struct.pack("<2i", 2, 2))
+    (tmp_path / "a.mat").write_bytes(data[:at] + struct.pack("<2i", 2, 2**30) + data[at + 8 :])
+    with pytest.raises(InputError, match="no readable MAT file"):
+        runs_inside(path)
+    with pytest.raises(InputError, match="no readable MAT file"):
+        read(f"{path}:Y{{999999}}")
 
 
 def test_without_h5py(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

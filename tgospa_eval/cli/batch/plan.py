@@ -31,6 +31,8 @@ from tgospa_eval.engines.cluster import Cluster
 from tgospa_eval.engines.processes import Processes
 from tgospa_eval.engines.spread import Engine
 from tgospa_eval.errors import ConfigError
+from tgospa_eval.formats import runs_inside
+from tgospa_eval.formats.guess import file_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,6 +60,7 @@ class BatchOptions(Values):
     per_step: bool = False
     by: tuple[str, ...] = ()
     mean_of_roots: bool = False
+    max_input: float | None = None
 
     def groups(self, known: Collection[str]) -> list[str]:
         """The labels of --by, each once; a text that is the name of one is that, commas and all."""
@@ -83,7 +86,8 @@ def planned(paths: tuple[str, ...], batch: BatchOptions, output: str | None) -> 
         sequences = jobs.read_sequences(batch.seqmap) if batch.seqmap else ()
         return jobs.of_layout(batch.layout, *paths, sequences, output)
     if batch.truth and batch.estimate and not paths:
-        return jobs.of_patterns(batch.truth, batch.estimate, output=output)
+        inside = functools.cache(functools.partial(runs_inside, max_input=batch.max_input))
+        return jobs.of_patterns(batch.truth, batch.estimate, output=output, inside=inside)
     if len(paths) == 1 and not (batch.truth or batch.estimate):
         keys = [name.replace("-", "_") for name, flag in KNOWN.items() if not flag]
         return jobs.of_manifest(paths[0], {*keys, *(key.replace("_", "-") for key in keys)})
@@ -183,4 +187,4 @@ def left_over(tasks: list[Task], before: "pd.DataFrame", *, retry_failed: bool) 
 
 def size_of(task: Task) -> int:
     """Bytes of both files: the largest jobs come first, so that none is left at the end alone."""
-    return sum(os.path.getsize(path) for path in (task.job.truth, task.job.estimate))
+    return sum(os.path.getsize(file_of(path)) for path in (task.job.truth, task.job.estimate))

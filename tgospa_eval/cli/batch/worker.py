@@ -23,6 +23,7 @@ from tgospa_eval.common.files import reason
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.memory import is_of_memory
 from tgospa_eval.errors import InputError, TgospaError
+from tgospa_eval.formats.guess import file_of
 from tgospa_eval.proof import PROOF_FOLDER
 from tgospa_eval.results.records import PARTS
 from tgospa_eval.results.summary import RESULT_SCHEMA, Summary
@@ -117,7 +118,9 @@ def key_of(
     sha = hashlib.sha256(given.encode())
     sha.update(json.dumps(dict(job.labels), sort_keys=True).encode())
     for path in files:
-        sha.update((digest or digest_of)(path))
+        file = file_of(path)
+        sha.update((digest or digest_of)(file))
+        sha.update(path[len(file) :].encode("utf-8", "surrogateescape"))  # its variable
     return sha.hexdigest()
 
 
@@ -217,7 +220,9 @@ def _unseen(asked: Task, here: Task) -> Row | None:
     """What to say of a file that is not there for a worker of a cluster; None if all are."""
     if not asked.base:
         return None
-    needed = [(task.job.truth, task.job.estimate, task.store) for task in (asked, here)]
+    needed = [
+        (file_of(task.job.truth), file_of(task.job.estimate), task.store) for task in (asked, here)
+    ]
     for path, seen in zip(*needed, strict=True):
         if not os.path.exists(seen):
             told = f"the worker on {socket.gethostname()} does not see {seen}"

@@ -14,6 +14,7 @@ from tgospa_eval.common.timing import Stopwatch
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Prepared, prepare
 from tgospa_eval.formats import ROLES, Reading
+from tgospa_eval.formats.guess import file_of
 from tgospa_eval.text import quoted
 
 
@@ -29,7 +30,7 @@ def check_files(paths: Sequence[str]) -> None:
         place = find_place(path)
         if place is not None:
             raise InputError(place.message)
-        if path != STDIN and not os.path.lexists(path):
+        if path != STDIN and not os.path.lexists(file_of(path)):
             raise InputError(f"{path or quoted(path)}: no such file")
 
 
@@ -99,13 +100,13 @@ class Pairs:
                 self.last = truth, self._read(truth, 0, paths)
             sides: tuple[Reading, ...] = (self.last[1], self._read(estimate, 1, paths))
         settings.check(sides, paths)
-        if settings.preprocess:
+        if settings.preprocess or settings.with_:
             sides = settings.preprocessed(sides, paths)
             for path, side in zip(paths, sides, strict=True):
                 for notice in about(path, side):
                     self._notify_once(notice)
         fitted, request = settings.fit(sides, paths)
-        for notice in pair_notices(fitted, request, pixels=any(side.pixels for side in sides)):
+        for notice in pair_notices(fitted, request, sides):
             is_default = notice.text.startswith("default ") and not notice.code
             self._notify_once(notice.about(estimate) if named and not is_default else notice)
         return prepare(fitted, request, files=infos(sides), stopwatch=self.stopwatch)

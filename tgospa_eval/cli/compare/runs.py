@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from tgospa_eval.common import patterns
 from tgospa_eval.common.words import natural
 from tgospa_eval.errors import ConfigError, InputError
+from tgospa_eval.formats import runs_inside
 
 Runs = list[tuple[str, list[str]]]
 """The truth of each run, and its estimates."""
@@ -24,7 +25,7 @@ def is_pattern(path: str) -> bool:
 def first_file(pattern: str) -> str | None:
     """The first that a pattern stands for."""
     if _fields(pattern):
-        return next((name for name, _ in patterns.found(pattern)), None)
+        return next((name for name, _ in patterns.found(pattern, inside=runs_inside)), None)
     before, after = pattern.split("*", 1)
     return min(glob.glob(f"{glob.escape(before)}*{glob.escape(after)}"), default=None)
 
@@ -50,7 +51,7 @@ def each_estimate(
             found.append(path)
             told |= _hidden(path)
             continue
-        meant = patterns.meant(path, output=output, truth=(truth, ""))
+        meant = patterns.meant(path, output=output, truth=(truth, ""), inside=runs_inside)
         told |= {
             why if why == patterns.DOTTED else text: text for why, text in meant.notices.items()
         }
@@ -141,7 +142,7 @@ def _hidden(pattern: str) -> dict[str, str]:
     if not is_pattern(pattern):
         return {}
     star = not _fields(pattern)
-    meant = patterns.meant(pattern.replace("*", AS_FIELD) if star else pattern)
+    meant = patterns.meant(pattern.replace("*", AS_FIELD) if star else pattern, inside=runs_inside)
     found = {why: text for why, text in meant.notices.items() if why == patterns.DOTTED}
     return {why: text.replace(AS_FIELD, "*") if star else text for why, text in found.items()}
 
@@ -154,7 +155,7 @@ def _values(pattern: str, meant: patterns.Meant | None = None) -> Iterator[Mappi
     InputError
         No file is like the pattern, or one is in two ways.
     """
-    found = list(patterns.found(pattern)) if meant is None else meant.files
+    found = list(patterns.found(pattern, inside=runs_inside)) if meant is None else meant.files
     if not found:
         raise InputError(f"{pattern}: no such files", *(meant.notices.values() if meant else ()))
     for path, values in found:

@@ -162,7 +162,7 @@ def _check(
         They do not.
     """
     for name in OF_PICTURES if output.output is None else ():
-        if name in typed:
+        if name in typed and not (name == "pictures" and output.pictures == "none"):
             raise click.UsageError(f"--{name} is for the pictures of -o DIR")
     if "proof" in typed and (sweep or output.output is None):
         raise click.UsageError(

@@ -143,7 +143,7 @@ def read_sides(
     fitted, request = settings.fit(sides, paths)
     notices = [
         *(notice for path, side in zip(paths, sides, strict=True) for notice in about(path, side)),
-        *pair_notices(fitted, request, pixels=any(side.pixels for side in sides)),
+        *pair_notices(fitted, request, sides),
         *(() if settings.solver.referee else slow_notice()),
     ]
     for notice in notices:

@@ -85,7 +85,7 @@ class DistanceOptions:
         return (*(asked or ()), *needed)
 
     def fault(self, columns: tuple[str, ...], axes: Floats) -> Fault | None:
-        """First of the states (d, R) that the distance cannot compare, if it needs such columns."""
+        """Which states (d, R) the distance cannot compare, if it needs such columns."""
         return self.named.fault(axes) if self.named.columns == columns else None
 
     def distance(self, columns: tuple[str, ...]) -> Distance:

@@ -1,6 +1,6 @@
 """What the user should know of files and of the choice of options, before anything is solved."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from tgospa_eval.cli.shared.distance import notices
 from tgospa_eval.cli.shared.streams import print_notice
@@ -43,18 +43,17 @@ def about(path: str, side: Reading) -> Iterator[Notice]:
         yield notice.about(path)
 
 
-def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> Iterator[Notice]:
-    """What the user should know of the choice of the distance, and of the two files together.
-
-    `pixels`: whether places of one of them are in pixels.
-    """
+def pair_notices(
+    sides: Fitted, request: EvaluationRequest, files: Sequence[Reading]
+) -> Iterator[Notice]:
+    """What the user should know of the choice of the distance, and of the two files together."""
     aligned, distance, parameters = sides.alignment, sides.distance, request.parameters
     yield from notices(distance, aligned.truth.columns, parameters.cutoff)
     truth, estimate = sides.read
     if "gaussian" in distance.kinds:
         for text in _about_points(truth.kind == "point", estimate.kind == "point"):
             yield Notice(text=text)
-    if pixels:
+    if any(side.pixels for side in files):
         yield from unit_notices(request.unit)
     if sides.interpolated is not None:
         yield interpolation_notice(sides.interpolated, request.time_matching)
@@ -64,7 +63,12 @@ def pair_notices(sides: Fitted, request: EvaluationRequest, *, pixels: bool) -> 
     yield from found
     if request.defaults:
         yield default_notice(
-            aligned, distance, parameters, request.defaults, others=explained(found)
+            aligned,
+            distance,
+            parameters,
+            request.defaults,
+            others=explained(found),
+            boxes=any(side.centres for side in files),
         )
 
 

@@ -128,17 +128,14 @@ FILE_OPTIONS = (
     ),
     _files("--truth-columns NAMES", "--columns for TRUTH alone."),
     _files("--estimate-columns NAMES", "--columns for ESTIMATE alone."),
-    _files(
-        "--truth-format FORMAT",
-        f"Format of TRUTH: {NAMED_FORMATS}.",
-        type=click.Choice(FILE_FORMATS),
-        show_default="found from name and content",
-    ),
-    _files(
-        "--estimate-format FORMAT",
-        "Format of ESTIMATE, one of the same.",
-        type=click.Choice(FILE_FORMATS),
-        show_default="found from name and content",
+    *(
+        _files(
+            f"--{side}-format FORMAT",
+            f"Format of {side.upper()}{which}.",
+            type=click.Choice(FILE_FORMATS),
+            show_default="found from name and content",
+        )
+        for side, which in (("truth", f": {NAMED_FORMATS}"), ("estimate", ", one of the same"))
     ),
     _files(
         "--time-tolerance DT",
@@ -154,11 +151,12 @@ FILE_OPTIONS = (
         type=click.Choice(GRIDS),
         default="union",
     ),
-    _files(
-        "--on-duplicate NAME",
-        "What to do with two rows of one id at one time: error, or keep the first or last.",
-        type=click.Choice(("error", "first", "last")),
-        default="error",
+    *(
+        _files(f"--on-{fault} NAME", text, type=click.Choice(("error", *ways)), default="error")
+        for fault, text, *ways in (
+            ("duplicate", "Rows of one id and time: error, first or last.", "first", "last"),
+            ("invalid", "Boxes of negative size, places out of range: error, or drop it.", "drop"),
+        )
     ),
     _files(
         "--decimal [.|,]", "Decimal mark in the files.", type=click.Choice((".", ",")), default="."
@@ -179,7 +177,8 @@ FILTERS = (
     ),
     _filters(
         "--class A[,B]",
-        "Only rows with these values in column class, in each file that has one.",
+        "Only rows of these classes, in each file that has classes. Upper and lower case are alike "
+        "where that is unambiguous.",
         name="class_",
     ),
     _filters("--truth-class A[,B]", "--class for TRUTH alone."),

@@ -8,7 +8,7 @@ from itertools import product
 from tgospa_eval.common.files import STDIN
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import InputError
-from tgospa_eval.formats.guess import SAMPLES, is_table_folder
+from tgospa_eval.formats.guess import SAMPLES, file_of, is_table_folder
 from tgospa_eval.formats.unpack import plain_name
 from tgospa_eval.text import listed
 
@@ -48,7 +48,7 @@ def check_places(paths: Sequence[str]) -> None:
         messages = [
             f"{path}: no such file" if place is None else place.message
             for path, place in zip(paths, places, strict=True)
-            if place is not None or not (path == STDIN or os.path.lexists(path))
+            if place is not None or not (path == STDIN or os.path.lexists(file_of(path)))
         ]
         raise InputError(*messages, *_advice(paths, places))
 

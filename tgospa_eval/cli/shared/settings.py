@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tgospa_eval.cli.shared.distance import DistanceOptions
 from tgospa_eval.cli.shared.places import check_places
@@ -11,15 +11,19 @@ from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.distances.checks import check_columns
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.evaluation.prepare import Fitted, fit
-from tgospa_eval.evaluation.request import EvaluationRequest, chosen_metrics, chosen_parameters
+from tgospa_eval.evaluation.request import (
+    OF_TRACKEVAL,
+    EvaluationRequest,
+    chosen_metrics,
+    chosen_parameters,
+)
 from tgospa_eval.formats import ROLES, Reading, ReadOptions, read
 from tgospa_eval.formats.columns.asked import columns_of_each
-from tgospa_eval.formats.reading import Known
+from tgospa_eval.formats.reading import Known, check_classes
 from tgospa_eval.problem.sliding import Sliding
 from tgospa_eval.problem.tgospa import Parameters
 from tgospa_eval.results.records import FileInfo
 from tgospa_eval.solvers import Solver, solver_class
-from tgospa_eval.text import quoted
 from tgospa_eval.tracks.alignment import TimeMatching
 from tgospa_eval.tracks.conversion import Conversion
 from tgospa_eval.tracks.existence import EXISTENCE
@@ -92,6 +96,7 @@ class Settings:
         return {
             "decimal": self.reading.decimal,
             "on_duplicate": self.reading.on_duplicate,
+            **({"on_invalid": "drop"} if self.reading.on_invalid == "drop" else {}),
             **dict(self.reading.filters()),
             **{
                 f"{role}_class": list(options.classes)
@@ -118,7 +123,7 @@ class Settings:
         sides, faults = [], []
         for side, (path, role) in enumerate(zip(paths, roles, strict=False)):
             try:
-                sides.append(self.read_side(path, side, role, paths))
+                sides.append(self.read_side(path, side, role, paths, roles))
             except (InputError, ConfigError) as error:
                 faults.append(error)
         if faults:
@@ -131,28 +136,49 @@ class Settings:
     ) -> tuple[Reading, ...]:
         """Both files without what the rules of a benchmark leave out, if that is asked for.
 
+        Where it is not, and numbers are asked for that tables have, a warning says so.
+
         Raises
         ------
         ConfigError
             The truth does not say what that is.
         """
-        if self.preprocess is None or len(sides) < len(ROLES):
+        in_tables = self.measure.boxes and not {*OF_TRACKEVAL}.isdisjoint(self.with_)
+        if len(sides) < len(ROLES) or not (self.preprocess or in_tables):
             return sides
-        from tgospa_eval.evaluation.preprocess import preprocessed  # here: for boxes only
+        from tgospa_eval.evaluation.preprocess import (
+            benchmark_warnings,
+            preprocessed,
+        )  # here: for boxes only
 
-        # As an estimate, of which nothing is left out by a flag.
-        everything = read(paths[0], self.each[0], "estimate", self.formats[0])
-        return preprocessed(sides, everything, (paths[0], paths[1]))
+        def everything(**changes: Any) -> Reading:
+            """As an estimate, of which nothing is left out by a flag."""
+            options = replace(self.each[0], **changes)
+            return read(paths[0], options, "estimate", self.formats[0])
 
-    def read_side(self, path: str, side: int, role: str, paths: tuple[str, ...] = ()) -> Reading:
-        """One file, the first or second; `paths` are all that are read together.
+        if self.preprocess:
+            return preprocessed(sides, everything(), (paths[0], paths[1]))
+        found = benchmark_warnings(
+            sides[0], lambda: everything(classes=None, attributes=("class",))
+        )
+        return replace(sides[0], warnings=(*sides[0].warnings, *found)), *sides[1:]
+
+    def read_side(
+        self,
+        path: str,
+        side: int,
+        role: str,
+        paths: tuple[str, ...] = (),
+        roles: tuple[str, ...] = ROLES,
+    ) -> Reading:
+        """One file, the first or second; `paths` are all that are read together, in their roles.
 
         Raises
         ------
         InputError
             The file cannot be read, or has a row that is wrong.
         """
-        options = self.each[side].beside_others(paths)
+        options = self.each[side].beside_others(paths, roles)
         if len(paths) == 1:
             options = replace(options, option="--columns")
         return read(path, options, role, self.formats[side])
@@ -170,7 +196,7 @@ class Settings:
         for name in sides[0].lacking:
             if all(name in side.lacking for side in sides):
                 raise InputError(*dict.fromkeys(side.lacking[name] for side in sides))
-        self._check_classes(sides, paths)
+        check_classes(sides, paths, self.reading.classes, self.each)
         filters = {"time", "class", "region"}
         if not any(side.taken for side in sides) and any(
             filters & side.left_out.keys() for side in sides
@@ -178,23 +204,6 @@ class Settings:
             used = (name.replace("_", "-") for name in self.recorded)
             given = " and ".join(f"--{name}" for name in used if name.split("-")[-1] in filters)
             raise ConfigError(f"{given}: no row is left to evaluate")
-
-    def _check_classes(self, sides: tuple[Known, ...], paths: tuple[str, ...]) -> None:
-        """Whether there are rows of every class that was asked for."""
-        there = {name for side in sides for name in side.named}
-        asked = [("--class", name, there, "") for name in self.reading.classes or ()]
-        for path, role, side, options in zip(paths, ROLES, sides, self.each, strict=False):
-            if options.classes != self.reading.classes:
-                of = f" of {path}"
-                asked += [
-                    (f"--{role}-class", name, set(side.named), of) for name in options.classes or ()
-                ]
-        for option, name, known, of in asked:
-            if name not in known:
-                shown = ", ".join(map(quoted, sorted(known)[:10])) or "none"
-                raise ConfigError(
-                    f"{option} {quoted(name)}: no row{of} is of that class; there are {shown}"
-                )
 
     def request(self, columns: tuple[str, ...]) -> EvaluationRequest:
         """What is asked of states with these columns.
@@ -273,6 +282,7 @@ def _settings(options: EvaluationOptions) -> Settings:
     reading = ReadOptions(
         decimal=options.decimal,
         on_duplicate=options.on_duplicate,
+        on_invalid=options.on_invalid,
         boxes=measure.boxes,
         time=options.time,
         classes=_list(options.class_),

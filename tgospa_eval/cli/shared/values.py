@@ -57,6 +57,7 @@ class EvaluationOptions(Values):
     time_scale: float = 1.0
     unit_scale: float = 1.0
     on_duplicate: str = "error"
+    on_invalid: str = "error"
     decimal: str = "."
     max_input: float | None = None
     time: str | None = None

@@ -21,6 +21,7 @@ def default_notice(
     spell: Spelling = as_option,
     *,
     others: bool = False,
+    boxes: bool = False,
 ) -> Notice:
     """One line about the defaults in use, with the scale of the data beside it.
 
@@ -40,6 +41,8 @@ def default_notice(
         How settings are written.
     others : bool
         Whether another warning explains the distances.
+    boxes : bool
+        Whether boxes are compared by their centres, for which no cutoff suits all sizes.
     """
     used = " and ".join(
         f"{PARAMETER_NAMES[name]} = {getattr(parameters, name):g}" for name in defaults
@@ -48,10 +51,15 @@ def default_notice(
     known = nearest is not None and math.isfinite(nearest)
     scale = "" if not known else f"; the median nearest estimate is {nearest:.3g} away"
     far = nearest is not None and nearest >= parameters.cutoff and "cutoff" in defaults
+    first = (
+        "--distance iou compares the boxes themselves; or "
+        if boxes and "cutoff" in defaults
+        else ""
+    )
     return Notice(
         code="default-parameters" if far and not others else "",
         text=f"default {used}{scale}",
-        remedy="choose with " + " and ".join(spell(name, "") for name in defaults),
+        remedy=f"{first}choose with " + " and ".join(spell(name, "") for name in defaults),
     )
 
 
