@@ -85,6 +85,8 @@ class IoU(Distance):
         return None
 
 
+# Differences of huge coordinates may overflow: infinitely far is right.
+@np.errstate(over="ignore")
 def overlaps(a: Floats, b: Floats) -> Floats:
     """IoU of all boxes with all others, to the bit as TrackEval has it, whose thresholds it meets.
 

@@ -322,6 +322,16 @@ def test_boxes_at_a_threshold_match_as_in_trackeval(
             assert found[name][field] == pytest.approx(value, rel=1e-14, abs=0), (name, field)
 
 
+def test_boxes_at_the_ends_of_the_numbers(write: Write, invoke: Invoke) -> None:
+    head = "id,t,left,top,width,height\n"
+    truth = write("t.csv", f"{head}1,1,-1.7e308,0,1e150,1e150\n1,2,0,0,1e150,1e150\n")
+    estimate = write("e.csv", f"{head}7,1,1.7e308,0,1e150,1e150\n7,2,0,0,1e150,1e150\n")
+    answer = invoke(truth, estimate, "--distance", "iou", "--format", "json", "--with", "clear")
+    found = json.loads(answer.out)["with"]["clear"]
+    assert (found["CLR_TP"], found["CLR_FN"], found["CLR_FP"]) == (1, 1, 1)
+    assert "overflow" not in answer.err
+
+
 # --- what MOTChallenge leaves out -----------------------------------------------------------------
 
 MOT_TRUTH = """\
