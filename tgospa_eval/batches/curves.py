@@ -12,18 +12,12 @@ import numpy as np
 
 from tgospa_eval.batches.pairing import LABEL, in_words, labels_of, shown_labels, with_parameters
 from tgospa_eval.batches.per_step import StoredSteps
-from tgospa_eval.batches.resampling import BOOTSTRAP_SEED, CONFIDENCE, LEAST_PAIRS
+from tgospa_eval.batches.resampling import LEAST_PAIRS, intervals
 from tgospa_eval.problem.problem import Floats, Ints
 from tgospa_eval.reports.curves import KIND_COLUMN, POINT_COLUMNS, RmsCurve
 
 if TYPE_CHECKING:
     import pandas as pd
-
-BAND_RESAMPLES = 1000
-"""Fewer than of tables, for there are many steps."""
-
-BAND = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
-"""Quantiles of the values of resampled runs (percentile bootstrap)."""
 
 
 def rms_curves(
@@ -133,28 +127,17 @@ def _root(costs: Floats, order: float) -> list[float]:
 def _band(
     lower: Floats, upper: Floats, order: float
 ) -> tuple[list[float | None], list[float | None]]:
-    """Quantiles over resampled runs at each step: the low one of lower costs, the other of upper.
-
-    Runs are resampled among those that have the step; steps that the same runs have are resampled
-    together.
-    """
+    """Intervals over the runs that have a step; steps that the same runs have go together."""
     size = lower.shape[1]
-    there = ~np.isnan(lower)
     ends: list[list[float | None]] = [[None] * size, [None] * size]
-    patterns, which = np.unique(there, axis=1, return_inverse=True)
+    patterns, which = np.unique(~np.isnan(lower), axis=1, return_inverse=True)
     for k, having in enumerate(patterns.T):
         runs = int(having.sum())
         if runs < LEAST_PAIRS:
             continue
-        rng = np.random.default_rng(BOOTSTRAP_SEED)
-        drawn = rng.integers(runs, size=(BAND_RESAMPLES, runs))
-        drawn += runs * np.arange(BAND_RESAMPLES)[:, None]
-        counts = np.bincount(drawn.ravel(), minlength=BAND_RESAMPLES * runs)
-        weights = counts.reshape(BAND_RESAMPLES, runs) / runs
         at = np.flatnonzero(which.ravel() == k)
-        for end, costs, level in zip(ends, (lower, upper), BAND, strict=True):
-            means = weights @ costs[np.ix_(having, at)]
-            values = _root(np.quantile(means, level, axis=0), order)
-            for place, value in zip(at, values, strict=True):
+        costs = [side[np.ix_(having, at)].T / runs for side in (lower, upper)]
+        for end, values in zip(ends, intervals(costs[0], costs[1], order), strict=True):
+            for place, value in zip(at, values.tolist(), strict=True):
                 end[place] = value
     return ends[0], ends[1]

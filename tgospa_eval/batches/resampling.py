@@ -1,28 +1,25 @@
-"""Bootstrap and permutation test of sums of costs; both hold for all values in brackets.
+"""Jackknife intervals and a permutation test of sums of costs, for all values in brackets.
 
-SciPy has both for any statistic; of sums, all resamples are one product of matrices, a tenth of the
-time for thousands of jobs (the tests compare).
+Combined values grow with each total, so those without one pair have bounds, which come from lower
+and upper totals; and a standard deviation is a norm of what deviates, so that of the middles and
+that of the half widths add up to a bound of any between (docs/reference/batch.md#statistics).
 
-Combined values grow with each total, so the ends of a bootstrap interval come from lower and upper
-totals under the same draws. The one-sided p value of a sum of differences grows with each of them,
-so that of the upper ends is the largest (docs/reference/batch.md#statistics).
+The one-sided p value of a sum of differences grows with each of them, so that of the upper ends is
+the largest. SciPy has the test for any statistic; of sums, all flips are one product of matrices, a
+tenth of the time for thousands of jobs (the tests compare).
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from tgospa_eval.common.interval import Interval
 from tgospa_eval.problem.problem import Floats
 
-RESAMPLES = 9999
-"""Of the bootstrap; permutations of a test, where all are not fewer."""
+PERMUTATIONS = 9999
+"""Flips that are drawn, where all are not fewer."""
 
-FEW_RESAMPLES, MANY_PAIRS = 1999, 1000
-"""Of the bootstrap of more pairs than these, which takes seconds."""
-
-BOOTSTRAP_SEED = 1
-"""Of bootstrap and permutations: the same batch has the same tables."""
+PERMUTATION_SEED = 1
+"""The same batch has the same tables."""
 
 CONFIDENCE = 0.95
 """Level of the intervals; tests are significant below what is left of 1."""
@@ -34,45 +31,84 @@ TIE = 1e-14
 """Of the sum of all differences, of either sign: sums that differ by less are equal."""
 
 NUMBERS_AT_ONCE = 4_000_000
-"""Numbers that are resampled at once."""
+"""Numbers that are flipped at once."""
 
 
-def resampled_sums(totals: Floats) -> Floats:
-    """Sums of n numbers drawn with replacement, of all rows the same ones.
+def intervals(lower: Floats, upper: Floats, order: Floats | float) -> tuple[Floats, Floats]:
+    """Intervals of combined values: Student's t of their logarithm, by the jackknife.
+
+    Parameters
+    ----------
+    lower, upper : array, shape (rows, n)
+        Bounds of totals; n is at least 2.
+    order : float or array, shape (rows, 1)
+        The order p.
+
+    Returns
+    -------
+    tuple of array, shape (rows,)
+        Lower and upper ends.
+    """
+    # Sorted, so that the order of the totals changes no bit.
+    place = np.lexsort((upper, lower))
+    lower, upper = (np.take_along_axis(side, place, axis=1) for side in (lower, upper))
+    least, most = (
+        (side.sum(axis=1, keepdims=True) ** (1 / order))[:, 0] for side in (lower, upper)
+    )
+    margin = margins(without_each(lower, order), without_each(upper, order))
+    # No totals deviate by more than one alone that is not 0: the bound where brackets are wide.
+    size = lower.shape[1]
+    ratio = np.full(len(least), student(size) * np.sqrt(size / (size - 1)))
+    np.divide(margin, least, out=ratio, where=margin < ratio * least)
+    return least * np.exp(-ratio), most * np.exp(ratio)
+
+
+def without_each(totals: Floats, order: Floats | float) -> Floats:
+    """Combined values of all totals but one, brought to the number of all.
 
     Parameters
     ----------
     totals : array, shape (rows, n)
         Costs; n is at least 2.
+    order : float or array, shape (rows, 1)
+        The order p.
 
     Returns
     -------
-    array, shape (rows, draws)
+    array, shape (rows, n)
     """
     size = totals.shape[1]
-    draws, rng = resamples_of(size), np.random.default_rng(BOOTSTRAP_SEED)
-    sums = np.empty((len(totals), draws))
-    for part in _portions(draws, size):
-        drawn = rng.integers(0, size, (part.stop - part.start, size))
-        drawn += size * np.arange(len(drawn))[:, None]
-        times = np.bincount(drawn.ravel(), minlength=drawn.size).reshape(drawn.shape)
-        sums[:, part] = totals @ times.T.astype(float)
-    return sums
+    others = np.maximum(totals.sum(axis=1, keepdims=True) - totals, 0.0)
+    found: Floats = (others * (size / (size - 1))) ** (1 / order)
+    return found
 
 
-def resamples_of(pairs: int) -> int:
-    """How many draws the bootstrap takes; none of too few."""
-    if pairs < LEAST_PAIRS:
-        return 0
-    return RESAMPLES if pairs <= MANY_PAIRS else FEW_RESAMPLES
+def margins(lower: Floats, upper: Floats) -> Floats:
+    """Half widths of intervals of values, by Student's t and the jackknife.
+
+    Parameters
+    ----------
+    lower, upper : array, shape (..., n)
+        Bounds of each value without one pair.
+
+    Returns
+    -------
+    array, shape (...)
+        The largest for any values between the bounds.
+    """
+    size = lower.shape[-1]
+    middle, half = (lower + upper) / 2, (upper - lower) / 2
+    apart = middle - middle.mean(axis=-1, keepdims=True)
+    norm = np.linalg.norm(apart, axis=-1) + np.linalg.norm(half, axis=-1)
+    found: Floats = student(size) * np.sqrt((size - 1) / size) * norm
+    return found
 
 
-def percentiles(lower: Floats, upper: Floats) -> Interval:
-    """The percentile interval of a value of which draws have bounds."""
-    tail = (1 - CONFIDENCE) / 2
-    return Interval(
-        lower=float(np.quantile(lower, tail)), upper=float(np.quantile(upper, 1 - tail))
-    )
+def student(pairs: int) -> float:
+    """Quantile of Student's t, two-sided, of so many pairs."""
+    from scipy.special import stdtrit  # here: slow to import
+
+    return float(stdtrit(pairs - 1, (1 + CONFIDENCE) / 2))
 
 
 def p_values(lower: Floats, upper: Floats) -> Floats:
@@ -93,8 +129,8 @@ def p_values(lower: Floats, upper: Floats) -> Floats:
     observed = sides.sum(axis=1)
     # Sums that are equal in exact numbers count as equal.
     observed += TIE * np.abs(sides).sum(axis=1)
-    flips, every = permutations_of(size), 1 << size if size < RESAMPLES.bit_length() else 0
-    at_most, rng = np.zeros(len(sides), np.int64), np.random.default_rng(BOOTSTRAP_SEED)
+    flips, every = permutations_of(size), 1 << size if size < PERMUTATIONS.bit_length() else 0
+    at_most, rng = np.zeros(len(sides), np.int64), np.random.default_rng(PERMUTATION_SEED)
     for part in _portions(flips, size):
         if every:
             numbers = np.arange(part.start, part.stop, dtype=np.uint64)
@@ -121,7 +157,7 @@ def permutations_of(pairs: int) -> int:
     """How many flips are tried: all, if they are no more; none of too few."""
     if pairs < LEAST_PAIRS:
         return 0
-    return RESAMPLES if pairs >= RESAMPLES.bit_length() else 1 << pairs
+    return PERMUTATIONS if pairs >= PERMUTATIONS.bit_length() else 1 << pairs
 
 
 def holm(p_values: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 Compared are jobs that differ in that label alone, and of these only such as all its values have
 (`batches.pairing`). The proven order is that of brackets of the combined value on these files. The
-statistical one is about other truths like these: what is resampled are truths, for jobs of one
+statistical one is about other truths like these: what it counts are truths, for jobs of one
 truth are not independent of each other, or the jobs where there is one truth alone.
 """
 
@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from tgospa_eval.batches.pairing import ESTIMATE_DIGEST, LABEL, pair_numbers, truths
 from tgospa_eval.batches.resampling import (
-    BOOTSTRAP_SEED,
     CONFIDENCE,
     LEAST_PAIRS,
+    PERMUTATION_SEED,
     holm,
+    intervals,
+    margins,
     p_values,
-    percentiles,
     permutations_of,
-    resampled_sums,
-    resamples_of,
+    without_each,
 )
 from tgospa_eval.common.brackets import equal, less, places
 from tgospa_eval.common.frozen import dataclass
@@ -82,10 +82,7 @@ class _Paired:
     def combined(self, per: Floats | float = 1.0) -> list[Interval]:
         """Brackets of the roots of the sums, divided by something before."""
         ends = ((side.sum(axis=1) / per) ** (1 / self.order) for side in (self.lower, self.upper))
-        return [
-            Interval(lower=low, upper=high)
-            for low, high in zip(*(end.tolist() for end in ends), strict=True)
-        ]
+        return _between(*ends)
 
     def same(self, first: int, second: int) -> bool:
         """Whether two have the same data, and so the same values, whatever the brackets are."""
@@ -98,6 +95,13 @@ class _Paired:
         if less(values[first], values[second]):
             return "less"
         return "equal" if equal(values[first], values[second]) else "not separated"
+
+    def difference(self, values: Sequence[Interval], first: int, second: int) -> Interval:
+        """Bracket of the second value less the first."""
+        if self.same(first, second):
+            return NOTHING
+        a, b = values[first], values[second]
+        return Interval(lower=b.lower - a.upper, upper=b.upper - a.lower)
 
 
 def rankings(
@@ -151,9 +155,8 @@ def _ranking(
         all_jobs=int(part["_pair"].nunique()),
         pairs=count,
         truths=common["_truth"].nunique(),
-        resamples=resamples_of(count),
         permutations=permutations_of(count),
-        seed=BOOTSTRAP_SEED,
+        seed=PERMUTATION_SEED,
         parameters=parameters,
         left_out=tuple(sorted(set(all_names) - set(names), key=natural)),
     )
@@ -189,11 +192,9 @@ def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tupl
     values, per_step = paired.combined(), paired.combined(paired.steps)
     proven = places(values, lambda *pair: paired.verdict(values, *pair) == "equal")
     found = list(itertools.combinations(range(len(values)), 2))
-    draws = _draws(paired) if enough else None
-    orders = [paired.order] * len(values)
-    own = _intervals(paired.lower, paired.upper, orders) if enough else None
-    inferences = _inferences(paired, found, draws) if draws else [None] * len(found)
-    statistical = _statistical(found, inferences, len(values)) if draws else None
+    own = _between(*intervals(paired.lower, paired.upper, paired.order)) if enough else None
+    inferences = _inferences(paired, found, values) if enough else [None] * len(found)
+    statistical = _statistical(found, inferences, len(values)) if enough else None
     return tuple(
         Ranked(
             name=name,
@@ -209,37 +210,21 @@ def _entries(paired: _Paired, *, enough: bool) -> tuple[tuple[Ranked, ...], tupl
             first=paired.names[a],
             second=paired.names[b],
             verdict=paired.verdict(values, a, b),
-            difference=NOTHING
-            if paired.same(a, b)
-            else Interval(
-                lower=values[b].lower - values[a].upper, upper=values[b].upper - values[a].lower
-            ),
+            difference=paired.difference(values, a, b),
             inference=inference,
         )
         for (a, b), inference in zip(found, inferences, strict=True)
     )
 
 
-def _intervals(lower: Floats, upper: Floats, orders: Sequence[float]) -> list[Interval]:
-    """Bootstrap intervals of combined values, (rows, n) each, whatever the order of the totals."""
-    sorted_ = [np.lexsort(ends) for ends in zip(upper, lower, strict=True)]
-    lower = np.stack([row[order] for row, order in zip(lower, sorted_, strict=True)])
-    upper = np.stack([row[order] for row, order in zip(upper, sorted_, strict=True)])
-    sums = resampled_sums(np.concatenate([lower, upper]))
-    return [
-        percentiles(low ** (1 / order), high ** (1 / order))
-        for low, high, order in zip(sums[: len(lower)], sums[len(lower) :], orders, strict=True)
-    ]
-
-
-def _draws(paired: _Paired) -> tuple[Floats, Floats]:
-    """Bounds of the combined values under the same draws, (names, draws) each."""
-    sums = resampled_sums(np.concatenate([paired.lower, paired.upper])) ** (1 / paired.order)
-    return sums[: len(paired.names)], sums[len(paired.names) :]
+def _between(lower: Floats, upper: Floats) -> list[Interval]:
+    """One for each pair of ends."""
+    ends = zip(lower.tolist(), upper.tolist(), strict=True)
+    return [Interval(lower=low, upper=high) for low, high in ends]
 
 
 def _inferences(
-    paired: _Paired, found: Sequence[tuple[int, int]], draws: tuple[Floats, Floats]
+    paired: _Paired, found: Sequence[tuple[int, int]], values: Sequence[Interval]
 ) -> list[Inference]:
     """What is concluded of each pair."""
     first, second = (list(side) for side in zip(*found, strict=True))
@@ -248,18 +233,23 @@ def _inferences(
     same = [paired.same(a, b) for a, b in found]
     least[same] = most[same] = 0.0
     p_value = p_values(least, most)
-    lower, upper = draws
-    return [
-        Inference(
-            confidence=NOTHING
-            if paired.same(a, b)
-            else percentiles(lower[b] - upper[a], upper[b] - lower[a]),
-            p_value=float(p),
-            p_holm=float(adjusted),
-            significant=bool(adjusted < 1 - CONFIDENCE),
+    lower, upper = (without_each(side, paired.order) for side in (paired.lower, paired.upper))
+    inferences = []
+    for (a, b), p, adjusted in zip(found, p_value, holm(p_value), strict=True):
+        least_without, most_without = lower[b] - upper[a], upper[b] - lower[a]
+        margin = 0.0 if paired.same(a, b) else float(margins(least_without, most_without))
+        difference = paired.difference(values, a, b)
+        inferences.append(
+            Inference(
+                confidence=Interval(
+                    lower=difference.lower - margin, upper=difference.upper + margin
+                ),
+                p_value=float(p),
+                p_holm=float(adjusted),
+                significant=bool(adjusted < 1 - CONFIDENCE),
+            )
         )
-        for (a, b), p, adjusted in zip(found, p_value, holm(p_value), strict=True)
-    ]
+    return inferences
 
 
 def _statistical(
@@ -277,7 +267,7 @@ def _statistical(
 def confidence(
     having: "pd.DataFrame", groups: "pd.Series[int]", orders: "pd.Series[float]"
 ) -> dict[str, NDArray[Any]]:
-    """Bootstrap intervals of the combined values of groups, NaN for those that are too small.
+    """Intervals of the combined values of groups, NaN for those that are too small.
 
     Parameters
     ----------
@@ -291,7 +281,7 @@ def confidence(
     Returns
     -------
     dict of array, shape (groups,)
-        ``confidence_lower``, ``confidence_upper``, and how many ``resamples`` they are of.
+        ``confidence_lower``, ``confidence_upper``.
     """
     frame = having[TOTAL_ENDS].assign(_group=groups, _truth=truths(having))
     several = frame.groupby("_group")["_truth"].transform("nunique") > 1
@@ -301,21 +291,12 @@ def confidence(
     numbers, begins, counts = np.unique(
         sums.index.get_level_values("_group"), return_index=True, return_counts=True
     )
-    # Those of one size are drawn together.
+    # Those of one size are worked out together.
     for size in np.unique(counts[counts >= LEAST_PAIRS]):
         of_size = np.flatnonzero(counts == size)
-        for part in np.split(of_size, range(MOST_COMPARED, len(of_size), MOST_COMPARED)):
-            units = begins[part][:, None] + np.arange(size)
-            lower, upper = (sums[end].to_numpy(float)[units] for end in TOTAL_ENDS)
-            groups_of = numbers[part]
-            found[:, groups_of] = np.transpose(
-                [
-                    (interval.lower, interval.upper)
-                    for interval in _intervals(lower, upper, orders.loc[groups_of].tolist())
-                ]
-            )
-    resamples = np.zeros(len(orders), int)
-    resamples[numbers] = [resamples_of(count) for count in counts]
-    return {
-        "confidence_lower": found[0], "confidence_upper": found[1], "resamples": resamples
-    }  # fmt: skip
+        units = begins[of_size][:, None] + np.arange(size)
+        lower, upper = (sums[end].to_numpy(float)[units] for end in TOTAL_ENDS)
+        groups_of = numbers[of_size]
+        order = np.asarray(orders.loc[groups_of], np.float64)[:, None]
+        found[:, groups_of] = intervals(lower, upper, order)
+    return {"confidence_lower": found[0], "confidence_upper": found[1]}

@@ -18,7 +18,6 @@ from tgospa_eval.batches.pairing import (
     truths,
     with_parameters,
 )
-from tgospa_eval.batches.resampling import BOOTSTRAP_SEED
 from tgospa_eval.batches.slices import sliced_groups
 from tgospa_eval.batches.statistics import confidence, rankings
 from tgospa_eval.common.words import natural
@@ -35,7 +34,7 @@ SUMS = (
     "sizes.occupied",
 )  # fmt: skip
 
-OF_INTERVALS = ("confidence_lower", "confidence_upper", "resamples")
+OF_INTERVALS = ("confidence_lower", "confidence_upper")
 """Columns of the intervals of groups."""
 
 ENDS = ("", "_lower", "_upper")
@@ -93,7 +92,6 @@ def tabulated(rows: "pd.DataFrame", by: Sequence[str], *, roots: bool = False) -
         parameters=tuple(parameters),
         rankings=tuple(item for item in items if isinstance(item, Ranking)),
         notes=tuple(dict.fromkeys(item for item in items if isinstance(item, str))),
-        seed=BOOTSTRAP_SEED,
         slices=tuple(sliced_groups(having, groups.numbers)),
     )
 

@@ -10,6 +10,9 @@ from tgospa_eval.distances.base import REACH_ROUNDING, Distance, Fault, Floats, 
 SMALLEST_EDGE, LARGEST_EDGE = 1e-100, 1e150
 """Of widths and heights, so that areas are doubles."""
 
+TRACKEVAL_EPS = 2.0**-52
+"""What TrackEval allows for: of areas that are 0, and of an IoU that reaches a threshold."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class IoU(Distance):
@@ -80,6 +83,33 @@ class IoU(Distance):
                 rule = f"must be > 0 (from {SMALLEST_EDGE:g} to {LARGEST_EDGE:g})"
                 return first_fault(wrong, values, name, rule)
         return None
+
+
+# Differences of huge coordinates may overflow: infinitely far is right.
+@np.errstate(over="ignore")
+def overlaps(a: Floats, b: Floats) -> Floats:
+    """IoU of all boxes with all others, to the bit as TrackEval has it, whose thresholds it meets.
+
+    Right and lower edges are rounded before anything else, widths and heights are their differences
+    to the left and upper ones, and boxes without area share nothing.
+
+    Parameters
+    ----------
+    a, b : array, shape (N, 4), (M, 4)
+        Left, top, width, height.
+
+    Returns
+    -------
+    array, shape (N, M)
+    """
+    (begin_a, end_a), (begin_b, end_b) = ((box[:, :2], box[:, :2] + box[:, 2:]) for box in (a, b))
+    area_a, area_b = (end_a - begin_a).prod(axis=1), (end_b - begin_b).prod(axis=1)
+    edges = np.minimum(end_a[:, None], end_b) - np.maximum(begin_a[:, None], begin_b)
+    shared = np.maximum(edges, 0.0).prod(axis=2)
+    union = area_a[:, None] + area_b - shared
+    some = (area_a > TRACKEVAL_EPS)[:, None] & (area_b > TRACKEVAL_EPS) & (union > TRACKEVAL_EPS)
+    found: Floats = np.divide(shared, union, out=np.zeros_like(shared), where=some)
+    return found
 
 
 def _overlap(begin: tuple[Floats, Floats], size: tuple[Floats, Floats]) -> Floats:

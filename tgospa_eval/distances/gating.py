@@ -45,7 +45,7 @@ def prepared_pairs(sides: Sides, cutoff: float, distance: Distance, effort: Effo
     """As `near_pairs`, of sides and a distance that `Distance.prepared` has made ready."""
     truth, estimate = sides
     horizon = distance.horizon(sides, cutoff)
-    starts = _starts(truth), _starts(estimate)
+    starts = starts_of_steps(truth), starts_of_steps(estimate)
     rows = tuple(np.stack((at[:-1], at[1:])) for at in starts)
     found = near_points(sides, (rows[0], rows[1]), horizon, distance)
     if found is not None:
@@ -108,7 +108,7 @@ class _Column(Generic[Value]):
         return self.values
 
 
-def _starts(side: Trajectories) -> Ints:
+def starts_of_steps(side: Trajectories) -> Ints:
     """First row of each step, and the number of rows."""
     steps = np.arange(len(side.times) + 1, dtype=side.step.dtype)
     return np.searchsorted(side.step, steps)

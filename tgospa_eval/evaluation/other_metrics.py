@@ -17,9 +17,9 @@ from typing import Any, overload
 import numpy as np
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.distances import Effort, Pairs
-from tgospa_eval.distances.base import Sides
-from tgospa_eval.distances.gating import prepared_pairs
+from tgospa_eval.distances import Effort
+from tgospa_eval.distances.boxes import overlaps
+from tgospa_eval.distances.gating import prepared_pairs, starts_of_steps
 from tgospa_eval.evaluation.prepare import Prepared
 from tgospa_eval.problem.gospa import per_step_gospa
 from tgospa_eval.problem.problem import Floats
@@ -47,6 +47,9 @@ SUMMED_FIELDS = {
     "identity": ("IDTP", "IDFN", "IDFP"),
 }
 """What TrackEval joins sequences from; of HOTA with a number for each threshold."""
+
+BOXES = "iou"
+"""The distance of states whose similarity is TrackEval's, to the bit."""
 
 AT = "at"
 """Between the name of a metric and those of its fields with a number for each threshold."""
@@ -121,13 +124,12 @@ def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> O
         How to search for pairs, and the clock.
     """
     cutoff = prepared.parameters.cutoff
-    zero = 1.0 if prepared.distance.name == "iou" else 2 * cutoff
+    zero = 1.0 if prepared.distance.name == BOXES else 2 * cutoff
     asked = [name for name in names if name in METRIC_FIELDS]
     found = {}
     with effort.stopwatch.span("other_metrics"):
         if asked:
-            pairs = prepared_pairs(prepared.sides, zero, prepared.distance, effort)
-            data = _sequence(prepared.sides, pairs, zero)
+            data = _sequence(prepared, zero, effort)
             found = {name: _metric(name).eval_sequence(data) for name in asked}
         gospa = _gospa(prepared) if "gospa" in names else None
     return Others(found=found, gospa=gospa, zero=zero)
@@ -187,14 +189,16 @@ def _metric(name: str) -> Any:
 class _Similarities(Sequence[Floats]):
     """The matrix of each step, made when it is asked for: all of them together may be large."""
 
-    def __init__(self, sides: Sides, pairs: Pairs, zero: float) -> None:
-        steps = np.arange(len(sides[0].times) + 1)
-        self.starts = [np.searchsorted(side.step, steps) for side in sides]
-        self.first = np.searchsorted(pairs.truth_row, self.starts[0])
-        self.pairs, self.zero = pairs, zero
+    def __init__(self, prepared: Prepared, zero: float, effort: Effort) -> None:
+        self.sides, self.zero = prepared.sides, zero
+        self.starts = [starts_of_steps(side) for side in self.sides]
+        self.pairs = None
+        if prepared.distance.name != BOXES:
+            self.pairs = prepared_pairs(self.sides, zero, prepared.distance, effort)
+            self.first = np.searchsorted(self.pairs.truth_row, self.starts[0])
 
     def __len__(self) -> int:
-        return len(self.first) - 1
+        return len(self.starts[0]) - 1
 
     @overload
     def __getitem__(self, step: int) -> Floats: ...
@@ -203,22 +207,27 @@ class _Similarities(Sequence[Floats]):
     def __getitem__(self, step: int | slice) -> "Floats | Sequence[Floats]":
         if isinstance(step, slice):
             return [self[k] for k in range(len(self))[step]]
+        rows, columns = (slice(start[step], start[step + 1]) for start in self.starts)
+        if self.pairs is None:
+            return overlaps(self.sides[0].state[rows], self.sides[1].state[columns])
         near = slice(self.first[step], self.first[step + 1])
-        matrix = np.zeros([start[step + 1] - start[step] for start in self.starts])
-        row = self.pairs.truth_row[near] - self.starts[0][step]
-        column = self.pairs.estimate_row[near] - self.starts[1][step]
+        matrix = np.zeros((rows.stop - rows.start, columns.stop - columns.start))
+        row = self.pairs.truth_row[near] - rows.start
+        column = self.pairs.estimate_row[near] - columns.start
         matrix[row, column] = 1 - self.pairs.distance[near] / self.zero
         return matrix
 
 
-def _sequence(sides: Sides, pairs: Pairs, zero: float) -> dict[str, object]:
+def _sequence(prepared: Prepared, zero: float, effort: Effort) -> dict[str, object]:
     """One sequence as the metrics of TrackEval take it; tracks without a row do not count."""
-    similarities = _Similarities(sides, pairs, zero)
+    similarities = _Similarities(prepared, zero, effort)
     data: dict[str, object] = {
         "num_timesteps": len(similarities),
         "similarity_scores": similarities,
     }
-    for name, side, start in zip(("gt", "tracker"), sides, similarities.starts, strict=True):
+    for name, side, start in zip(
+        ("gt", "tracker"), prepared.sides, similarities.starts, strict=True
+    ):
         ids, track = np.unique(side.track, return_inverse=True)
         data |= {
             f"num_{name}_ids": len(ids),

@@ -13,7 +13,8 @@ import numpy as np
 
 from tgospa_eval.common.notices import Notice
 from tgospa_eval.common.words import counted
-from tgospa_eval.distances import DISTANCES, near_pairs
+from tgospa_eval.distances.boxes import TRACKEVAL_EPS, overlaps
+from tgospa_eval.distances.gating import starts_of_steps
 from tgospa_eval.errors import ConfigError
 from tgospa_eval.formats import Reading
 from tgospa_eval.formats.filters import Flags
@@ -24,8 +25,8 @@ PEDESTRIAN = "1"
 DISTRACTORS = ("2", "7", "8", "12")
 """A person on a vehicle, a static person, a distractor, a reflection."""
 
-FARTHEST_MATCH = 0.5 + 2.0**-51
-"""Distances below are of boxes that match; TrackEval allows for one rounding of an IoU of 1/2."""
+LEAST_MATCH = 0.5 - TRACKEVAL_EPS
+"""IoU from which boxes match."""
 
 PREPROCESS = "--preprocess motchallenge"
 
@@ -107,18 +108,17 @@ def _on_distractors(everything: Reading, estimate: Reading, names: tuple[str, st
     from scipy.optimize import linear_sum_assignment  # here: slow to import
 
     aligned = align(everything.trajectories, estimate.trajectories, TimeMatching(), names)
-    pairs = near_pairs(aligned.truth, aligned.estimate, FARTHEST_MATCH, DISTANCES["iou"])
+    sides = aligned.truth, aligned.estimate
     wrong = _of_classes(everything, DISTRACTORS)
     found = np.zeros(len(aligned.estimate.step), bool)
-    step = aligned.truth.step[pairs.truth_row]
-    for near in np.split(np.arange(len(step)), np.flatnonzero(np.diff(step)) + 1):
-        rows, row = np.unique(pairs.truth_row[near], return_inverse=True)
-        columns, column = np.unique(pairs.estimate_row[near], return_inverse=True)
-        overlap = np.zeros((len(rows), len(columns)))
-        overlap[row, column] = 1 - pairs.distance[near]
+    starts = [starts_of_steps(side) for side in sides]
+    for step in range(len(sides[0].times)):
+        rows, columns = (slice(start[step], start[step + 1]) for start in starts)
+        overlap = overlaps(sides[0].state[rows], sides[1].state[columns])
+        overlap[overlap < LEAST_MATCH] = 0.0
         i, j = linear_sum_assignment(-overlap)
         matched = overlap[i, j] > 0
-        found[columns[j[matched]]] = wrong[rows[i[matched]]]
+        found[columns][j[matched]] = wrong[rows][i[matched]]
     return found
 
 

@@ -31,7 +31,7 @@ NARROW = 1e-9
 """Relative width of a bracket below which one number is shown."""
 
 INTERVAL = "95 % interval"
-"""Head of columns with bootstrap intervals of the value before them."""
+"""Head of columns with confidence intervals of the value before them."""
 
 LEAST_P = 1e-4
 """P values below are shown as such."""
@@ -258,13 +258,13 @@ def _notes(tables: BatchTables) -> Iterator[str]:
     yield from tables.notes
     if tables.rankings:
         yield "proven place: by the brackets of combined, on these files"
-    for others in dict.fromkeys(item.others for item in tables.rankings if item.resamples):
+    for others in dict.fromkeys(item.others for item in tables.rankings if item.permutations):
         yield (
             f"statistical place, for {others} drawn as these were: by a two-sided permutation "
             "test, p adjusted for all pairs (Holm), significant below 0.05"
         )
     if tables.groups["confidence_upper"].notna().any():
-        yield f"{INTERVAL}: of the value before it, by bootstrap"
+        yield f"{INTERVAL}: of the value before it, by Student's t and the jackknife"
     for ranking in tables.rankings:
         if ranking.left_out:
             names = listed(ranking.left_out, MOST_NAMED)

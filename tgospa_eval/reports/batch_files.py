@@ -42,7 +42,6 @@ def batch_json(tables: BatchTables) -> str:
             "ranking": [row for ranking in tables.rankings for row in _ranked(ranking)],
             "comparisons": [row for ranking in tables.rankings for row in _compared(ranking)],
             "notes": list(tables.notes),
-            "seed": tables.seed,
             **({"curves": curves_json(tables.curves)} if tables.curves else {}),
             **({"slices": records(slices_of_groups(tables))} if tables.slices else {}),
             "jobs": _records(tables.rows),
@@ -85,7 +84,6 @@ def _compared(ranking: Ranking) -> Iterator[dict[str, object]]:
             "p_value": found and found.p_value,
             "p_holm": found and found.p_holm,
             "significant": found and found.significant,
-            "resamples": ranking.resamples,
             "permutations": ranking.permutations,
             "seed": ranking.seed,
         }

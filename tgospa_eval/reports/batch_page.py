@@ -145,7 +145,7 @@ def _ranking(view: BatchView, ranking: Ranking) -> dict[str, object]:
     entries: list[tuple[dict[str, object], Interval, Interval | None]] = []
     equal = ranking.equal
     for entry in ranking.entries:
-        # Per step, as the value is: by the same number of steps in each resample.
+        # Per step, as the value is: by the same number of steps.
         share = entry.per_step.upper / entry.combined.upper if entry.combined.upper else 0.0
         sure = entry.confidence and Interval(
             lower=share * entry.confidence.lower, upper=share * entry.confidence.upper

@@ -33,7 +33,7 @@ class Ranked:
     combined, per_step : Interval
         Brackets of (sum of totals)^(1/p), and of the same by the number of steps, in state units.
     confidence : Interval, optional
-        Bootstrap interval of `combined`; None where there are too few pairs.
+        95 % interval of `combined`; None where there are too few pairs.
     statistical_place : tuple of int, optional
         Best and worst place by the tests that are significant.
     """
@@ -53,7 +53,7 @@ class Inference:
     Parameters
     ----------
     confidence : Interval
-        Bootstrap interval of the difference, in state units.
+        95 % interval of the difference, in state units.
     p_value : float
         Of the two-sided permutation test that both are equally good.
     p_holm : float
@@ -106,13 +106,13 @@ class Ranking:
     jobs, all_jobs : int
         How many jobs of each are compared; how many there are of which one at least has a value.
     pairs : int
-        What is resampled: truths, or jobs if there is one truth alone.
+        What statistics are of: truths, or jobs if there is one truth alone.
     truths : int
         How many there are.
-    resamples, permutations : int
-        Of the bootstrap and the test; 0 where there are too few pairs.
+    permutations : int
+        Of the test; 0 where there are too few pairs.
     seed : int
-        Of both.
+        Of those, if they are drawn.
     parameters : mapping of str to float or str
         Those that differ in the batch.
     left_out : tuple of str
@@ -126,7 +126,6 @@ class Ranking:
     all_jobs: int
     pairs: int
     truths: int
-    resamples: int
     permutations: int
     seed: int
     parameters: Mapping[str, float | str] = field(default_factory=dict)
@@ -178,8 +177,6 @@ class BatchTables:
         One for each set of parameters.
     notes : tuple of str
         Why something is not ranked, and where settings come from.
-    seed : int
-        Of the bootstrap intervals of the groups.
     slices : tuple of GroupSlices
         Of groups, where costs are split.
     curves : tuple of RmsCurve
@@ -192,7 +189,6 @@ class BatchTables:
     parameters: tuple[str, ...] = ()
     rankings: tuple[Ranking, ...] = ()
     notes: tuple[str, ...] = ()
-    seed: int = 0
     slices: tuple[GroupSlices, ...] = ()
     curves: tuple[RmsCurve, ...] = ()
 

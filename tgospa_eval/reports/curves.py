@@ -41,7 +41,7 @@ class RmsCurve:
     bounds : pair of lists of float, optional
         Proven bounds of the value; None for single steps, whose costs are of one assignment.
     band : pair of lists of float or None
-        Percentile interval over the runs; None where there are too few.
+        95 % interval over the runs; None where there are too few.
     """
 
     group: Mapping[str, str]

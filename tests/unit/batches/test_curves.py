@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 from tgospa_eval.batches.curves import rms_curves
 from tgospa_eval.batches.per_step import StoredSteps
+from tgospa_eval.batches.resampling import intervals
 from tgospa_eval.reports.curves import curves_csv, curves_json
 
 
@@ -73,22 +73,17 @@ def test_times_that_differ_between_runs_are_left_blank() -> None:
     assert rms_curves(rows("aa"), same, [])[0].times == ["0", None]
 
 
-def test_bands_are_those_of_the_percentile_bootstrap() -> None:
+def test_bands_are_the_intervals_of_tables() -> None:
     costs = np.random.default_rng(3).gamma(2.0, 3.0, size=(40, 3))
     costs[30:, 2] = np.nan
     runs = [([value for value in run if not math.isnan(value)], None) for run in costs.tolist()]
     (curve,) = rms_curves(rows("a" * 40), steps(*runs), [])
     assert curve.runs == [40, 40, 30]
     for k in range(3):
-        there = costs[~np.isnan(costs[:, k]), k]
-        other = stats.bootstrap(
-            (there,), lambda x, axis: np.mean(x, axis=axis) ** 0.5, n_resamples=20_000,
-            method="percentile", rng=np.random.default_rng(1),
-        ).confidence_interval  # fmt: skip
-        # Of a thousand draws a quantile is known to some percent of the width.
-        few = 0.12 * (other.high - other.low)
-        assert curve.band[0][k] == pytest.approx(other.low, abs=few)
-        assert curve.band[1][k] == pytest.approx(other.high, abs=few)
+        there = costs[~np.isnan(costs[:, k]), k][None]
+        ends = [float(end[0]) / there.size**0.5 for end in intervals(there, there, 2.0)]
+        assert [curve.band[0][k], curve.band[1][k]] == pytest.approx(ends)
+        assert ends[0] < curve.rms[k] < ends[1]
     assert rms_curves(rows("a" * 40), steps(*runs), []) == [curve]
 
 

@@ -2,7 +2,7 @@
 
 import itertools
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,17 +11,14 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import permutation_test
+from scipy import stats
 
 from tgospa_eval.batches.resampling import (
-    BOOTSTRAP_SEED,
-    FEW_RESAMPLES,
-    MANY_PAIRS,
-    RESAMPLES,
+    PERMUTATION_SEED,
+    PERMUTATIONS,
     holm,
+    intervals,
     p_values,
-    resampled_sums,
-    resamples_of,
 )
 from tgospa_eval.batches.tables import combined, tabulated
 from tgospa_eval.reports.batch import BATCH_REPORTS
@@ -95,16 +92,16 @@ def test_p_values_are_those_of_all_sign_flips(size: int) -> None:
 
 def test_p_values_of_many_pairs_are_those_of_scipy() -> None:
     differences = np.random.default_rng(1).normal(0.2, 1.0, (3, 40))
-    direct = permutation_test(
+    direct = stats.permutation_test(
         (differences,),
         np.sum,
         permutation_type="samples",
-        n_resamples=RESAMPLES,
+        n_resamples=PERMUTATIONS,
         axis=-1,
-        random_state=np.random.default_rng(BOOTSTRAP_SEED),
+        random_state=np.random.default_rng(PERMUTATION_SEED),
     )
     # Other flips are drawn: four standard deviations of the difference of two such shares.
-    spread = 4 * np.sqrt(2 * direct.pvalue / RESAMPLES)
+    spread = 4 * np.sqrt(2 * direct.pvalue / PERMUTATIONS)
     assert (np.abs(p_values(differences, differences) - direct.pvalue) < 2 * spread).all()
 
 
@@ -118,13 +115,53 @@ def test_p_values_hold_for_all_differences_between_the_bounds() -> None:
         assert p_values(inside, inside) <= widest
 
 
-def test_resampled_sums_are_paired_and_reproducible() -> None:
-    totals = np.stack([A, B])
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    drawn = rng.integers(0, 8, (RESAMPLES, 8))
-    assert resampled_sums(totals) == pytest.approx(totals[:, drawn].sum(axis=-1))
-    many = np.random.default_rng(3).gamma(4.0, 25.0, (1, MANY_PAIRS + 1))
-    assert resampled_sums(many).shape == (1, resamples_of(many.size)) == (1, FEW_RESAMPLES)
+LAWS = {
+    "lognormal": (lambda rng, size: rng.lognormal(0.0, 0.5, size), np.exp(0.125)),
+    "exponential": (lambda rng, size: rng.exponential(1.0, size), 1.0),
+    "normal": (lambda rng, size: np.maximum(rng.normal(1.0, 0.25, size), 0.0), 1.0),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_intervals_of_few_pairs_cover(law: str) -> None:
+    """Of studies of six truths nearly 95 % have the mean of all truths between the ends."""
+    draw, mean = LAWS[law]
+    size, studies = 6, 400
+    totals = draw(np.random.default_rng(0), (studies, size))
+    rows = table({str(k): values for k, values in enumerate(totals)})
+    groups = tabulated(rows, ["tracker"]).groups
+    true = (size * mean) ** 0.5
+    covered = (groups["confidence_lower"] <= true) & (true <= groups["confidence_upper"])
+    assert 0.91 <= covered.mean() <= 0.98
+
+
+def jackknife(function: Callable[[np.ndarray], float], size: int) -> float:
+    """Half width by Student's t, of a function of which truths there are, one by one."""
+    without = [function(np.delete(np.arange(size), k)) for k in range(size)]
+    error = np.sqrt((size - 1) / size * np.sum((without - np.mean(without)) ** 2))
+    return float(stats.t.ppf(0.975, size - 1) * error)
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 99), order=st.sampled_from([1.0, 2.0, 3.5]))
+def test_intervals_hold_for_all_totals_between_the_bounds(seed: int, order: float) -> None:
+    rng = np.random.default_rng(seed)
+    lower = rng.gamma(0.5, 25.0, (1, 8))
+    upper = lower + rng.uniform(0.0, rng.choice([1e-9, 1.0, 100.0]), 8)
+    low, high = intervals(lower, upper, order)
+    for inside in (lower, upper, *rng.uniform(lower, upper, (20, 8))):
+        ends = intervals(inside.reshape(1, 8), inside.reshape(1, 8), order)
+        assert low <= ends[0] * (1 + 1e-12)
+        assert ends[1] <= high * (1 + 1e-12)
+
+
+def test_equal_and_absent_costs_have_intervals_too() -> None:
+    totals = {"a": [0.0] * 6, "b": [4.0] * 6, "c": [9.0] + [0.0] * 5}
+    ends = tabulated(table(totals), ["tracker"]).groups[["confidence_lower", "confidence_upper"]]
+    none, same, one = ends.to_numpy()
+    assert none.tolist() == [0.0, 0.0]
+    assert same == pytest.approx([24**0.5, 24**0.5])
+    assert 0 < one[0] < 3 < one[1] < 3 * np.exp(stats.t.ppf(0.975, 5))
 
 
 def test_holm_by_hand() -> None:
@@ -148,20 +185,24 @@ def test_ranking_and_interval_by_hand() -> None:
         [total.sum() ** 0.5 for _, total in best]
     )
     assert ranking.entries[0].per_step.upper == pytest.approx((best[0][1].sum() / 80) ** 0.5)
-    # Any other draws give nearly the same percentiles.
-    drawn = np.random.default_rng(99).integers(0, 8, (200_000, 8))
-    first, last = ranking.comparisons[1].first, ranking.comparisons[1].second
-    values = {name: total[drawn].sum(axis=1) ** 0.5 for name, total in best}
-    inference = ranking.comparisons[1].inference
+    comparison = ranking.comparisons[1]
+    first, last = (dict(best)[name] for name in (comparison.first, comparison.second))
+
+    def value(totals: np.ndarray, there: np.ndarray) -> float:
+        return float((8 * totals[there].mean()) ** 0.5)
+
+    inference = comparison.inference
     assert inference is not None
-    low, high = np.percentile(values[last] - values[first], [2.5, 97.5])
-    interval = inference.confidence
-    assert (interval.lower, interval.upper) == pytest.approx((low, high), abs=0.03 * (high - low))
-    low, high = np.percentile(values[first], [2.5, 97.5])
-    own = ranking.entries[0].confidence
+    half = jackknife(lambda there: value(last, there) - value(first, there), 8)
+    apart = last.sum() ** 0.5 - first.sum() ** 0.5
+    assert (inference.confidence.lower, inference.confidence.upper) == pytest.approx(
+        (apart - half, apart + half)
+    )
+    own, combined = ranking.entries[0].confidence, first.sum() ** 0.5
     assert own is not None
-    assert (own.lower, own.upper) == pytest.approx((low, high), abs=0.03 * (high - low))
-    group = tables.groups[tables.groups["tracker"] == first].iloc[0]
+    ratio = np.exp(jackknife(lambda there: value(first, there), 8) / combined)
+    assert (own.lower, own.upper) == pytest.approx((combined / ratio, combined * ratio))
+    group = tables.groups[tables.groups["tracker"] == comparison.first].iloc[0]
     assert (group["confidence_lower"], group["confidence_upper"]) == pytest.approx(
         (own.lower, own.upper)
     )
@@ -193,7 +234,7 @@ def test_too_few_pairs() -> None:
     assert [item.place for item in ranking.entries] == [(1, 1), (2, 2)]
     assert all(item.confidence is item.statistical_place is None for item in ranking.entries)
     assert ranking.comparisons[0].inference is None
-    assert (ranking.resamples, ranking.permutations) == (0, 0)
+    assert ranking.permutations == 0
     text = words(tables)
     assert "5 pairs: fewer than 6, nothing can be concluded about other truths" in text
     assert "interval" not in text
@@ -211,7 +252,7 @@ def test_runs_of_one_truth_count_once() -> None:
         ]
     )
     ranking = only(tabulated(rows, ["tracker"]))
-    assert (ranking.jobs, ranking.pairs, ranking.resamples) == (12, 3, 0)
+    assert (ranking.jobs, ranking.pairs, ranking.permutations) == (12, 3, 0)
     rows["truth"] = "gt"  # one truth alone: its runs are what is drawn
     ranking = only(tabulated(rows, ["tracker"]))
     assert (ranking.jobs, ranking.pairs) == (12, 12)
@@ -337,7 +378,7 @@ def test_order_and_names_of_rows_change_nothing(random: Any) -> None:
         other[column] = other[column].map(lambda text: names[int(text[-1])])
     first, second = (tabulated(each, ["tracker"]) for each in (rows, other))
     assert first.rankings == second.rankings
-    exact = ["tracker", "jobs", "expected", "confidence_lower", "confidence_upper", "resamples"]
+    exact = ["tracker", "jobs", "expected", "confidence_lower", "confidence_upper"]
     pd.testing.assert_frame_equal(first.groups[exact], second.groups[exact])
 
 

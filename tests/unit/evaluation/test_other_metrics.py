@@ -1,8 +1,10 @@
 """HOTA, CLEAR, Identity and per-step GOSPA: worked by hand, and by TrackEval alone."""
 
+import io
 import json
 import math
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -261,6 +263,75 @@ def test_empty_sides(write: Write) -> None:
     assert result.metrics()["with.clear.CLR_FN"] == 4
     assert found["clear"]["CLR_FN"] == found["identity"]["IDFN"] == 4
     assert (found["hota"]["HOTA"], found["clear"]["MOTA"]) == (0, 0)
+
+
+# --- boxes, as TrackEval has them -----------------------------------------------------------------
+
+THRESHOLDS = (
+    ("944.1,658.4,71.4,245.5", "1008.7"),  # 0.05
+    ("941.2,934.8,86.1,43.9", "998.6"),  # 0.2
+    ("983.8,554.1,62.4,178.2", "1017.4"),  # 0.3
+    ("485.8,760.4,142.2,55.5", "533.2"),  # 0.5, that of CLEAR and Identity too
+    ("144.7,337.8,72.6,292.0", "168.9"),  # 0.5
+    ("964.7,158.2,65.1,96.8", "983.6"),  # 0.55
+    ("47.0,255.7,32.9,255.9", "51.7"),  # 0.75
+    ("999.3,83.4,140.4,53.9", "1002.9"),  # 0.95
+)
+"""Boxes, and where the left edge of the estimate is: as decimals their IoU is a threshold."""
+
+
+def by_trackeval(folder: Path, truth: str, estimate: str, steps: int) -> dict[str, dict[str, Any]]:
+    """What TrackEval itself makes of two MOTChallenge files."""
+    with redirect_stdout(io.StringIO()):
+        from trackeval.datasets import MotChallenge2DBox
+
+        for name, text in (("gt/s/gt/gt.txt", truth), ("out/t/data/s.txt", estimate)):
+            (folder / name).parent.mkdir(parents=True)
+            (folder / name).write_text(text, encoding="utf-8")
+        data = MotChallenge2DBox(
+            {
+                "GT_FOLDER": str(folder / "gt"),
+                "TRACKERS_FOLDER": str(folder / "out"),
+                "SEQ_INFO": {"s": steps},
+                "SKIP_SPLIT_FOL": True,
+                **QUIET,
+            }
+        )
+        raw = data.get_raw_seq_data("t", "s")
+        sequence = data.get_preprocessed_seq_data(raw, "pedestrian")
+        metrics = {"hota": HOTA(), "clear": CLEAR(QUIET), "identity": Identity(QUIET)}
+        return {name: metric.eval_sequence(sequence) for name, metric in metrics.items()}
+
+
+def test_boxes_at_a_threshold_match_as_in_trackeval(
+    invoke: Invoke, tmp_path: Path, write: Write
+) -> None:
+    """Its edges are rounded first: of these boxes some match there whose IoU is below, or above."""
+    texts, steps = ["", ""], 4 * len(THRESHOLDS)
+    for step in range(1, steps + 1):
+        box, left = THRESHOLDS[step % len(THRESHOLDS)]
+        kind = 12 if step > 3 * len(THRESHOLDS) else 1  # each is on a reflection, too
+        texts[0] += f"{step},{step % 3},{box},1,{kind},1\n"
+        texts[1] += f"{step},{step % 2},{left},{box.split(',', 1)[1]},1,-1,-1,-1\n"
+    expected = by_trackeval(tmp_path, *texts, steps)
+    answer = invoke(write("gt.txt", texts[0]), write("out.txt", texts[1]), "--distance", "iou",
+                    "--preprocess", "motchallenge", "--with", "hota,clear,identity",
+                    "--format", "json")  # fmt: skip
+    found = json.loads(answer.out)["with"]
+    for name, fields in METRIC_FIELDS.items():
+        for field in fields:
+            value = np.mean(expected[name][field])
+            assert found[name][field] == pytest.approx(value, rel=1e-14, abs=0), (name, field)
+
+
+def test_boxes_at_the_ends_of_the_numbers(write: Write, invoke: Invoke) -> None:
+    head = "id,t,left,top,width,height\n"
+    truth = write("t.csv", f"{head}1,1,-1.7e308,0,1e150,1e150\n1,2,0,0,1e150,1e150\n")
+    estimate = write("e.csv", f"{head}7,1,1.7e308,0,1e150,1e150\n7,2,0,0,1e150,1e150\n")
+    answer = invoke(truth, estimate, "--distance", "iou", "--format", "json", "--with", "clear")
+    found = json.loads(answer.out)["with"]["clear"]
+    assert (found["CLR_TP"], found["CLR_FN"], found["CLR_FP"]) == (1, 1, 1)
+    assert "overflow" not in answer.err
 
 
 # --- what MOTChallenge leaves out -----------------------------------------------------------------

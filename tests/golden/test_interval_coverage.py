@@ -1,0 +1,46 @@
+"""The script of docs/theory/intervals.md prints what the page shows, with fewer studies."""
+
+import re
+import sys
+from importlib import import_module
+
+import pytest
+from checkout import DOCS
+
+PAGE = DOCS / "theory" / "intervals.md"
+STUDIES = 400
+
+
+def shares(text: str) -> dict[tuple[str, int], list[float]]:
+    """Of each heading and number of truths the shares that cover, by method."""
+    found, heading = {}, ""
+    for line in text.splitlines():
+        if line.startswith(("combined,", "difference,")):
+            heading = line
+        elif re.match(r" +\d+ ", line):
+            size, *values = re.sub(r"\(.*?\)", "", line).split()
+            found[heading, int(size)] = [float(value) for value in values]
+    return found
+
+
+def test_the_page_shows_what_the_script_prints(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(DOCS / "theory")
+    script = import_module("interval_coverage")
+    page = PAGE.read_text(encoding="utf-8")
+    whole = shares(page)
+    assert {size for _, size in whole} == set(script.SIZES)
+    monkeypatch.setattr(sys, "argv", ["", "--studies", str(STUDIES), "--sizes", "6", "20"])
+    script.main()
+    printed = capsys.readouterr().out
+    assert {line for line in printed.splitlines() if " n " in line} <= set(page.splitlines())
+    few = shares(printed)
+    assert {heading for heading, _ in few} == {heading for heading, _ in whole}
+    for key, values in few.items():
+        # Four standard deviations of a share of so many studies.
+        far = [4 * (share * (1 - share) / STUDIES) ** 0.5 for share in whole[key]]
+        assert all(
+            abs(value - share) < most
+            for value, share, most in zip(values, whole[key], far, strict=True)
+        ), key
