@@ -80,7 +80,7 @@ def test_what_does_not_hold(invoke: Invoke, write: Write) -> None:
     path.write_text(json.dumps(document | {"options": {"colour": 1}}), encoding="utf-8")
     answer = invoke("verify", "r", *QUICK)
     assert answer.status == 3
-    assert "options of another version" in answer.err
+    assert "options has an unknown or no 'colour'" in answer.err
     evaluate(*QUICK).proof.save("p")
     answer = invoke("verify", "p", *QUICK)
     assert answer.status == 3
@@ -108,7 +108,7 @@ def test_names_and_times_of_all_kinds(invoke: Invoke, write: Write) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"distance": "euclid"}, "the parameter distance is 'euclid', must be 'mahalanobis'"),
+        ({"covariance": [[4.0]]}, "the parameter covariance is [[4.0]], must be [[1.0]]"),
         ({"order": "3.0"}, "the parameter order is '3.0', must be '2.0'"),
         ({"scale": {"x": "0.1"}}, "the parameter scale is {'x': '0.1'}, must be None"),
         ({}, "a, b at t = 0 is 10.0, must be 3.0"),

