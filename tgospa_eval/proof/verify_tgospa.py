@@ -22,34 +22,34 @@ from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
-STATES, BOX = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
+STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
 MORE_BITS = 120  # of costs, beyond those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
 DAMAGED += csv.Error, RecursionError, MemoryError
 
 # Limits far above what is needed: whatever a small folder has, it is checked in seconds.
-NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
-LENGTH, DIGITS = 60, 1000  # of a decimal number, of an integer
-PRICE_BITS, LARGEST_UNIT, ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
-WORK, SIZE = 5e6, 10**6  # microseconds, about, for a folder of so many bytes
+PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
+LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
+PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
+WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many bytes
 
 # What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row.
-ANY, MAY = object, None  # a text, a number, or lists of such; before names that may be absent
-OPTIONS = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
+ANY, MAY = object, None  # any text or number, or lists of such; before fields that may be absent
+RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
     interpolate max_gap time_offset time_scale unit_scale on_duplicate decimal time class_
     truth_class estimate_class region by preprocess unit solver gap epsilon time_limit fix_cov
     missing_cov mixed cloud_order inner inner_cov reduce reduce_method directions iterations
     restarts polish seed no_gating pairwise"""
-ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(OPTIONS.split(), ANY)}}
+ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
 ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
-FIELDS = {"schema": str, "version": str, "lower_bound": str, "upper_bound": str, "sha256": dict}
-FIELDS |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
-FIELDS |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
-METRIC = dict.fromkeys(("cutoff", "order", "switch_penalty", "distance"), str) | {"columns": [str]}
-SETTINGS = dict.fromkeys(CLOSED[:3], "scale periodic") | {"iou": "", "haversine": ""}
-SETTINGS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
-SETTINGS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
+DOCUMENT = {"schema": str, "version": str, "lower_bound": str, "upper_bound": str, "sha256": dict}
+DOCUMENT |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
+DOCUMENT |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
+ALWAYS = dict.fromkeys(("cutoff", "order", "switch_penalty", "distance"), str) | {"columns": [str]}
+EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {"iou": "", "haversine": ""}
+EXTRAS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
+EXTRAS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
     iterations restarts directions polish"""
 
 
@@ -64,12 +64,12 @@ def visible(text):
 
 def number(text):
     """The binary64 number nearest to a plain decimal, as numerator and denominator."""
-    if len(text) > LENGTH or not NUMBER.fullmatch(text) or math.isinf(value := float(text)):
+    if len(text) > LENGTH or not PLAIN_NUMBER.fullmatch(text) or math.isinf(value := float(text)):
         raise ValueError(f"{text!r:.80} is no plain decimal number in the range of binary64")
     return value.as_integer_ratio()
 
 
-def whole(value, most=10**DIGITS):
+def whole(value, most=10**FIGURES):
     """A value that must be an integer >= 0."""
     if not isinstance(value, int) or not 0 <= value <= most:
         raise Wrong(f"{value!r:.80} must be a whole number, not below 0 and not too large")
@@ -77,12 +77,13 @@ def whole(value, most=10**DIGITS):
 
 
 def check(value, kind, where):
-    """Whether a value of the document is of a kind, as FIELDS has them."""
+    """Whether a value of the document is of a kind, as DOCUMENT has them."""
     if isinstance(kind, dict):
         check(value, dict, where)
         known = kind | kind.get(MAY, {})
         if wrong := value.keys() - known or kind.keys() - value.keys() - {MAY}:
-            raise ValueError(f"{where} has an unknown or no {min(wrong)!r:.80}")
+            what = "an unknown" if wrong <= value.keys() else "no"
+            raise ValueError(f"{where} has {what} {min(wrong)!r:.80}")
         for name, inner in value.items():
             check(inner, known[name], f"{where}, {name:.80}")
     elif isinstance(kind, list) or (kind is ANY and isinstance(value, list)):
@@ -136,26 +137,25 @@ class Folder:
         )
         if not isinstance(proof, dict) or proof.get("schema") != SCHEMA:
             raise ValueError(f"proof.json is no object with the schema {SCHEMA!r}")
-        check(proof, FIELDS, "proof.json")
+        check(proof, DOCUMENT, "proof.json")
         given = proof["parameters"]
-        if (distance := given.get("distance")) not in SETTINGS:
+        if (distance := given.get("distance")) not in EXTRAS:
             raise ValueError(f"the distance {distance!r:.80} is none of ours")
         columns = given.get("columns")
         check(columns, [str], "columns")
-        if len(set(columns)) < len(columns) or (distance == "iou" and columns != BOX):
+        if len(set(columns)) < len(columns) or (distance == "iou" and columns != BOXES):
             raise ValueError(f"{columns!r:.80} are no columns of the distance {distance}")
         each = {MAY: dict.fromkeys(columns, str)}
-        kinds = {"rho": str, **dict.fromkeys(SETTINGS[distance].split(), ANY)}
-        kinds |= {name: each for name in ("scale", "periodic") if name in kinds}
-        check(given, METRIC | {MAY: kinds}, "parameters")
+        kinds = {x: each if x in ("scale", "periodic") else ANY for x in EXTRAS[distance].split()}
+        check(given, ALWAYS | {MAY: kinds | {"rho": str}}, "parameters")
         tables = STATES if distance in CLOSED else (*STATES, "distances.csv")
         check(proof["sha256"], dict.fromkeys(tables, str), "sha256")
         return proof
 
     def spend(self, work):
-        """Take so much; it may grow with the square of the size, as pairs do."""
+        """Take so much; beyond MEGABYTE it may grow faster than the pairs that rows can have."""
         self.work += work
-        if self.work > WORK * max(1, self.size / SIZE) ** 2:
+        if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
             raise ValueError("there are too many near pairs for a folder of this size")
 
 
@@ -166,9 +166,9 @@ def pair_work(columns, size):
 
 def power_work(exponent, size, bits):
     """Of a near pair: a power of integers of so many bits, and its part in the bounds."""
-    if exponent.denominator <= 2 and exponent.numerator * size <= EXACT_BITS:
-        return 10 + bits / 50 + (exponent.numerator * size) ** 2 / 10**6
-    return 60 + size / 20 + (30 + bits / 3) ** 2 / 50
+    if exponent.denominator <= 16 and (top := exponent.numerator * size) <= EXACT_BITS:
+        return 10 + bits / 50 + (top + exponent.denominator * bits) ** 2 / 10**6
+    return 40 + size / 20 + (30 + bits / 3) ** 2 / 80
 
 
 def power(a, b, exponent, bits):
@@ -176,15 +176,15 @@ def power(a, b, exponent, bits):
     if a == 0:
         return 0, 0
     n, root = exponent.as_integer_ratio()
-    if root <= 2 and n * max(a.bit_length(), b.bit_length()) <= EXACT_BITS:
-        top, base = a**n << root * bits, b**n
-        low = top // base if root == 1 else math.isqrt(top // base)
+    if root <= 16 and n * max(a.bit_length(), b.bit_length()) <= EXACT_BITS:
+        low = (top := a**n << root * bits) // (base := b**n)
+        for _ in range(root.bit_length() - 1):  # it is a power of 2
+            low = math.isqrt(low)
         return low, low + (low**root * base < top)
     digits = 30 + (bits + (math.ceil(math.log2(a / b) * exponent) if a > b else 0)) // 3
     with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
-        e = decimal.Decimal(float(exponent))  # exact
-        value = (e * (decimal.Decimal(a) / b).ln()).exp() * 2**bits  # each step rounded correctly
-        margin = decimal.Decimal("0.001")  # far above what the steps are off by
+        value = (decimal.Decimal(float(exponent)) * (decimal.Decimal(a) / b).ln()).exp() * 2**bits
+        margin = decimal.Decimal("0.001")  # far above what the steps, rounded correctly, are off by
         return math.floor(value - margin), math.ceil(value + margin)
 
 
@@ -207,7 +207,7 @@ class Scene:
         turn = [number(given.get("periodic", {}).get(name, "0")) for name in names]
         rho, change = Fraction(*number(given.get("rho", "0.5"))), number(given["switch_penalty"])
         low = min(self.cutoff, rho, 1 - rho, *(x for x, _ in scale))
-        if low <= 0 or min(x for x, _ in (change, *turn)) < 0 or not 1 <= self.order <= ORDER:
+        if low <= 0 or min(x for x, _ in (change, *turn)) < 0 or not 1 <= self.order <= TOP_ORDER:
             raise ValueError("parameters are out of range")
         # Beyond 2^128 c^p nobody switches; see `upper_bound`.
         most = 2 ** math.ceil(128 / self.order) if self.order < 128 else 1 + 128 / self.order
@@ -376,7 +376,7 @@ def verify(folder):
     if not (lower <= totals[0] and totals[1] <= upper):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
     given = "" if proof["parameters"]["distance"] in CLOSED else ", given the distances"
-    bare = {*METRIC, "rho"}  # numbers and words of ours
+    bare = {*ALWAYS, "rho"}  # numbers and words of ours
     metric = [f"{k} {v if k in bare else repr(v)}" for k, v in proof["parameters"].items()]
     return visible(f"verified{given}: {found}; {', '.join(metric)}")
 

@@ -26,7 +26,7 @@ from tgospa_eval.proof.prices import Prices, estimate_prices, price_bits
 from tgospa_eval.proof.tables import proof_tables, times_of
 from tgospa_eval.proof.verify_tgospa import CLOSED
 from tgospa_eval.results.result import Compared, Proof
-from tgospa_eval.text import quoted
+from tgospa_eval.text import as_unicode, quoted
 from tgospa_eval.tracks.existence import EXISTENCE
 
 COLUMN_NUMBERS = "scale", "periodic"
@@ -102,19 +102,22 @@ def check_provable(compared: Compared, parameters: Parameters) -> None:
     ):
         if name in settings:
             raise ConfigError(f"a proof folder has no place for {what}: leave one of them out")
-    if settings["distance"] not in verify_tgospa.SETTINGS:
+    if settings["distance"] not in verify_tgospa.EXTRAS:
         raise ConfigError(
             f"a proof folder has no place for the distance {quoted(settings['distance'])}: it "
-            f"knows {', '.join(verify_tgospa.SETTINGS)}"
+            f"knows {', '.join(verify_tgospa.EXTRAS)}"
         )
-    if parameters.order > verify_tgospa.ORDER:
+    if parameters.order > verify_tgospa.TOP_ORDER:
         raise ConfigError(
             f"a proof folder has no place for the order {parameters.order:g}: at most "
-            f"{verify_tgospa.ORDER} is checked"
+            f"{verify_tgospa.TOP_ORDER} is checked"
         )
-    for name in (*compared.labels.truths, *compared.labels.estimates):
-        if len(name) > csv.field_size_limit():
-            raise ConfigError(f"a proof folder has no place for the long id {quoted(name)}")
+    for name in (*compared.labels.truths, *compared.labels.estimates, *compared.scene.columns):
+        if len(name) > csv.field_size_limit() or as_unicode(name) != name:
+            raise ConfigError(
+                f"a proof folder has no place for the name {quoted(name)}: names are UTF-8, of at "
+                f"most {csv.field_size_limit():,} characters"
+            )
 
 
 def check_work(written: Sequence[tuple[Proof, Mapping[str, str]]]) -> None:

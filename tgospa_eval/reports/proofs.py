@@ -10,6 +10,7 @@ from tgospa_eval.reports.folders import PROOF, write_texts
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import as_unicode
 
 NO_NAME = "%20"
 """Folder of objects without a class: no name is quoted so."""
@@ -34,7 +35,7 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
         origin |= {
             "options": dict(options),
             "inputs": {
-                role: {"path": result.files[role], "sha256": record["sha256"]}
+                role: {"path": as_unicode(str(result.files[role])), "sha256": record["sha256"]}
                 for role, record in part.input.items()
             },
         }
