@@ -369,7 +369,9 @@ def test_no_name_of_a_folder_writes_a_line(
     [
         ({"metric": "HOTA"}, "proof.json has an unknown 'metric'"),
         ({"options": {"existance": "use"}}, "options has an unknown 'existance'"),
-        ({"options": {"time": {"metric": "HOTA"}}}, "in place of a"),
+        ({"options": {"time": {"metric": "HOTA"}}}, "in place of a number or text"),
+        ({"options": {"time": [["a", {"metric": "HOTA"}]]}}, "in place of a number or text"),
+        ({"options": {"time": [[[1]]]}}, "in place of a number or text"),
         ({"inputs": {"truth": {}}}, "has no 'estimate'"),
         ({"version": 1}, "version has 1 in place of a str"),
         ({"prices": [["b", "0", True]]}, "in place of a row"),

@@ -33,8 +33,8 @@ LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
 PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
 WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many bytes
 
-# What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row.
-ANY, MAY = object, None  # any text or number, or lists of such; before fields that may be absent
+# What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
+ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
 RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
     scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
     interpolate max_gap time_offset time_scale unit_scale on_duplicate decimal time class_
@@ -86,14 +86,16 @@ def check(value, kind, where):
             raise ValueError(f"{where} has {what} {min(wrong)!r:.80}")
         for name, inner in value.items():
             check(inner, known[name], f"{where}, {name:.80}")
-    elif isinstance(kind, list) or (kind is ANY and isinstance(value, list)):
+    elif isinstance(kind, list):
         check(value, list, where)
         for inner in value:
-            check(inner, ANY if kind is ANY else kind[0], where)
+            check(inner, kind[0], where)
     elif isinstance(kind, tuple):
         if not isinstance(value, list) or tuple(map(type, value)) != kind:
             raise ValueError(f"{where} has {value!r:.80} in place of a row")
-    elif isinstance(value, dict) if kind is ANY else type(value) is not kind:
+    elif kind is ANY and isinstance(value, list) and where.count("[") < 2:
+        check(value, [ANY], f"{where}[]")
+    elif isinstance(value, (dict, list)) if kind is ANY else type(value) is not kind:
         raise ValueError(f"{where} has {value!r:.80} in place of a {kind.__name__}")
 
 
@@ -369,15 +371,13 @@ def rounded(bounds):
 def verify(folder):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
     proof = folder.proof()
-    claim = [proof["lower_bound"], proof["upper_bound"]]
-    lower, upper = map(decimal.Decimal, filter(number, claim))
+    lower, upper = (proof[name] for name in ("lower_bound", "upper_bound") if number(proof[name]))
     totals, roots = found_bounds(folder, proof)
     found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
-    if not (lower <= totals[0] and totals[1] <= upper):
+    if not (decimal.Decimal(lower) <= totals[0] and totals[1] <= decimal.Decimal(upper)):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
     given = "" if proof["parameters"]["distance"] in CLOSED else ", given the distances"
-    bare = {*ALWAYS, "rho"}  # numbers and words of ours
-    metric = [f"{k} {v if k in bare else repr(v)}" for k, v in proof["parameters"].items()]
+    metric = [f"{k} {v if k in ALWAYS else repr(v)}" for k, v in proof["parameters"].items()]
     return visible(f"verified{given}: {found}; {', '.join(metric)}")
 
 

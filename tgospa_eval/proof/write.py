@@ -162,6 +162,8 @@ def _most_work(proof: Proof) -> float:
     )
     exponents = np.frexp(numbers[numbers != 0])[1]
     size = 4 * (int(np.ptp(exponents)) + 54)  # of a product of four of them
+    if settings["distance"] not in CLOSED:
+        size = max(size, 2400)  # of a distance, which may be any double
     truths, estimates = (np.bincount(side.step, minlength=1) for side in problem.sides)
     steps = min(len(truths), len(estimates))
     pairs = float(truths[:steps] @ estimates[:steps].astype(np.float64))
@@ -235,9 +237,10 @@ def _at_steps(there: Ints, prices: Prices) -> Prices:
     Whoever uses an estimate there may as well use it from before, or to the end, and pays once.
     """
     found: Prices = Counter()
-    for (track, step), price in prices.items():
-        place = min(int(np.searchsorted(there, step)), len(there) - 1)
-        found[track, int(there[place])] += price
+    steps = np.array([step for _, step in prices], np.int64)
+    moved = there[np.minimum(np.searchsorted(there, steps), len(there) - 1)].tolist()
+    for ((track, _), price), step in zip(prices.items(), moved, strict=True):
+        found[track, step] += price
     return found
 
 
