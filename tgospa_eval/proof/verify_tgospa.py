@@ -211,9 +211,8 @@ class Scene:
         low = min(self.cutoff, rho, 1 - rho, *(x for x, _ in scale))
         if low <= 0 or min(x for x, _ in (change, *turn)) < 0 or not 1 <= self.order <= TOP_ORDER:
             raise ValueError("parameters are out of range")
-        # Beyond 2^128 c^p nobody switches; see `upper_bound`.
         most = 2 ** math.ceil(128 / self.order) if self.order < 128 else 1 + 128 / self.order
-        self.never = (change := Fraction(*change) / self.cutoff) > most
+        self.never = (change := Fraction(*change) / self.cutoff) > most  # see `upper_bound`
         self.change = power(*min(change, most).as_integer_ratio(), self.order, self.bits - 1)  # L
         tables = [folder.table(name, proof, "id", "t", *names) for name in STATES]
         self.truths, self.estimates = (Known((x, x) for x, *_ in rows) for rows in tables)
@@ -376,8 +375,9 @@ def verify(folder):
     found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
     if not (decimal.Decimal(lower) <= totals[0] and totals[1] <= decimal.Decimal(upper)):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
-    given = "" if proof["parameters"]["distance"] in CLOSED else ", given the distances"
-    metric = [f"{k} {v if k in ALWAYS else repr(v)}" for k, v in proof["parameters"].items()]
+    named = proof["parameters"]
+    given = "" if named["distance"] in CLOSED else ", given the distances"
+    metric = [f"{k} {v if k in {*ALWAYS, 'rho'} else repr(v)}" for k, v in named.items()]
     return visible(f"verified{given}: {found}; {', '.join(metric)}")
 
 
