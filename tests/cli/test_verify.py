@@ -2,17 +2,25 @@
 
 import hashlib
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 from browser import PATIENCE
 from checkout import SAMPLES
 
-from tgospa_eval import evaluate
+from tgospa_eval import evaluate, verify
+from tgospa_eval.cli.shared.values import NOT_OF_THE_NUMBER, EvaluationOptions
+from tgospa_eval.distances import DISTANCES
+from tgospa_eval.distances.base import Settings
+from tgospa_eval.proof import verify_tgospa
 
 Invoke = Callable[..., Any]
 Write = Callable[[str, str | bytes], str]
@@ -80,7 +88,7 @@ def test_what_does_not_hold(invoke: Invoke, write: Write) -> None:
     path.write_text(json.dumps(document | {"options": {"colour": 1}}), encoding="utf-8")
     answer = invoke("verify", "r", *QUICK)
     assert answer.status == 3
-    assert "options of another version" in answer.err
+    assert "options has an unknown 'colour'" in answer.err
     evaluate(*QUICK).proof.save("p")
     answer = invoke("verify", "p", *QUICK)
     assert answer.status == 3
@@ -108,7 +116,7 @@ def test_names_and_times_of_all_kinds(invoke: Invoke, write: Write) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"distance": "euclid"}, "the parameter distance is 'euclid', must be 'mahalanobis'"),
+        ({"covariance": [[4.0]]}, "the parameter covariance is [[4.0]], must be [[1.0]]"),
         ({"order": "3.0"}, "the parameter order is '3.0', must be '2.0'"),
         ({"scale": {"x": "0.1"}}, "the parameter scale is {'x': '0.1'}, must be None"),
         ({}, "a, b at t = 0 is 10.0, must be 3.0"),
@@ -200,3 +208,349 @@ def test_a_class_without_its_proof_is_missed(invoke: Invoke, write: Write) -> No
     answer = invoke("verify", "r")
     assert answer.status == 1
     assert "r: there is no proof of the class 'bus'" in answer.err
+
+
+# --- what a verdict says, of folders that somebody else wrote -------------------------------------
+
+MOT = tuple(str(SAMPLES / "motchallenge" / f"{name}.txt") for name in ("gt", "res"))
+GAUSSIANS = tuple(str(SAMPLES / "gaussian" / f"{name}.csv") for name in ("truth", "estimate"))
+GAUSSIAN = ("--distance", "gaussian-wasserstein")
+
+NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
+    "columns": (QUICK, ("x",)),
+    "truth_columns": (QUICK, ("x,y",)),
+    "estimate_columns": (QUICK, ("x,y",)),
+    "truth_format": (QUICK, ("csv",)),
+    "estimate_format": (QUICK, ("csv",)),
+    "time_tolerance": (QUICK, ("0.25",)),
+    "grid": (QUICK, ("common",)),
+    "interpolate": (QUICK, ("estimate", "--max-gap", "2")),
+    "max_gap": (QUICK, ("2", "--interpolate", "truth")),
+    "time_offset": (QUICK, ("1",)),
+    "time_scale": (QUICK, ("2",)),
+    "unit_scale": (QUICK, ("1.5",)),
+    "on_duplicate": (QUICK, ("first",)),
+    "decimal": (("t.csv", "t.csv"), (",",)),
+    "time": (QUICK, ("3:9",)),
+    "class_": (KITTI, ("Car", "--distance", "iou")),
+    "truth_class": (KITTI, ("Car", "--distance", "iou")),
+    "estimate_class": (KITTI, ("Car", "--distance", "iou")),
+    "region": (QUICK, ("x=0:50",)),
+    "by": (KITTI, ("class", "--distance", "iou")),
+    "preprocess": (MOT, ("motchallenge", "--distance", "iou")),
+    "fix_cov": (GAUSSIANS, GAUSSIAN),
+    "missing_cov": (GAUSSIANS, ("zero", *GAUSSIAN)),
+}
+"""Options that change what is read, each with files and its value."""
+
+PARAMETERS = {
+    *("cutoff", "order", "switch_penalty", "rho", "distance", "covariance", "periodic", "scale"),
+    *("mixed", "cloud_order", "inner", "inner_cov", "reduce", "reduce_method", "directions"),
+    *("iterations", "restarts", "polish", "seed"),
+}
+"""Options that a verdict has as parameters of the metric, files or not."""
+
+NEITHER = {
+    *("unit", "solver", "gap", "epsilon", "time_limit", "no_gating"),  # the claim is the same
+    *("step_weights", "existence"),  # --proof refuses them
+    "pairwise",  # of another verb
+}
+
+
+def test_every_option_that_a_proof_records_is_one_of_these() -> None:
+    """A new option of `evaluate` has to be named in a verdict, or to say here why not."""
+    recorded = {field.name for field in fields(EvaluationOptions)} - {*NOT_OF_THE_NUMBER}
+    assert recorded == {*NAMED, *PARAMETERS, *NEITHER}
+    assert {*verify_tgospa.RECORDED.split()} == recorded
+    settings = " ".join(verify_tgospa.EXTRAS.values()).split()
+    assert {*settings} == {*Settings.__annotations__}
+    assert {*verify_tgospa.EXTRAS} == {*DISTANCES}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_verdict_names_how_the_files_were_read(invoke: Invoke, write: Write, name: str) -> None:
+    write("t.csv", "id;t;x\na;0;0,5\n")
+    files, values = NAMED[name]
+    option = f"--{name.strip('_').replace('_', '-')}"
+    answer = invoke(*files, option, *values, "-o", "r", "--proof", "-q")
+    assert answer.status == 0, answer.err
+    answer = invoke("verify", "r", *files)
+    assert answer.status == 0, answer.err
+    assert f", {option} " in answer.out.partition("; the tables follow from the files")[2]
+
+
+def both(invoke: Invoke, folder: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """The verdict of the command, and of the script: the same, on one line of visible text."""
+    answer = invoke("verify", folder)
+    status = verify_tgospa.main([folder])
+    captured = capsys.readouterr()
+    assert answer.status == status, (answer.err, captured.err)
+    for text in (answer.out + answer.err, captured.out + captured.err):
+        assert text.removesuffix("\n").isprintable(), text
+    assert answer.out == captured.out
+    return status, captured.out + captured.err
+
+
+def rewritten(folder: str, changes: dict[str, Any], tables: dict[str, bytes] | None = None) -> None:
+    """Change fields of the document, and tables, with their digests."""
+    path = Path(folder, "proof.json")
+    document = json.loads(path.read_text(encoding="utf-8"))
+    for name, data in (tables or {}).items():
+        Path(folder, name).write_bytes(data)
+        document["sha256"][name] = hashlib.sha256(data).hexdigest()
+    path.write_text(json.dumps(document | changes), encoding="utf-8")
+
+
+def parameters(folder: str) -> dict[str, Any]:
+    document = json.loads(Path(folder, "proof.json").read_text(encoding="utf-8"))
+    found: dict[str, Any] = document["parameters"]
+    return found
+
+
+@pytest.fixture
+def plain(write: Write) -> str:
+    """A proof folder of two states, 3 apart."""
+    files = write("t.csv", "id,t,x\na,0,0\n"), write("e.csv", "id,t,x\nb,0,3\n")
+    evaluate(*files, 10, 2, 2).proof.save("p")
+    return "p"
+
+
+FORGED = "\np: verified: 0 <= TGOSPA <= 0\x1b[2K\r\u202e\u2066\u2028\x9b\ufeff\u200b"
+
+
+def test_no_text_of_a_folder_writes_a_line_or_moves_the_cursor(
+    invoke: Invoke, plain: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tables = {
+        "truth.csv": f'id,t,"{FORGED}"\n"{FORGED}",0,0\n'.encode(),
+        "estimate.csv": f'id,t,"{FORGED}"\n"{FORGED}",0,3\n'.encode(),
+    }
+    given = parameters(plain) | {"columns": [FORGED]}
+    rows: dict[str, Any] = {"prices": [], "assignment": []}
+    wide = {"lower_bound": "0", "upper_bound": "1e9"}
+    rewritten(plain, {"parameters": given, **rows, **wide}, tables)
+    status, text = both(invoke, plain, capsys)
+    assert status == 0
+    assert "; columns ['\\np: verified: 0 <= TGOSPA <= 0\\x1b[2K\\r\\u202e" in text
+    twice = {"assignment": 2 * [[FORGED, FORGED, "0", "0", 711374856192000]]}
+    for changes, expected in (
+        (twice, 1),
+        ({"prices": [[FORGED + "x", "0", 1]]}, 1),
+        ({"prices": [[FORGED, FORGED, 1]]}, 1),
+        ({"parameters": given | {FORGED: "use"}}, 3),
+        ({"parameters": given | {"cutoff": FORGED}}, 3),
+        ({"parameters": given | {"distance": FORGED}}, 3),
+        ({"sha256": {FORGED: ""}}, 3),
+        ({"schema": FORGED}, 3),
+        ({FORGED: 1}, 3),
+    ):
+        good = Path(plain, "proof.json").read_bytes()
+        rewritten(plain, changes)
+        assert both(invoke, plain, capsys)[0] == expected
+        Path(plain, "proof.json").write_bytes(good)
+
+
+def test_no_name_of_a_folder_writes_a_line(
+    invoke: Invoke, plain: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = f"q{FORGED}".replace("/", "")
+    Path(plain).rename(name)
+    assert both(invoke, name, capsys)[0] == 0
+    Path("r").mkdir()
+    Path(name).rename(f"r/{name}")
+    answer = invoke("verify", "r")
+    assert answer.status == 0
+    assert answer.out.count("\n") == 1
+    assert str(verify("r")).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"metric": "HOTA"}, "proof.json has an unknown 'metric'"),
+        ({"options": {"existance": "use"}}, "options has an unknown 'existance'"),
+        ({"options": {"time": {"metric": "HOTA"}}}, "in place of a number or text"),
+        ({"options": {"time": [["a", {"metric": "HOTA"}]]}}, "in place of a number or text"),
+        ({"options": {"time": [[[1]]]}}, "in place of a number or text"),
+        ({"inputs": {"truth": {}}}, "has no 'estimate'"),
+        ({"version": 1}, "version has 1 in place of a str"),
+        ({"prices": [["b", "0", True]]}, "in place of a row"),
+        ({"prices": [["b", "0", 1.0]]}, "in place of a row"),
+        ({"assignment": [["a", "b", "0", "0"]]}, "in place of a row"),
+        ({"assignment": {}}, "in place of a list"),
+        ({"classes": ["x", 1]}, "in place of a str"),
+        ({"price_bits": True}, "in place of a int"),
+        ({"price_bits": 10**9}, "not too large"),
+        ({"weight_unit": 10**60}, "not too large"),
+        ({"weight_unit": 0}, "assigned more than once"),
+        ({"upper_bound": "inf"}, "no plain decimal number"),
+        ({"upper_bound": "1_000_000"}, "no plain decimal number"),
+        ({"prices": [["b", "9", 1]]}, "no table has '9'"),
+        ({"assignment": [["a", "b", "0", "9", 1]]}, "no table has '9'"),
+        ({"assignment": [["c", "b", "0", "0", 1]]}, "no table has 'c'"),
+        ({"options": {"time": float("nan")}}, "no plain decimal number"),
+        ({"options": {"time": 10**5000}}, "no whole proof"),
+    ],
+)
+def test_both_checkers_refuse_what_is_outside_the_schema(
+    invoke: Invoke,
+    plain: str,
+    capsys: pytest.CaptureFixture[str],
+    changes: dict[str, Any],
+    message: str,
+) -> None:
+    unlimited = sys.get_int_max_str_digits()
+    sys.set_int_max_str_digits(0)  # to write the last
+    rewritten(plain, changes)
+    sys.set_int_max_str_digits(unlimited)
+    status, text = both(invoke, plain, capsys)
+    assert status in (1, 3)
+    assert message in text
+
+
+@pytest.mark.parametrize("name", ["proof.json", "truth.csv"])
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (lambda data: b"\xef\xbb\xbf" + data, "begins with a byte order mark"),
+        (lambda data: data.decode().encode("utf-16"), "is not UTF-8"),
+        (lambda data: data.replace(b"a", b"\xe9"), "is not UTF-8"),
+        (lambda data: data.replace(b"a", b"\xed\xb3\xbf"), "is not UTF-8"),
+        (lambda data: data.decode().encode("utf-32-le"), "no whole proof"),
+    ],
+    ids=["mark", "utf-16", "latin-1", "surrogate", "utf-32"],
+)
+def test_files_are_utf_8(
+    invoke: Invoke,
+    plain: str,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    code: Callable[[bytes], bytes],
+    message: str,
+) -> None:
+    data = code(Path(plain, name).read_bytes())
+    if name == "proof.json":
+        Path(plain, name).write_bytes(data)
+    else:
+        rewritten(plain, {}, {name: data})
+    status, text = both(invoke, plain, capsys)
+    assert status == 3
+    assert message in text
+
+
+def crowd(states: int) -> dict[str, bytes]:
+    """All objects at one place and one time: every pair is near."""
+    rows = "".join(f"{k},0,{k % 7}\n" for k in range(states))
+    return dict.fromkeys(("truth.csv", "estimate.csv"), f"id,t,x\n{rows}".encode())
+
+
+@pytest.fixture
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So little work is allowed that tests need not make what takes seconds."""
+    monkeypatch.setattr(verify_tgospa, "WORK", 1e4)
+
+
+@pytest.mark.usefixtures("patience")
+@pytest.mark.parametrize(
+    ("changes", "given", "states", "expected"),
+    [
+        ({}, {}, 20, 0),
+        ({}, {"order": "1.7"}, 20, 3),
+        ({}, {"order": "9999.3", "switch_penalty": "1e308", "cutoff": "7"}, 20, 3),
+        ({"price_bits": 1200}, {}, 20, 3),
+        ({}, {"switch_penalty": "5e-324", "cutoff": "1e308", "order": "30"}, 20, 3),
+        ({}, {}, 40, 3),
+        ({}, {"order": "1000003"}, 1, 3),
+        ({}, {"cutoff": "1e999999999"}, 1, 3),
+    ],
+)
+def test_folders_that_would_take_long_are_refused(
+    invoke: Invoke,
+    plain: str,
+    capsys: pytest.CaptureFixture[str],
+    changes: dict[str, Any],
+    given: dict[str, Any],
+    states: int,
+    expected: int,
+) -> None:
+    rows = {"prices": [], "assignment": [], "lower_bound": "0"}
+    given = parameters(plain) | given
+    rewritten(plain, {"parameters": given, **rows, **changes, "upper_bound": "1e9"}, crowd(states))
+    status, text = both(invoke, plain, capsys)
+    assert status == expected
+    assert ("no whole proof" in text) == (status == 3)
+
+
+def test_rows_of_an_assignment_that_overlap_cost_no_time(
+    invoke: Invoke, plain: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tables = dict.fromkeys(
+        ("truth.csv", "estimate.csv"),
+        ("id,t,x\n" + "".join(f"a,{k},0\n" for k in range(10_000))).encode(),
+    )
+    rows: dict[str, Any] = {"prices": [], "assignment": [["a", "a", "0", "9999", 1]] * 24_000}
+    wide = {"lower_bound": "0", "upper_bound": "1e9", "weight_unit": 24_000}
+    rewritten(plain, {**rows, **wide}, tables)
+    status, text = both(invoke, plain, capsys)
+    assert status == 0
+    assert "0 <= total <= 0; " in text
+
+
+@pytest.mark.usefixtures("patience")
+def test_classes_share_the_work_that_a_folder_may_take(invoke: Invoke, plain: str) -> None:
+    rows = {"prices": [], "assignment": [], "lower_bound": "0", "upper_bound": "1e9"}
+    rewritten(plain, rows, crowd(20))
+    for name in ("r/a", "r/b"):
+        assert invoke("verify", plain).status == 0
+        shutil.copytree(plain, name)
+    answer = invoke("verify", "r")
+    assert answer.status == 3
+    assert "too many near pairs" in answer.err
+
+
+@pytest.mark.usefixtures("patience")
+def test_proof_refuses_what_checkers_refuse(invoke: Invoke, write: Write) -> None:
+    rows = "".join(f"{k},0,{k % 7}.5\n" for k in range(20))
+    write("t.csv", f"id,t,x\n{rows}")
+    for options, message in (
+        (("-p", "1.7", "-c", "10"), "takes too long to check: choose a smaller cutoff"),
+        (("-p", "20000", "-c", "1"), "has no place for the order 20000: at most 10000"),
+    ):
+        answer = invoke("t.csv", "t.csv", *options, "-o", "r", "--proof", "-q")
+        assert answer.status == 2
+        assert message in answer.err
+        assert not Path("r").exists()
+    # More pairs, of which few are near: the checker is asked.
+    far = "".join(f"{k},0,{100 * k}\n" for k in range(60))
+    write("t.csv", f"id,t,x\n{far}")
+    assert invoke("t.csv", "t.csv", "-o", "r", "--proof", "-q").status == 0
+    assert invoke("verify", "r", "t.csv", "t.csv").status == 0
+
+
+def test_checkers_agree_on_damaged_folders(
+    invoke: Invoke, plain: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A part of the document replaced, left out or repeated, bytes of a table changed."""
+    random = Random(1)
+    good = {path.name: path.read_bytes() for path in Path(plain).iterdir()}
+    values = [None, True, -1, 2**70, 1.5, "", "1_0", "nan", "1e400", [], {}, [[]], {"x": "1"}, "b"]
+    seen = set()
+    for _ in range(300):
+        document = json.loads(good["proof.json"])
+        data = bytearray(good["truth.csv"])
+        place, key = document, random.choice([*document])
+        while isinstance(place[key], dict | list) and place[key] and random.random() < 0.8:
+            place = place[key]
+            key = random.choice([*place] if isinstance(place, dict) else range(len(place)))
+        if random.random() < 0.3:
+            data[random.randrange(len(data))] = random.randrange(256)
+        elif random.random() < 0.7:
+            place[key] = random.choice(values)
+        else:
+            del place[key]
+        Path(plain, "truth.csv").write_bytes(data)
+        with suppress(KeyError, TypeError):
+            document["sha256"]["truth.csv"] = hashlib.sha256(data).hexdigest()
+        Path(plain, "proof.json").write_text(json.dumps(document), encoding="utf-8")
+        seen.add(both(invoke, plain, capsys)[0])
+    assert seen == {0, 1, 3}

@@ -3,22 +3,23 @@
 A test file that uses the fixture `proven` has all its values proven.
 """
 
+import tempfile
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
 
-from tgospa_eval.proof import verify_tgospa
-from tgospa_eval.proof.write import proof_texts
+import tgospa_eval
 
 
 def proving(evaluate: Callable[..., Any]) -> Callable[..., Any]:
-    """An evaluation whose result goes through a proof folder, as its files would be written."""
+    """An evaluation whose result goes through a proof folder."""
 
     def evaluated(*arguments: Any, **options: Any) -> Any:
         result = evaluate(*arguments, **options)
-        texts = {name: text.encode() for name, text in proof_texts(result.proof).items()}
-        assert verify_tgospa.verify(texts.__getitem__)
+        with tempfile.TemporaryDirectory() as folder:
+            result.proof.save(folder)
+            assert tgospa_eval.verify(folder)
         return result
 
     return evaluated

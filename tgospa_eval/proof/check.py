@@ -1,14 +1,13 @@
 """Proof folders, checked in exact integers: of each the claim, and whether it holds."""
 
-import json
 import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from pathlib import Path
 
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.errors import ConfigError, InputError
 from tgospa_eval.proof import PROOF_FOLDER, verify_tgospa
+from tgospa_eval.text import visible
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,7 @@ class Claim:
     text: str
 
     def __str__(self) -> str:
-        return f"{self.folder}: {self.text}"
+        return visible(f"{self.folder}: {self.text}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +81,8 @@ def verify(folder: "str | os.PathLike[str]") -> Verification:
     return check_folders(os.fspath(folder), check)
 
 
-def check_folders(folder: str, judge: Callable[[str], Claim]) -> Verification:
-    """All proofs of a folder, each judged.
+def check_folders(folder: str, judge: Callable[[str, verify_tgospa.Folder], Claim]) -> Verification:
+    """All proofs of a folder, each judged by its path and its files; the work of all is limited.
 
     Raises
     ------
@@ -91,17 +90,23 @@ def check_folders(folder: str, judge: Callable[[str], Claim]) -> Verification:
         There is none.
     """
     folders = _folders(folder)
-    missing = () if folders == [folder] else _missing_classes(folder, folders)
-    return Verification(claims=(*missing, *map(judge, folders)))
+    claims = [] if folders == [folder] else list(_missing_classes(folder, folders))
+    files = None
+    for path in folders:
+        files = verify_tgospa.Folder(path, files)
+        claims.append(judge(path, files))
+    return Verification(claims=tuple(claims))
 
 
-def check(folder: str, more: Callable[[], str] = str) -> Claim:
+def check(folder: str, files: verify_tgospa.Folder, more: Callable[[], str] = str) -> Claim:
     """Whether the proof in one folder holds.
 
     Parameters
     ----------
     folder : str
         The folder itself.
+    files : Folder
+        What reads it.
     more : callable
         What else must hold: it raises `Wrong`, or says in words what was found.
 
@@ -110,14 +115,10 @@ def check(folder: str, more: Callable[[], str] = str) -> Claim:
     InputError
         A file is missing or damaged.
     """
-
-    def read(name: str) -> bytes:
-        return Path(folder, name).read_bytes()
-
     try:
-        return Claim(folder=folder, holds=True, text=f"{verify_tgospa.verify(read)}{more()}")
+        return Claim(folder=folder, holds=True, text=f"{verify_tgospa.verify(files)}{more()}")
     except verify_tgospa.Wrong as error:
-        return Claim(folder=folder, holds=False, text=str(error))
+        return Claim(folder=folder, holds=False, text=visible(str(error)))
     except verify_tgospa.DAMAGED as error:
         if isinstance(error, (ConfigError, InputError, MemoryError)):
             raise
@@ -140,8 +141,8 @@ def _missing_classes(folder: str, folders: list[str]) -> Iterator[Claim]:
     """Each class that has no proof of its own, where classes were proven apart."""
     there, needed = set(), set()
     for path in folders:
-        with suppress(OSError, ValueError), open(os.path.join(path, "proof.json"), "rb") as file:
-            document = json.load(file)
+        with suppress(*verify_tgospa.DAMAGED):  # which the claim will say
+            document = verify_tgospa.Folder(path).proof()
             there.add(document.get("class"))
             needed.update(document.get("classes", ()))
     for name in sorted(needed - there):

@@ -17,140 +17,287 @@ L for taking an estimate and L for leaving it. (Add the prices times sum_i W_ij(
 cost: it does not grow, and has one part for each truth.) R_i comes from dynamic programming.
 """
 
-import bisect, collections, csv, decimal, hashlib, io, itertools, json, math, pathlib, sys
+import bisect, collections, csv, decimal, hashlib, io, itertools, json, math, pathlib, re, sys
 from fractions import Fraction
 
 SCHEMA = "tgospa-eval/proof/1"
 CLOSED = ("euclidean", "manhattan", "chebyshev", "iou")  # distances with a formula here
-STATES = ("truth.csv", "estimate.csv")
+STATES, BOXES = ("truth.csv", "estimate.csv"), ["left", "top", "width", "height"]
 MORE_BITS = 120  # of costs, beyond those of prices
 DAMAGED = OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError
 DAMAGED += csv.Error, RecursionError, MemoryError
+
+# Limits far above what is needed: whatever a small folder has, it is checked in seconds.
+PLAIN_NUMBER = re.compile(r"[-+]?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
+LENGTH, FIGURES = 60, 1000  # of a decimal number, of an integer
+PRICE_BITS, LARGEST_UNIT, TOP_ORDER, EXACT_BITS = 1200, 2**64, 10**4, 8000
+WORK, MEGABYTE = 5e6, 10**6  # microseconds, about, for a folder of so many bytes
+
+# What proof.json holds, and nothing else: [x] is a list of x, (x, y) a row, fields of MAY may lack.
+ANY, MAY = type("number or text", (), {}), None  # ANY is also a list or a matrix of these
+RECORDED = """cutoff order switch_penalty rho step_weights existence distance covariance periodic
+    scale columns truth_columns estimate_columns truth_format estimate_format time_tolerance grid
+    interpolate max_gap time_offset time_scale unit_scale on_duplicate decimal time class_
+    truth_class estimate_class region by preprocess unit solver gap epsilon time_limit fix_cov
+    missing_cov mixed cloud_order inner inner_cov reduce reduce_method directions iterations
+    restarts polish seed no_gating pairwise"""
+ORIGIN = {"class": str, "classes": [str], "options": {MAY: dict.fromkeys(RECORDED.split(), ANY)}}
+ORIGIN |= {"inputs": {side: {"path": str, "sha256": str} for side in ("truth", "estimate")}}
+DOCUMENT = {"schema": str, "version": str, "lower_bound": str, "upper_bound": str, "sha256": dict}
+DOCUMENT |= {"parameters": dict, "price_bits": int, "weight_unit": int, "prices": [(str, str, int)]}
+DOCUMENT |= {"assignment": [(str, str, str, str, int)], MAY: ORIGIN}
+ALWAYS = dict.fromkeys(("cutoff", "order", "switch_penalty", "distance"), str) | {"columns": [str]}
+EXTRAS = dict.fromkeys(CLOSED[:3], "scale periodic") | {"iou": "", "haversine": ""}
+EXTRAS |= {"mahalanobis": "scale covariance", "gaussian-wasserstein": "scale periodic mixed"}
+EXTRAS["cloud-wasserstein"] = """scale cloud_order inner inner_cov reduce reduce_method seed
+    iterations restarts directions polish"""
 
 
 class Wrong(Exception):
     """The folder does not prove what it claims."""
 
 
+def visible(text):
+    """A text on one line, all of it to be seen: no line ends, no marks that control or turn it."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 def number(text):
-    """The binary64 number nearest to a text."""
-    return Fraction(float(text))
+    """The binary64 number nearest to a plain decimal, as numerator and denominator."""
+    if len(text) > LENGTH or not PLAIN_NUMBER.fullmatch(text) or math.isinf(value := float(text)):
+        raise ValueError(f"{text!r:.80} is no plain decimal number in the range of binary64")
+    return value.as_integer_ratio()
 
 
-def whole(value):
+def whole(value, most=10**FIGURES):
     """A value that must be an integer >= 0."""
-    if not isinstance(value, int) or value < 0:
-        raise Wrong(f"{value!r} must be a whole number, not below 0")
+    if not isinstance(value, int) or not 0 <= value <= most:
+        raise Wrong(f"{value!r:.80} must be a whole number, not below 0 and not too large")
     return value
 
 
-def read_table(read, proof, name, *header):
-    """The rows of a table, which must be the one that was proven and have these columns."""
-    if hashlib.sha256(data := read(name)).hexdigest() != proof["sha256"][name]:
-        raise Wrong(f"{name} was changed after the proof was written")
-    top, *rows = csv.reader(io.StringIO(data.decode("utf-8"), newline=""), strict=True)
-    if top != list(header) or any(len(row) != len(header) for row in rows):
-        raise ValueError(f"{name} must have the columns {', '.join(header)}, in each row")
-    return rows
+def check(value, kind, where):
+    """Whether a value of the document is of a kind, as DOCUMENT has them."""
+    if isinstance(kind, dict):
+        check(value, dict, where)
+        known = kind | kind.get(MAY, {})
+        if wrong := value.keys() - known or kind.keys() - value.keys() - {MAY}:
+            what = "an unknown" if wrong <= value.keys() else "no"
+            raise ValueError(f"{where} has {what} {min(wrong)!r:.80}")
+        for name, inner in value.items():
+            check(inner, known[name], f"{where}, {name:.80}")
+    elif isinstance(kind, list):
+        check(value, list, where)
+        for inner in value:
+            check(inner, kind[0], where)
+    elif isinstance(kind, tuple):
+        if not isinstance(value, list) or tuple(map(type, value)) != kind:
+            raise ValueError(f"{where} has {value!r:.80} in place of a row")
+    elif kind is ANY and isinstance(value, list) and where.count("[") < 2:
+        check(value, [ANY], f"{where}[]")
+    elif isinstance(value, (dict, list)) if kind is ANY else type(value) is not kind:
+        raise ValueError(f"{where} has {value!r:.80} in place of a {kind.__name__}")
+
+
+class Folder:
+    """The files of a proof, and how much work it takes to check them."""
+
+    def __init__(self, path, before=None):
+        self.path = pathlib.Path(path)
+        self.size, self.work = (before.size, before.work) if before else (0, 0)
+
+    def text(self, name, digest=None):
+        """A file, which must be UTF-8 without a byte order mark, and have the digest if any."""
+        if not (path := self.path / name).is_file():  # a device may have no end
+            raise FileNotFoundError(f"{name} is missing, or no file")
+        data = path.read_bytes()
+        self.size += len(data)
+        if digest not in (None, hashlib.sha256(data).hexdigest()):
+            raise Wrong(f"{name} was changed after the proof was written")
+        if data.startswith(b"\xef\xbb\xbf"):
+            raise ValueError(f"{name} begins with a byte order mark: must be UTF-8 without one")
+        try:
+            return data.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{name} is not UTF-8, as of byte {error.start}") from None
+
+    def table(self, name, proof, *header):
+        """The rows of a table, which must be the one that was proven and have these columns."""
+        text = self.text(name, proof["sha256"][name])
+        top, *rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+        if top != list(header) or any(len(row) != len(header) for row in rows):
+            raise ValueError(f"{name} must have the columns {', '.join(header)}, in each row")
+        return rows
+
+    def proof(self):
+        """The document, if it has the fields of the schema and no others."""
+        proof = json.loads(
+            self.text("proof.json"),
+            object_pairs_hook=lambda o: dict(o) if len(dict(o)) == len(o) else {"name twice": 0},
+            parse_float=lambda text: number(text) and float(text),
+            parse_constant=number,
+        )
+        if not isinstance(proof, dict) or proof.get("schema") != SCHEMA:
+            raise ValueError(f"proof.json is no object with the schema {SCHEMA!r}")
+        check(proof, DOCUMENT, "proof.json")
+        given = proof["parameters"]
+        if (distance := given.get("distance")) not in EXTRAS:
+            raise ValueError(f"the distance {distance!r:.80} is none of ours")
+        columns = given.get("columns")
+        check(columns, [str], "columns")
+        if len(set(columns)) < len(columns) or (distance == "iou" and columns != BOXES):
+            raise ValueError(f"{columns!r:.80} are no columns of the distance {distance}")
+        each = {MAY: dict.fromkeys(columns, str)}
+        kinds = {x: each if x in ("scale", "periodic") else ANY for x in EXTRAS[distance].split()}
+        check(given, ALWAYS | {MAY: kinds | {"rho": str}}, "parameters")
+        tables = STATES if distance in CLOSED else (*STATES, "distances.csv")
+        check(proof["sha256"], dict.fromkeys(tables, str), "sha256")
+        return proof
+
+    def spend(self, work):
+        """Take so much; beyond MEGABYTE it may grow faster than the pairs that rows can have."""
+        self.work += work
+        if self.work > WORK * max(1, self.size / MEGABYTE) ** 3:
+            raise ValueError("there are too many near pairs for a folder of this size")
+
+
+def pair_work(columns, size):
+    """Of a pair that is measured, of so many columns of so many bits."""
+    return 2.5 + columns * (0.5 + size / 500)
+
+
+def power_work(exponent, size, bits):
+    """Of a near pair: a power of integers of so many bits, and its part in the bounds."""
+    if exponent.denominator <= 16 and (top := exponent.numerator * size) <= EXACT_BITS:
+        return 10 + bits / 50 + (top + exponent.denominator * bits) ** 2 / 10**6
+    return 40 + size / 20 + (30 + bits / 3) ** 2 / 80
 
 
 def power(a, b, exponent, bits):
     """(a / b)^exponent in units of 2^-bits, rounded down and rounded up."""
-    double = 2 * exponent
     if a == 0:
         return 0, 0
-    if double.denominator == 1 and double <= 128:
-        top, base = a**double.numerator << 2 * bits, b**double.numerator
-        low = math.isqrt(top // base)
-        return low, low + (low * low * base < top)
-    digits = 30 + (bits + max(a.bit_length() - b.bit_length() + 1, 0) * math.ceil(exponent)) // 3
+    n, root = exponent.as_integer_ratio()
+    if root <= 16 and n * max(a.bit_length(), b.bit_length()) <= EXACT_BITS:
+        low = (top := a**n << root * bits) // (base := b**n)
+        for _ in range(root.bit_length() - 1):  # it is a power of 2
+            low = math.isqrt(low)
+        return low, low + (low**root * base < top)
+    digits = 30 + (bits + (math.ceil(math.log2(a / b) * exponent) if a > b else 0)) // 3
     with decimal.localcontext(prec=digits, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
-        e = decimal.Decimal(float(exponent))  # exact
-        value = (e * (decimal.Decimal(a) / b).ln()).exp() * 2**bits  # each step rounded correctly
-        margin = decimal.Decimal("0.001")  # far above what the steps are off by
+        value = (decimal.Decimal(float(exponent)) * (decimal.Decimal(a) / b).ln()).exp() * 2**bits
+        margin = decimal.Decimal("0.001")  # far above what the steps, rounded correctly, are off by
         return math.floor(value - margin), math.ceil(value + margin)
+
+
+class Known(dict):
+    """What is in the tables, by its text there."""
+
+    def __missing__(self, text):
+        raise Wrong(f"no table has {text!r:.80}")
 
 
 class Scene:
     """What exists when, and the cost of each pair that is nearer than the cutoff."""
 
-    def __init__(self, read, proof):
+    def __init__(self, folder, proof):
         given = proof["parameters"]
-        self.kind, self.bits = given["distance"], whole(proof["price_bits"]) + MORE_BITS
-        self.cutoff, self.order = number(given["cutoff"]), number(given["order"])
-        names, change = given["columns"], number(given["switch_penalty"]) / self.cutoff
-        scale = [number(given.get("scale", {}).get(name, 1)) for name in names]
-        turn = [s * number(given.get("periodic", {}).get(n, 0)) for n, s in zip(names, scale)]
-        low = min(self.cutoff, *scale, rho := number(given.get("rho", 0.5)), 1 - rho)
-        if low <= 0 or min(change, *turn) < 0 or not 1 <= self.order <= 10**4:
+        self.kind, names = given["distance"], given["columns"]
+        self.bits = whole(proof["price_bits"], PRICE_BITS) + MORE_BITS
+        self.cutoff, self.order = (Fraction(*number(given[name])) for name in ("cutoff", "order"))
+        scale = [number(given.get("scale", {}).get(name, "1")) for name in names]
+        turn = [number(given.get("periodic", {}).get(name, "0")) for name in names]
+        rho, change = Fraction(*number(given.get("rho", "0.5"))), number(given["switch_penalty"])
+        low = min(self.cutoff, rho, 1 - rho, *(x for x, _ in scale))
+        if low <= 0 or min(x for x, _ in (change, *turn)) < 0 or not 1 <= self.order <= TOP_ORDER:
             raise ValueError("parameters are out of range")
-        self.change = power(*change.as_integer_ratio(), self.order, self.bits - 1)  # L
-        tables = [read_table(read, proof, name, "id", "t", *names) for name in STATES]
-        times = [row[1] for row in itertools.chain(*tables, proof["prices"])]
-        times += [t for row in proof["assignment"] for t in row[2:4]]
-        self.times = sorted(set(times), key=decimal.Decimal)
-        self.step = {t: k for k, t in enumerate(self.times)}
-        sides, spelt = [{}, {}], set(map(decimal.Decimal, self.times))
-        for side, table in zip(sides, tables):
-            for name, t, *state in table:
-                side[name, self.step[t]] = [s * number(x) for s, x in zip(scale, state)]
+        most = 2 ** math.ceil(128 / self.order) if self.order < 128 else 1 + 128 / self.order
+        self.never = (change := Fraction(*change) / self.cutoff) > most  # see `upper_bound`
+        self.change = power(*min(change, most).as_integer_ratio(), self.order, self.bits - 1)  # L
+        tables = [folder.table(name, proof, "id", "t", *names) for name in STATES]
+        self.truths, self.estimates = (Known((x, x) for x, *_ in rows) for rows in tables)
+        times = {x[1]: decimal.Decimal(x[1]) for x in itertools.chain(*tables) if number(x[1])}
+        self.times, sides = sorted(times, key=times.get), [{}, {}]
+        self.step = Known((t, k) for k, t in enumerate(self.times))
+        for side, rows in zip(sides, tables):
+            for name, t, *state in rows:
+                side[name, self.step[t]] = list(map(number, state))
         self.all = (len(sides[0]) * (1 - rho) + len(sides[1]) * rho) * 2**self.bits
-        if sum(map(len, sides)) < sum(map(len, tables)) or len(spelt) < len(self.times):
+        if sum(map(len, sides)) < sum(map(len, tables)) or len({*times.values()}) < len(times):
             raise ValueError("an object is there twice, or one time is spelt in two ways")
         # truth -> estimate -> [(step, cost rounded down, cost rounded up)]
         self.near = collections.defaultdict(lambda: collections.defaultdict(list))
         if self.kind in CLOSED:
-            self._measure(sides, turn)
+            pairs = self._measured(folder, sides, scale, turn)
         else:
-            header = ("truth", "estimate", "t", "distance")
-            for truth, estimate, t, d in read_table(read, proof, "distances.csv", *header):
-                k, ratio = self.step[t], number(d) / self.cutoff
-                sides[0][truth, k], sides[1][estimate, k]  # both must exist
-                self._add(truth, estimate, k, *ratio.as_integer_ratio(), 1)
+            rows = folder.table("distances.csv", proof, "truth", "estimate", "t", "distance")
+            pairs = self._listed(sides, rows)
+        exponent = self.order / (2 if self.kind == "euclidean" else 1)
+        for truth, estimate, k, a, b in pairs:  # (d / c)^2 or d / c is a / b
+            if a < b:
+                folder.spend(power_work(exponent, b.bit_length(), self.bits))
+                self.near[truth][estimate].append((k, *power(a, b, exponent, self.bits)))
         for costs in itertools.chain(*map(dict.values, self.near.values())):
             costs.sort()
             if any(one[0] == two[0] for one, two in itertools.pairwise(costs)):
                 raise ValueError("distances.csv has a pair twice at one time")
 
-    def _add(self, truth, estimate, k, a, b, root):
-        """A pair with (d / c)^root = a / b, if that is below 1."""
-        if whole(a) < b:
-            self.near[truth][estimate].append((k, *power(a, b, self.order / root, self.bits)))
+    def _listed(self, sides, rows):
+        """Pairs of distances.csv, with two integers of which the ratio is d / c."""
+        top, base = self.cutoff.as_integer_ratio()
+        for truth, estimate, t, distance in rows:
+            k, (a, b) = self.step[t], number(distance)
+            if a < 0 or (truth, k) not in sides[0] or (estimate, k) not in sides[1]:
+                raise ValueError(f"distances.csv has no pair of the tables at t = {t!r:.80}")
+            yield truth, estimate, k, a * base, b * top
 
-    def _measure(self, sides, turn):
-        """All pairs of each step; points by cells as large as the cutoff."""
-        every = itertools.chain(turn, [self.cutoff], *sides[0].values(), *sides[1].values())
-        unit = max(x.denominator for x in every)  # powers of 2, as of all binary64 numbers
-        cutoff, *turn = (int(x * unit) for x in (self.cutoff, *turn))
+    def _measured(self, folder, sides, scale, turn):
+        """Pairs of each step, of points in neighbouring cells, which are as large as the cutoff."""
+        every = itertools.chain([turn], sides[0].values(), sides[1].values())
+        units = {b * d for row in every for (_, b), (_, d) in zip(row, scale)}
+        unit = max(units | {self.cutoff.denominator})  # powers of 2, as of all binary64 numbers
 
-        def ratio(x, y):  # two integers, and what _add calls the root
-            if self.kind == "iou":
-                (a, b, w, h), (e, f, v, g) = x, y
-                both = max(min(a + w, e + v) - max(a, e), 0) * max(min(b + h, f + g) - max(b, f), 0)
-                union = whole(w) * whole(h) + whole(v) * whole(g) - both
-                return (union - both) * unit, union * cutoff, 1
-            d = [min((a - b) % p, (b - a) % p) if p else abs(a - b) for a, b, p in zip(x, y, turn)]
-            if self.kind == "euclidean":
-                return sum([a * a for a in d]), cutoff * cutoff, 2
-            return (sum if self.kind == "manhattan" else max)(d), cutoff, 1
+        def integers(row):
+            return [a * c * (unit // (b * d)) for (a, b), (c, d) in zip(row, scale)]
 
-        cells = [] if self.kind == "iou" else [n for n, p in enumerate(turn) if not p][:2]
+        cutoff, turn, boxes = int(self.cutoff * unit), integers(turn), self.kind == "iou"
+        cells = [] if boxes else [n for n, p in enumerate(turn) if not p][:2]
         around, room = list(itertools.product((-1, 0, 1), repeat=len(cells))), {}
         for side in (1, 0):
             for (name, k), row in sides[side].items():
-                row = [x.numerator * (unit // x.denominator) for x in row]
+                row = integers(row)
+                if boxes:
+                    a, b, w, h = row
+                    row = [a, b, a + whole(w), b + whole(h), w * h]
+                each = pair_work(len(row), max(map(int.bit_length, row), default=0))
                 home = [row[n] // cutoff for n in cells]
                 if side == 1:
                     room.setdefault((k, *home), []).append((name, row))
                 for shift in around if side == 0 else ():
-                    for other, place in room.get((k, *[a + b for a, b in zip(home, shift)]), ()):
-                        self._add(name, other, k, *ratio(row, place))
+                    near = room.get((k, *[a + b for a, b in zip(home, shift)]), ())
+                    folder.spend(len(near) / 2)
+                    for other, place in near:
+                        if not boxes or cutoff > unit or (row[0] < place[2] and place[0] < row[2]):
+                            folder.spend(each)
+                            yield name, other, k, *self._ratio(row, place, cutoff, unit, turn)
+
+    def _ratio(self, x, y, cutoff, unit, turn):
+        """Two integers of which the ratio is (d / c)^2 of euclidean, d / c of others."""
+        if self.kind == "iou":  # left, top, right, bottom, area
+            wide, high = min(x[2], y[2]) - max(x[0], y[0]), min(x[3], y[3]) - max(x[1], y[1])
+            both = max(wide, 0) * max(high, 0)
+            union = x[4] + y[4] - both
+            return (union - both) * unit, union * cutoff
+        d = [min((a - b) % p, (b - a) % p) if p else abs(a - b) for a, b, p in zip(x, y, turn)]
+        if self.kind == "euclidean":
+            return sum([a * a for a in d]), cutoff * cutoff
+        return (sum(d) if self.kind == "manhattan" else max(d, default=0)), cutoff
 
 
 def lower_bound(scene, proof):
     """From the prices, in units of 2^-bits c^p."""
     paid = collections.defaultdict(lambda: ([], [0]))  # steps with a price, sums of prices so far
-    prices = ((scene.step[t], name, whole(price)) for name, t, price in proof["prices"])
+    prices = ((scene.step[t], scene.estimates[j], whole(v)) for j, t, v in proof["prices"])
     for k, name, price in sorted(prices):
         paid[name][0].append(k)
         paid[name][1].append(paid[name][1][-1] + (price << MORE_BITS))
@@ -176,29 +323,34 @@ def lower_bound(scene, proof):
 
 def upper_bound(scene, proof):
     """The cost of the assignment, in units of 2^-bits c^p / weight_unit."""
-    unit, one, saved = whole(proof["weight_unit"]), 1 << scene.bits, 0
+    unit, one, saved, moved = whole(proof["weight_unit"], LARGEST_UNIT), 1 << scene.bits, 0, 0
     loads, changes = (collections.defaultdict(collections.Counter) for _ in range(2))
-    for truth, estimate, first, last, weight in proof["assignment"]:
+    for i, j, first, last, weight in proof["assignment"]:
+        truth, estimate = scene.truths[i], scene.estimates[j]
         begin, end = scene.step[first], scene.step[last] + 1
         whole(end - begin - 1)
         for k, change in ((begin, whole(weight)), (end, -weight)):
             for key in (("truth", truth), ("estimate", estimate)):
                 loads[key][k] += change  # of the sum of its weights
             changes[truth, estimate][k] += change
-        costs = scene.near[truth][estimate]
-        for place in range(bisect.bisect_left(costs, (begin,)), bisect.bisect_left(costs, (end,))):
-            saved += (one - costs[place][2]) * weight
     for (side, name), load in loads.items():
         for k, total in zip(sorted(load), itertools.accumulate(load[k] for k in sorted(load))):
             if not 0 <= total <= unit:
-                raise Wrong(f"{side} {name} is assigned more than once at t = {scene.times[k]}")
-    moved = sum(abs(of[k]) for of in changes.values() for k in of if 0 < k < len(scene.times))
+                raise Wrong(f"{side} {name!r} is assigned more than once at t = {scene.times[k]}")
+    for (truth, estimate), of in changes.items():
+        costs = scene.near[truth][estimate]
+        sums = list(itertools.accumulate((one - high for _, _, high in costs), initial=0))
+        for k, change in of.items():  # from k on so much more weight
+            saved += change * (sums[-1] - sums[bisect.bisect_left(costs, (k,))])
+            moved += abs(change) if 0 < k < len(scene.times) else 0
+    if moved and scene.never:  # more than 2^-64 of 2^128 c^p, and no assignment costs less
+        raise Wrong("the assignment has switches, where one costs more than all objects")
     return math.ceil(scene.all) * unit - saved + scene.change[1] * moved
 
 
-def found_bounds(read, proof):
+def found_bounds(folder, proof):
     """Proven bounds of the total cost, and of TGOSPA, as decimals widened by 1e-45."""
-    scene = Scene(read, proof)
+    scene = Scene(folder, proof)
     bounds = (lower_bound(scene, proof), 1), (upper_bound(scene, proof), proof["weight_unit"])
     with decimal.localcontext(prec=80, Emin=decimal.MIN_EMIN, Emax=decimal.MAX_EMAX):
         cutoff, order = decimal.Decimal(float(scene.cutoff)), decimal.Decimal(float(scene.order))
@@ -215,20 +367,18 @@ def rounded(bounds):
     return [str(down.plus(bounds[0] or 0)), str(up.plus(bounds[1] or 0))]
 
 
-def verify(read):
+def verify(folder):
     """What was found, in a line; raises `Wrong` if the claim does not hold."""
-    text = read("proof.json")  # an object with a name twice is none: which of the two counts?
-    proof = json.loads(text, object_pairs_hook=lambda o: dict(o) if len(dict(o)) == len(o) else 0)
-    if proof["schema"] != SCHEMA:
-        raise ValueError(f"the schema {proof['schema']!r} is not {SCHEMA!r}")
-    totals, roots = found_bounds(read, proof)
+    proof = folder.proof()
+    lower, upper = (proof[name] for name in ("lower_bound", "upper_bound") if number(proof[name]))
+    totals, roots = found_bounds(folder, proof)
     found = "{} <= TGOSPA <= {}, {} <= total <= {}".format(*rounded(roots), *rounded(totals))
-    lower, upper = (decimal.Decimal(proof[name]) for name in ("lower_bound", "upper_bound"))
-    if not (lower <= totals[0] and totals[1] <= upper):
+    if not (decimal.Decimal(lower) <= totals[0] and totals[1] <= decimal.Decimal(upper)):
         raise Wrong(f"the claim {lower} <= total <= {upper} is not proven, only {found}")
-    given = "" if proof["parameters"]["distance"] in CLOSED else ", given the distances"
-    metric = ", ".join(f"{name} {value}" for name, value in proof["parameters"].items())
-    return f"verified{given}: {found}; {metric}"
+    named = proof["parameters"]
+    given = "" if named["distance"] in CLOSED else ", given the distances"
+    metric = [f"{k} {v if k in {*ALWAYS, 'rho'} else repr(v)}" for k, v in named.items()]
+    return visible(f"verified{given}: {found}; {', '.join(metric)}")
 
 
 def main(arguments):
@@ -237,12 +387,12 @@ def main(arguments):
         sys.stderr.write(f"{__doc__.splitlines()[0]}\n")
         return 2
     try:
-        text, status = verify(lambda name: pathlib.Path(arguments[0], name).read_bytes()), 0
+        text, status = verify(Folder(arguments[0])), 0
     except Wrong as error:
         text, status = error, 1
     except DAMAGED as error:
         text, status = f"no whole proof folder: {type(error).__name__}: {error}", 3
-    print(f"{arguments[0]}: {text}", file=sys.stderr if status else sys.stdout)
+    print(visible(f"{arguments[0]}: {text}"), file=sys.stderr if status else sys.stdout)
     return status
 
 

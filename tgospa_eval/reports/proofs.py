@@ -5,11 +5,12 @@ import os
 from collections.abc import Mapping
 from urllib.parse import quote
 
-from tgospa_eval.proof.write import proof_texts
+from tgospa_eval.proof.write import check_work, proof_texts
 from tgospa_eval.reports.folders import PROOF, write_texts
 from tgospa_eval.results.by_class import ByClass
 from tgospa_eval.results.result import Proof, Result
 from tgospa_eval.results.summary import Summary
+from tgospa_eval.text import as_unicode
 
 NO_NAME = "%20"
 """Folder of objects without a class: no name is quoted so."""
@@ -29,16 +30,19 @@ def proof_files(result: Summary, options: Mapping[str, object]) -> dict[str, str
         How the files were read and compared: `EvaluationOptions` that are no defaults.
     """
     files: dict[str, str] = {}
-    for folder, part, origin in _parts(result):
+    written = []
+    for folder, part, origin in sorted(_parts(result), key=lambda part: part[0]):
         origin |= {
             "options": dict(options),
             "inputs": {
-                role: {"path": result.files[role], "sha256": record["sha256"]}
+                role: {"path": as_unicode(str(result.files[role])), "sha256": record["sha256"]}
                 for role, record in part.input.items()
             },
         }
-        for name, text in proof_texts(part.proof, origin).items():
-            files[f"{folder}{name}"] = text
+        texts = proof_texts(part.proof, origin)
+        written.append((part.proof, texts))
+        files |= {f"{folder}{name}": text for name, text in texts.items()}
+    check_work(written)
     return files
 
 
@@ -69,6 +73,8 @@ def save(proof: Proof, folder: "str | os.PathLike[str]", *, force: bool = False)
     Raises
     ------
     ConfigError
-        The folder cannot be written, or holds files of others.
+        The folder cannot be written, or holds files of others, or has no place for the result.
     """
-    write_texts(proof_texts(proof), os.fspath(folder), PROOF, force=force, option="folder")
+    texts = proof_texts(proof)
+    check_work([(proof, texts)])
+    write_texts(texts, os.fspath(folder), PROOF, force=force, option="folder")

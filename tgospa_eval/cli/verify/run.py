@@ -1,10 +1,9 @@
 """Check proof folders, and that their tables follow from the files they came from."""
 
 import inspect
-import json
-import os
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from tgospa_eval.cli.shared.progress import run
@@ -12,21 +11,22 @@ from tgospa_eval.cli.shared.settings import make_settings
 from tgospa_eval.cli.shared.streams import emit, print_notice
 from tgospa_eval.cli.shared.values import EvaluationOptions
 from tgospa_eval.common.timing import Stopwatch
+from tgospa_eval.distances.base import Settings
 from tgospa_eval.errors import InputError
 from tgospa_eval.evaluation.prepare import Prepared, fit, prepare
 from tgospa_eval.proof import verify_tgospa
 from tgospa_eval.proof.check import Claim, check, check_folders
 from tgospa_eval.proof.tables import difference, proof_tables
-from tgospa_eval.proof.write import proof_parameters
+from tgospa_eval.proof.write import check_provable, proof_parameters
 
 Files = tuple[str, str]
 
-ROW_OPTIONS = (
-    *("columns", "truth_columns", "estimate_columns", "time_tolerance", "grid", "on_duplicate"),
-    *("interpolate", "max_gap", "time_offset", "time_scale", "unit_scale"),
-    *("time", "class_", "truth_class", "estimate_class", "region"),
+NOT_OF_THE_TABLES = (
+    *("cutoff", "order", "switch_penalty", "rho", "distance", *Settings.__annotations__),
+    *("unit", "solver", "gap", "epsilon", "time_limit", "no_gating"),
 )
-"""Options that say which rows and columns of the files are in the tables: part of a verdict."""
+"""Options of the metric, which a verdict has as parameters, and of the solver. All others that a
+proof records say what was read of the files, and how: a verdict names them."""
 
 
 def program() -> str:
@@ -50,7 +50,7 @@ def verify_folder(folder: str, files: Files | None) -> bool:
         It is no proof folder, or a file is missing or damaged.
     """
 
-    def judge(path: str) -> Claim:
+    def judge(path: str, proof: verify_tgospa.Folder) -> Claim:
         stopwatch = Stopwatch()
         stopwatch.stage = "verify"
 
@@ -59,7 +59,7 @@ def verify_folder(folder: str, files: Files | None) -> bool:
                 return ""
             return f"; the tables follow from the files{_check_tables(path, files, stopwatch)}"
 
-        return run(lambda: check(path, follows), stopwatch, show=True)
+        return run(lambda: check(path, proof, follows), stopwatch, show=True)
 
     found = check_folders(folder, judge)
     for claim in found.claims:
@@ -70,15 +70,14 @@ def verify_folder(folder: str, files: Files | None) -> bool:
 def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
     """Whether tables and parameters follow from the files and the options that the proof records.
 
-    Returns which rows are in them, in words; nothing if all are.
+    Returns how the files were read, in words; nothing if as they are.
 
     Raises
     ------
     Wrong
         They do not.
     """
-    with open(os.path.join(folder, "proof.json"), encoding="utf-8") as file:
-        proof = json.load(file)
+    proof = verify_tgospa.Folder(folder).proof()
     if "options" not in proof:
         raise InputError(
             f"{folder}: does not say how the files were read, as it was saved from Python; name no "
@@ -86,6 +85,7 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
         )
     prepared = _prepared(files, proof, stopwatch)
     compared, parameters = prepared.compared, prepared.parameters
+    check_provable(compared, parameters)
     options, proven = proof_parameters(compared, parameters), proof["parameters"]
     for name in sorted({*options, *proven}):
         if proven.get(name) != options.get(name):
@@ -95,17 +95,17 @@ def _check_tables(folder: str, files: Files, stopwatch: Stopwatch) -> str:
             )
     made = proof_tables(compared, prepared.states.problem, parameters)
     for name, text in made.items():
-        with open(os.path.join(folder, name), encoding="utf-8", newline="") as file:
-            problem = difference(name, file.read(), text, parameters.cutoff)
+        there = Path(folder, name).read_bytes().decode()
+        problem = difference(name, there, text, parameters.cutoff)
         if problem:
             raise verify_tgospa.Wrong(
                 f"{name} does not follow from {files[0]} and {files[1]} with the recorded "
                 f"options: {problem}"
             )
     chosen = [
-        f"--{name.strip('_').replace('_', '-')} {proof['options'][name]!r}"
-        for name in ROW_OPTIONS
-        if name in proof["options"]
+        f"--{name.strip('_').replace('_', '-')} {value!r}"
+        for name, value in proof["options"].items()
+        if name not in NOT_OF_THE_TABLES
     ]
     only = [f"class {proof['class']!r}"] if "class" in proof else []
     return "".join(f", {part}" for part in (*only, *chosen))
