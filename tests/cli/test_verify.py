@@ -230,6 +230,7 @@ NAMED: dict[str, tuple[tuple[str, str], tuple[str, ...]]] = {
     "time_scale": (QUICK, ("2",)),
     "unit_scale": (QUICK, ("1.5",)),
     "on_duplicate": (QUICK, ("first",)),
+    "on_invalid": (QUICK, ("drop",)),
     "decimal": (("t.csv", "t.csv"), (",",)),
     "time": (QUICK, ("3:9",)),
     "class_": (KITTI, ("Car", "--distance", "iou")),
