@@ -48,7 +48,7 @@ SUMMED_FIELDS = {
 }
 """What TrackEval joins sequences from; of HOTA with a number for each threshold."""
 
-OF_BOXES = "iou"
+IOU = "iou"
 """The distance of states whose similarity is TrackEval's, to the bit."""
 
 AT = "at"
@@ -124,7 +124,7 @@ def other_metrics(prepared: Prepared, names: Sequence[str], effort: Effort) -> O
         How to search for pairs, and the clock.
     """
     cutoff = prepared.parameters.cutoff
-    zero = 1.0 if prepared.distance.name == OF_BOXES else 2 * cutoff
+    zero = 1.0 if prepared.distance.name == IOU else 2 * cutoff
     asked = [name for name in names if name in METRIC_FIELDS]
     found = {}
     with effort.stopwatch.span("other_metrics"):
@@ -193,7 +193,7 @@ class _Similarities(Sequence[Floats]):
         self.sides, self.zero = prepared.sides, zero
         self.starts = [starts_of_steps(side) for side in self.sides]
         self.pairs = None
-        if prepared.distance.name != OF_BOXES:
+        if prepared.distance.name != IOU:
             self.pairs = prepared_pairs(self.sides, zero, prepared.distance, effort)
             self.first = np.searchsorted(self.pairs.truth_row, self.starts[0])
 
