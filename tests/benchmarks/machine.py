@@ -5,9 +5,9 @@ import json
 import os
 import platform
 import subprocess
+from importlib.metadata import version
 from pathlib import Path
 
-import highspy
 import numpy as np
 import scipy
 
@@ -31,7 +31,7 @@ def describe() -> dict[str, str]:
         "Python": platform.python_version(),
         "numpy": np.__version__,
         "scipy": scipy.__version__,
-        "HiGHS": f"{highspy.Highs().version()} in tgospa-eval, SciPy has its own",
+        "HiGHS": f"{version('highspy')} in tgospa-eval, SciPy has its own",
         "tgospa-eval": tgospa_eval.__version__,
     }
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from tgospa_eval.common.frozen import dataclass
-from tgospa_eval.common.manifest import results_in
 from tgospa_eval.common.words import counted
 
 FIELD = r"\{([A-Za-z_]\w*)\}"
@@ -93,6 +92,8 @@ def meant(
     inside : callable
         Names of the runs in a file.
     """
+    from tgospa_eval.common.manifest import results_in  # here: reading one pair does without
+
     real = functools.cache(os.path.realpath)  # of folders: there may be thousands of files
 
     def place(above: str, name: str) -> str:
