@@ -118,7 +118,7 @@ def parse_region(text: str | None) -> dict[str, tuple[float, float]]:
                 raise ValueError
             low = floats([ends[0]])[0] if ends[0] else -math.inf
             high = floats([ends[1]])[0] if ends[1] else math.inf
-            if not low <= high:
+            if not low <= high or not all(map(math.isfinite, floats([e for e in ends if e]))):
                 raise ValueError
         except ValueError:
             raise ConfigError(

@@ -9,7 +9,7 @@ import numpy as np
 from tgospa_eval.common.frozen import dataclass
 from tgospa_eval.common.notices import Notice, in_python, warn_user
 from tgospa_eval.errors import ConfigError
-from tgospa_eval.formats.filters import class_named
+from tgospa_eval.formats.filters import class_named, is_alike
 from tgospa_eval.formats.options import ROLES, ReadOptions
 from tgospa_eval.text import quoted
 from tgospa_eval.tracks.trajectories import Ints, Trajectories
@@ -60,7 +60,7 @@ def check_classes(
     Raises
     ------
     ConfigError
-        There is none of one.
+        There is none of one, or it is not clear which is meant.
     """
     asked = [("--class", name, tuple(sides), "") for name in classes or ()]
     for path, role, side, options in zip(paths, ROLES, sides, each, strict=False):
@@ -68,6 +68,17 @@ def check_classes(
             own = options.classes or ()
             asked += [(f"--{role}-class", name, (side,), f" of {path}") for name in own]
     for option, name, those, of in asked:
+        alike = [sorted(known for known in side.named if is_alike(name, known)) for side in those]
+        mixed = any(len(found) > 1 for found in alike)
+        for side, found in zip(those, alike, strict=True):
+            if found and name not in found and (mixed or not side.has_class(name)):
+                shown = " and ".join(
+                    map(quoted, sorted({name for names in alike for name in names}))
+                )
+                raise ConfigError(
+                    f"{option} {quoted(name)}: there is {shown}; write it as in the files, by "
+                    "--truth-class and --estimate-class where they differ"
+                )
         if not any(side.has_class(name) for side in those):
             there = sorted({known for side in those for known in side.named})
             shown = ", ".join(map(quoted, there[:10])) or "none"

@@ -756,3 +756,14 @@ def test_rows_without_a_class_are_said(write: Write) -> None:
 def test_by_class_of_nothing(invoke: Run, write: Write) -> None:
     path = write("t.csv", "id,t,x,class\n")
     assert json.loads(invoke(path, path, "--by", "class", "--format", "json").out)["total"] == 0
+
+
+def test_classes_whose_spelling_leaves_open_which_is_meant(invoke: Run, write: Write) -> None:
+    """What one file makes ambiguous is so for both: half of a pair would be left out."""
+    both = write("both.csv", "id,t,x,class\n1,1,0,Car\n2,1,50,car\n")
+    one = write("one.csv", "id,t,x,class\n1,1,0,Car\n")
+    for name in ("CAR", "car"):
+        answer = invoke(both, one, "--class", name, "-c", "10", "-g", "5")
+        assert (answer.status, answer.out) == (2, "")
+        assert f'--class "{name}": there is "Car" and "car"; write it as in the files' in answer.err
+    assert invoke(both, one, "--class", "Car", "-c", "10", "-g", "5").status == 0

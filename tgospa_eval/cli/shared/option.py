@@ -182,6 +182,6 @@ def tell_settings(ctx: click.Context) -> None:
         if ctx.get_parameter_source(str(item.name)) is ParameterSource.DEFAULT_MAP
     ]
     ctx.params["config"] = ctx.meta[CONFIG] = used = used.only(kept)
-    if not ctx.params["quiet"]:
+    if not ctx.params["quiet"] or (used.options and not used.named):
         print_notice(str(used))
         ctx.meta[CONFIG] = None  # an error of an option says it no second time
