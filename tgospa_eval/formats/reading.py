@@ -72,9 +72,7 @@ def check_classes(
         mixed = any(len(found) > 1 for found in alike)
         for side, found in zip(those, alike, strict=True):
             if found and name not in found and (mixed or not side.has_class(name)):
-                shown = " and ".join(
-                    map(quoted, sorted({name for names in alike for name in names}))
-                )
+                shown = " and ".join(map(quoted, sorted(set().union(*alike))))
                 raise ConfigError(
                     f"{option} {quoted(name)}: there is {shown}; write it as in the files, by "
                     "--truth-class and --estimate-class where they differ"
