@@ -702,7 +702,7 @@ def test_classes_in_upper_and_lower_case(invoke: Run, write: Write, tmp_path: Pa
         Path(path).rename(tmp_path / side / "part.csv")
     answer = invoke("gt", "out", "--class", "car", "-o", "parts", "--memory", "1GB")
     assert answer.status == 2
-    assert '--class "car": no row is of that class; there are "CAR", "Car"' in answer.err
+    assert '--class "car": there is "CAR" and "Car"; write it as in the files' in answer.err
 
 
 def test_results_whose_classes_are_not_known(write: Write) -> None:
